@@ -1,0 +1,1 @@
+"""Generalized toric-Bézier patches: from a short text description to a mesh."""

@@ -1,0 +1,44 @@
+"""Array types of the house, and the door at which arrays are checked and made read-only."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gtb_cli.errors import DomainError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+def read_only(values: ArrayLike) -> FloatArray:
+    """Return `values` as a new C-contiguous float64 array that cannot be written to."""
+    array = np.array(values, dtype=np.float64, order="C")
+    array.flags.writeable = False
+    return array
+
+
+def finite(name: str, values: ArrayLike) -> FloatArray:
+    """Return `values` as a read-only float64 array, or raise `DomainError` naming the first non-finite entry."""
+    try:
+        array = read_only(values)
+    except (TypeError, ValueError) as error:
+        raise DomainError(f"{name}: not a regular array of numbers ({error})") from None
+    if not np.isfinite(array).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        place = "".join(f"[{i}]" for i in index)
+        raise DomainError(f"{name}{place}: must be finite, got {array[index]}")
+    return array
+
+
+def positive(name: str, values: ArrayLike) -> FloatArray:
+    """Like `finite`, and every entry must be greater than zero."""
+    array = finite(name, values)
+    if not (array > 0).all():
+        index = tuple(int(i) for i in np.argwhere(~(array > 0))[0])
+        place = "".join(f"[{i}]" for i in index)
+        raise DomainError(f"{name}{place}: must be positive, got {array[index]:g}")
+    return array

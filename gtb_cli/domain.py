@@ -1,0 +1,372 @@
+"""The domain Δ: convex hull of the knots, its edges, and the edge functions h_j with their scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NoReturn, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, finite, positive, read_only
+from gtb_cli.errors import DomainError
+
+EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
+
+EPS = float(np.finfo(np.float64).eps)
+
+KNOT_TOLERANCE = 1e-12
+"""A knot within this fraction of the hull's size of an edge lies on it: a few thousand roundings of ordinary
+input (sums, square roots, 17-digit decimals), and far below any distance a person would type."""
+
+KNOT_ULPS = 8
+"""Units in the last place of the largest coordinate by which knots meant to be collinear may miss; this is
+what counts for knots far from the origin."""
+
+PARAMETER_ULPS = 4
+"""Units in the last place of the data within which a parameter is taken to lie on an edge, inside or outside."""
+
+NEAR = 2.0**-10
+"""Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
+
+    ``h_j(u) = <normals[j], u - vertices[j]> = s_j (<ξ_j, u> + ρ_j)``, nonnegative inside. Made by `domain`.
+
+    Attributes
+    ----------
+    knots : (n, d) float
+    vertices : (r, d) float
+        Corners of Δ: counter-clockwise from the lowest, then leftmost, one; for d = 1 the two ends, ascending.
+        Edge j runs from vertex j to vertex j + 1; for d = 1, facet j is the end j.
+    normals : (r, d) float
+        Scaled inward normals s_j ξ_j.
+    incidence : (n, r) bool
+        Whether knot i lies on edge j; decided once, with `KNOT_TOLERANCE`.
+    heights : (n, r) float
+        The exponents h_j(a_i), exactly 0 where `incidence` holds.
+
+    References
+    ----------
+    Sections 2.1 and 2.2 of the paper; Def. 2.1, Def. 2.2.
+    """
+
+    knots: FloatArray
+    vertices: FloatArray
+    normals: FloatArray
+    incidence: BoolArray
+    heights: FloatArray
+
+    @property
+    def dimension(self) -> int:
+        """1 for a curve, 2 for a surface."""
+        return int(self.knots.shape[1])
+
+    @cached_property
+    def center(self) -> FloatArray:
+        """(d,): middle of the bounding box, subtracted before knots are multiplied by anything."""
+        return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2, dtype=np.float64)
+
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of Δ along an axis."""
+        return float(np.ptp(self.vertices, axis=0).max())
+
+    @cached_property
+    def tolerance(self) -> float:
+        """Distance within which a parameter is on an edge: `PARAMETER_ULPS` of the largest number involved."""
+        return PARAMETER_ULPS * EPS * max(self.size, float(np.abs(self.vertices).max()))
+
+    @cached_property
+    def faces(self) -> BoolArray:
+        """(1 + r [+ r], n): which knots lie on each face of Δ: Δ itself, its edges, then (d = 2) its corners."""
+        edges = self.incidence.T
+        parts = [np.ones((1, len(self.knots)), dtype=bool), edges]
+        if self.dimension == 2:
+            parts.append(edges & np.roll(edges, 1, axis=0))
+        return np.concatenate(parts)
+
+    def edge_functions(self, u: ArrayLike) -> FloatArray:
+        """Evaluate the edge functions.
+
+        Parameters
+        ----------
+        u : (m, d) float, or (m,) for a curve
+            Parameters in Δ, in the units of the knots.
+
+        Returns
+        -------
+        (m, r) float
+            h_j(u) ≥ 0, exactly 0 within `tolerance` of edge j.
+
+        Raises
+        ------
+        DomainError
+            A parameter is not finite or lies outside Δ.
+
+        Notes
+        -----
+        The relative error is a few roundings however near the edge is: close to it the distance is
+        computed from exact differences.
+        """
+        return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
+
+    def columns(self, u: ArrayLike) -> FloatArray:
+        """Return parameters as (m, d), after checking shape and finiteness; accepts (m,) for a curve."""
+        array = np.asarray(u, dtype=np.float64)
+        if array.ndim == 1 and self.dimension == 1:
+            array = array[:, None]
+        if array.ndim != 2 or array.shape[1] != self.dimension:
+            expected = "(m, 2)" if self.dimension == 2 else "(m,) or (m, 1)"
+            raise DomainError(f"parameters: expected shape {expected}, got {array.shape}")
+        return array
+
+    def heights_of_columns(self, u: FloatArray, first: int = 0) -> FloatArray:
+        """(r, m) edge functions of (m, d) parameters; `first` is the index of the first in messages."""
+        h = np.zeros((len(self.vertices), len(u)))
+        for axis, coordinates in enumerate(np.ascontiguousarray(u.T)):
+            for row, vertex, normal in zip(
+                h, self.vertices[:, axis].tolist(), self.normals[:, axis].tolist(), strict=True
+            ):
+                if normal:
+                    row += (coordinates - vertex) * normal
+        near = ~(h >= self._near[:, None])  # also NaN
+        if near.any():
+            edges, points = np.nonzero(near)
+            lengths = self.normal_lengths[edges]
+            distance = self._distance_without_cancellation(edges, u[points])
+            distance[np.abs(distance) <= self.tolerance] = 0.0
+            if not (distance >= 0).all():
+                self._refuse(u, first + int(points[~(distance >= 0)].min()), first, float(-distance.min()))
+            h[edges, points] = distance * lengths
+        return h
+
+    def _refuse(self, u: FloatArray, index: int, first: int, beyond: float) -> NoReturn:
+        place = ", ".join(repr(float(x)) for x in u[index - first])
+        if not np.isfinite(u[index - first]).all():
+            raise DomainError(f"parameters[{index}]: must be finite, got ({place})")
+        raise DomainError(f"parameters[{index}]: ({place}) is outside the domain, by up to {beyond:.3g}")
+
+    def face_of(self, heights: FloatArray) -> IntArray:
+        """(m,) row of `faces` whose relative interior holds each point, from the zeros of (r, m) edge functions."""
+        zero = heights == 0
+        count = zero.sum(axis=0)
+        edge = zero.argmax(axis=0)
+        face = np.where(count > 0, 1 + edge, 0)
+        if self.dimension == 2:
+            r = len(self.vertices)
+            # Corner j ends edge j - 1 and starts edge j; edges 0 and r - 1 meet in corner 0.
+            corner = np.where(zero[0] & zero[r - 1] & ~zero[1 % r], 0, (edge + 1) % r)
+            face = np.where(count > 1, 1 + r + corner, face)
+        return face
+
+    def nearest_edge(self, heights: FloatArray) -> IntArray:
+        """(m,) index of the edge nearest to each point, from its (r, m) edge functions."""
+        edge = np.zeros(heights.shape[1], dtype=np.int64)
+        least = heights[0] / self.normal_lengths[0]
+        for j in range(1, len(heights)):
+            distance = heights[j] / self.normal_lengths[j]
+            edge[distance < least] = j
+            np.minimum(least, distance, out=least)
+        return edge
+
+    def edge_knots(self, edge: int) -> IntArray:
+        """Indices of the knots on an edge, in order along it (equal places in order of index)."""
+        members = np.flatnonzero(self.incidence[:, edge])
+        if self.dimension == 1:
+            return members
+        return members[np.argsort(self.along(edge, self.knots[members]), kind="stable")]
+
+    def direction(self, edge: int) -> FloatArray:
+        """(2,) unit vector along an edge, from its first corner to its last."""
+        vector = self.vertices[(edge + 1) % len(self.vertices)] - self.vertices[edge]
+        return np.asarray(vector / np.hypot(vector[0], vector[1]))
+
+    def along(self, edge: int, points: FloatArray) -> FloatArray:
+        """(m,) coordinates of (m, 2) points along an edge, from its first corner, in units of the knots."""
+        return np.asarray((points - self.vertices[edge]) @ self.direction(edge))
+
+    @cached_property
+    def normal_lengths(self) -> FloatArray:
+        """(r,): |s_j ξ_j|, which turns edge functions into distances."""
+        return np.asarray(np.sqrt((self.normals**2).sum(axis=1)))
+
+    @cached_property
+    def _near(self) -> FloatArray:
+        """(r,): edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
+        slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
+        return np.asarray(np.where(slanted, NEAR * self.size, self.tolerance) * self.normal_lengths)
+
+    def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
+        """Signed distance of u[k] from edge edges[k], with a relative error of a few roundings."""
+        if self.dimension == 1:
+            return np.asarray(np.sign(self.normals[edges, 0]) * (u[:, 0] - self.vertices[edges, 0]))
+        start, end = self.vertices[edges], self.vertices[(edges + 1) % len(self.vertices)]
+        cross = _cross_of_differences(start, end, u)
+        return np.asarray(cross / np.hypot(end[:, 0] - start[:, 0], end[:, 1] - start[:, 1]))
+
+
+def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: ArrayLike = 1.0) -> Domain:
+    """Build the domain of a set of knots.
+
+    Parameters
+    ----------
+    knots : (n, d) float, or (n,) for d = 1
+        Real knots a_i, in any order, repetitions allowed.
+    edge_normals : {"auto", "unit", "primitive"}
+        Length of the normals ξ_j: unit; primitive integer vectors (the paper's choice for lattice polygons), for
+        which all corners of Δ must be integer points; "auto" is primitive where that is so, else unit.
+        For d = 1 all are the same.
+    edge_scale : float or (r,) float
+        Further positive factors s_j; for d = 1 these are k_0, k_1.
+
+    Returns
+    -------
+    Domain
+
+    Raises
+    ------
+    DomainError
+        Knots of wrong shape, not finite, or on one line (one point for d = 1); wrong number or sign of the factors.
+
+    References
+    ----------
+    Def. 2.1, Def. 2.2, Remark 2.1 (the paper leaves the scale of the normals open).
+    """
+    points = finite("knots", knots)
+    if points.ndim == 1:
+        points = points[:, None]
+    if points.ndim != 2 or points.shape[1] not in (1, 2) or len(points) < 2:
+        raise DomainError(f"knots: expected shape (n,), (n, 1) or (n, 2) with n > 1, got {np.shape(knots)}")
+    if edge_normals not in get_args(EdgeNormals):
+        raise DomainError(f"edge_normals: expected auto, unit or primitive, got {edge_normals!r}")
+    if points.shape[1] == 1:
+        vertices = np.array([points.min(axis=0), points.max(axis=0)])
+        if not vertices[0] < vertices[1]:
+            raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g}")
+        normals = np.array([[1.0], [-1.0]])
+    else:
+        vertices = points[convex_hull(points)]
+        normals = _normals(vertices, edge_normals)
+    scale = positive("edge_scale", edge_scale)
+    if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
+        raise DomainError(f"edge_scale: expected one number or {len(vertices)}, one per edge, got shape {scale.shape}")
+    scaled = normals * (scale[:, None] if scale.ndim else scale)
+
+    difference = points[:, None, :] - vertices[None, :, :]
+    heights = np.einsum("ijk,jk->ij", difference, scaled)
+    lengths = np.sqrt(np.einsum("jk,jk->j", scaled, scaled))
+    incidence = heights <= knot_tolerance(points) * lengths
+    heights[incidence] = 0.0
+    incidence.flags.writeable = False
+    return Domain(points, read_only(vertices), read_only(scaled), incidence, read_only(heights))
+
+
+def knot_tolerance(points: FloatArray) -> float:
+    """Distance within which (n, d) knots are taken to be collinear or equal."""
+    size = float(np.ptp(points, axis=0).max())
+    return float(KNOT_TOLERANCE * size + KNOT_ULPS * EPS * np.abs(points).max())
+
+
+def convex_hull(points: FloatArray) -> IntArray:
+    """Indices of the corners of the convex hull of points in the plane.
+
+    Parameters
+    ----------
+    points : (n, 2) float
+
+    Returns
+    -------
+    (r,) int
+        Counter-clockwise from the lowest, then leftmost, corner. Points within `knot_tolerance` of
+        an edge are no corners; of equal points the first is taken.
+
+    Raises
+    ------
+    DomainError
+        All points lie on one line, within the tolerance.
+    """
+    tolerance = knot_tolerance(points)
+    centered = points - points.mean(axis=0)
+    _, first = np.unique(centered, axis=0, return_index=True)  # lexicographic, as the chains need
+    order = first.tolist()
+    x, y = centered[:, 0].tolist(), centered[:, 1].tolist()
+
+    def cross(a: int, b: int, c: int) -> float:
+        return float((x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]))
+
+    def chain(indices: list[int]) -> list[int]:
+        hull: list[int] = []
+        for index in indices:
+            while len(hull) > 1 and cross(hull[-2], hull[-1], index) <= 0:
+                hull.pop()
+            hull.append(index)
+        return hull
+
+    hull = chain(order)[:-1] + chain(order[::-1])[:-1]
+    # The strict hull still has corners that stick out by rounding only: drop the flattest while there is one.
+    while len(hull) > 2:
+        before, after = hull[-1:] + hull[:-1], hull[1:] + hull[:1]
+        flat = [
+            abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
+            for a, b, c in zip(before, hull, after, strict=True)
+        ]
+        thinnest = min(range(len(hull)), key=flat.__getitem__)
+        if flat[thinnest] > tolerance:
+            break
+        del hull[thinnest]
+    if len(hull) < 3:
+        raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat")
+    lowest = min(y[i] for i in hull) + tolerance
+    start = min((i for i in range(len(hull)) if y[hull[i]] <= lowest), key=lambda i: x[hull[i]])
+    return np.array(hull[start:] + hull[:start])
+
+
+def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:
+    edges = np.roll(vertices, -1, axis=0) - vertices
+    normals = np.stack([-edges[:, 1], edges[:, 0]], axis=1)
+    integer = bool((vertices == np.rint(vertices)).all()) and float(np.abs(vertices).max()) < 2.0**52
+    if edge_normals == "primitive" and not integer:
+        corner = tuple(float(x) for x in vertices[int(np.argmax((vertices != np.rint(vertices)).any(axis=1)))])
+        raise DomainError(f"edge_normals: primitive needs integer corners of the hull, got {corner}")
+    if edge_normals == "unit" or not integer:
+        return np.asarray(normals / np.hypot(normals[:, 0], normals[:, 1])[:, None])
+    common = [[math.gcd(int(a), int(b))] for a, b in normals]
+    return np.asarray(normals / np.array(common, dtype=np.float64))
+
+
+def _cross_of_differences(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(b - a) × (c - a) for (m, 2) points, in double-double arithmetic (Dekker, Knuth)."""
+    (ex, ex_low), (ey, ey_low) = (_two_difference(b[:, k], a[:, k]) for k in (0, 1))
+    (wx, wx_low), (wy, wy_low) = (_two_difference(c[:, k], a[:, k]) for k in (0, 1))
+    first, first_low = _two_product(ex, wy)
+    second, second_low = _two_product(ey, wx)
+    high, low = _two_difference(first, second)
+    low += first_low - second_low
+    low += (ex * wy_low + ex_low * wy) - (ey * wx_low + ey_low * wx)
+    return np.asarray(high + low)
+
+
+def _two_difference(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """a - b as a float and its rounding error."""
+    high = a - b
+    back = high - a
+    return high, (a - (high - back)) - (b + back)
+
+
+def _two_product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """a * b as a float and its rounding error, by Veltkamp splitting."""
+    a_high, b_high = _leading_half(a), _leading_half(b)
+    a_low, b_low = a - a_high, b - b_high
+    high = a * b
+    return high, ((a_high * b_high - high) + a_high * b_low + a_low * b_high) + a_low * b_low
+
+
+def _leading_half(a: FloatArray) -> FloatArray:
+    scaled = 134217729.0 * a  # 2**27 + 1 splits 53 bits in halves
+    return np.asarray(scaled - (scaled - a))

@@ -1,0 +1,94 @@
+"""`Mesh`: vertices and cells as plain arrays, with what is known of each vertex."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+
+if TYPE_CHECKING:
+    import trimesh
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A polyline or a triangle mesh.
+
+    Parameters
+    ----------
+    vertices : (m, 3) float
+        Positions, in model units.
+    cells : (k, 2) or (k, 3) int
+        Segments of a polyline, or triangles, as indices into `vertices`; triangles
+        counter-clockwise in the domain.
+    parameters : (m, d) float, optional
+        Domain parameter of each vertex.
+    normals : (m, 3) float, optional
+        Unit normal of each vertex.
+    groups : tuple of (name, start, stop)
+        Ranges of `cells` that came from one patch each; empty for a single patch.
+    attributes : mapping of name to (m,) float
+        Further scalars per vertex.
+    name : str
+        What the mesh is called where a format has names.
+    """
+
+    vertices: FloatArray
+    cells: IntArray
+    parameters: FloatArray | None = None
+    normals: FloatArray | None = None
+    groups: tuple[tuple[str, int, int], ...] = ()
+    attributes: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
+    name: str = "patch"
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices)
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            raise DomainError(f"vertices: expected shape (m, 3), got {self.vertices.shape}")
+        if self.cells.ndim != 2 or self.cells.shape[1] not in (2, 3):
+            raise DomainError(f"cells: expected shape (k, 2) or (k, 3), got {self.cells.shape}")
+        for label, values in (("parameters", self.parameters), ("normals", self.normals), *self.attributes.items()):
+            if values is not None and len(values) != count:
+                raise DomainError(f"{label}: {len(values)} rows for {count} vertices")
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether the cells are segments."""
+        return bool(self.cells.shape[1] == 2)
+
+    @property
+    def faces(self) -> IntArray:
+        """(k, 3) triangles; raises `DomainError` for a polyline."""
+        if self.is_curve:
+            raise DomainError("a curve has edges, not faces")
+        return self.cells
+
+    @property
+    def edges(self) -> IntArray:
+        """(k, 2) segments of a polyline, or each edge of the triangles once, ends ascending, sorted."""
+        if self.is_curve:
+            return self.cells
+        pairs = np.sort(self.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        return np.unique(pairs, axis=0)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3): the lowest and highest coordinates."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def to_trimesh(self) -> trimesh.Trimesh | trimesh.path.Path3D:
+        """Return the same vertices and faces, in the same order, as a trimesh object (a `Path3D` for a curve)."""
+        import trimesh
+
+        if self.is_curve:
+            entity = trimesh.path.entities.Line(np.append(self.cells[:, 0], self.cells[-1, 1]))
+            return trimesh.path.Path3D(entities=[entity], vertices=self.vertices.copy(), process=False)
+        return trimesh.Trimesh(
+            vertices=self.vertices, faces=self.cells, vertex_normals=self.normals, process=False, validate=False
+        )
