@@ -1,1 +1,73 @@
-"""Generalized toric-Bézier patches: from a short text description to a mesh."""
+"""Generalized toric-Bézier patches: from a short text description to a mesh.
+
+The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gtb_cli.errors import DomainError, ExportError, GtbError, SpecError, ToleranceError
+    from gtb_cli.export import write_mesh
+    from gtb_cli.lifting import regular_decomposition
+    from gtb_cli.limits import degenerate, merge_knots, move_knots, regular_control_surface
+    from gtb_cli.mesh import Mesh
+    from gtb_cli.patch import Model, Patch
+    from gtb_cli.spec import load
+    from gtb_cli.tessellation import tessellate
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "DomainError",
+    "ExportError",
+    "GtbError",
+    "Mesh",
+    "Model",
+    "Patch",
+    "SpecError",
+    "ToleranceError",
+    "__version__",
+    "degenerate",
+    "load",
+    "merge_knots",
+    "move_knots",
+    "regular_control_surface",
+    "regular_decomposition",
+    "tessellate",
+    "write_mesh",
+]
+
+_ROOMS = {
+    "DomainError": "errors",
+    "ExportError": "errors",
+    "GtbError": "errors",
+    "Mesh": "mesh",
+    "Model": "patch",
+    "Patch": "patch",
+    "SpecError": "errors",
+    "ToleranceError": "errors",
+    "degenerate": "limits",
+    "load": "spec",
+    "merge_knots": "limits",
+    "move_knots": "limits",
+    "regular_control_surface": "limits",
+    "regular_decomposition": "lifting",
+    "tessellate": "tessellation",
+    "write_mesh": "export",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _ROOMS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -24,6 +24,8 @@ def read_only(values: ArrayLike) -> FloatArray:
 def finite(name: str, values: ArrayLike) -> FloatArray:
     """Return `values` as a read-only float64 array, or raise `DomainError` naming the first non-finite entry."""
     try:
+        if np.iscomplexobj(values):
+            raise TypeError("complex")
         array = read_only(values)
     except (TypeError, ValueError) as error:
         raise DomainError(f"{name}: not a regular array of numbers ({error})") from None

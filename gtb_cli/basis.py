@@ -68,8 +68,12 @@ def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
     return np.asarray(domain.normals.T @ np.log(heights))
 
 
-def blocks(domain: Domain, u: FloatArray) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
+def blocks(
+    domain: Domain, u: FloatArray, faces: IntArray | None = None
+) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
     """Split (m, d) parameters into blocks on one face each: (rows, face, heights) as in `Location`.
+
+    `faces` as for `toric_locations`.
 
     Raises
     ------
@@ -80,7 +84,8 @@ def blocks(domain: Domain, u: FloatArray) -> Iterator[tuple[slice | IntArray, in
     rows: list[IntArray] = []
     kept: list[FloatArray] = []
     for start in range(0, len(u), length):
-        heights = domain.heights_of_columns(u[start : start + length], start)
+        known = None if faces is None else faces[start : start + length]
+        heights = domain.heights_of_columns(u[start : start + length], start, known)
         boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NOTHING
         if len(boundary):
             rows.append(start + boundary)
@@ -98,10 +103,13 @@ def blocks(domain: Domain, u: FloatArray) -> Iterator[tuple[slice | IntArray, in
                 yield row[part], index, heights[:, part]
 
 
-def toric_locations(domain: Domain, u: FloatArray) -> Iterator[Location]:
-    """Locate (m, d) parameters in the toric parametrisation, the paper's: s(u) = Σ_j s_j ξ_j log h_j(u)."""
+def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
+    """Locate (m, d) parameters in the toric parametrisation, the paper's: s(u) = Σ_j s_j ξ_j log h_j(u).
+
+    `faces`, rows of `Domain.faces`, says where parameters are known to lie, whatever rounding has made of them.
+    """
     centred = domain.knots - domain.center
-    for rows, face, heights in blocks(domain, u):
+    for rows, face, heights in blocks(domain, u, faces):
         if face == 0:
             yield Location(rows, face, centred, torus_coordinates(domain, heights), heights)
             continue
@@ -125,6 +133,11 @@ def is_corner(domain: Domain, face: int) -> bool:
     return face > len(domain.vertices) * (domain.dimension - 1)
 
 
+def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
+    """(n, m) logarithms of `exponentials`: <a_i, s> + log(c_i ω_i)."""
+    return np.asarray(np.column_stack([knots, log_weights]) @ np.concatenate([s, np.ones((1, s.shape[1]))]))
+
+
 def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
     """(n, m) numbers proportional, in each column, to the rational basis.
 
@@ -137,7 +150,7 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     s : (d, m) float
         Torus coordinates.
     """
-    e: FloatArray = np.column_stack([knots, log_weights]) @ np.concatenate([s, np.ones((1, s.shape[1]))])
+    e = exponents(knots, log_weights, s)
     bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
     if not bound <= SAFE_EXPONENT:
         e -= e.max(axis=0)
@@ -277,12 +290,16 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     if len(parameters) != n:
         raise DomainError(f"parameters: expected {n}, one per knot, got {len(parameters)}")
     matrix = gt_bernstein(domain, np.ones(n), parameters)
-    # Rows are scaled to a largest entry of 1, columns too, so that the rank decision does not see units.
     rows = matrix.max(axis=1, keepdims=True)
+    if not np.isfinite(matrix).all() or not (rows > 0).all() or not (matrix > 0).any(axis=0).all():
+        raise DomainError("coefficients: the exponents are so large that β is beyond the range of floats")
+    # Rows are scaled to a largest entry of 1, columns too, so that the rank decision does not see units.
     columns = (matrix / rows).max(axis=0)
     scaled = matrix / rows / columns
-    if not np.isfinite(scaled).all() or np.linalg.matrix_rank(scaled) < n:
-        raise DomainError("coefficients: partition of unity has no unique solution (repeated knots or parameters?)")
+    if np.linalg.matrix_rank(scaled) < n:
+        raise DomainError(
+            "coefficients: partition of unity has no unique solution to rounding (repeated or too many knots?)"
+        )
     c = np.linalg.solve(scaled, 1.0 / rows[:, 0]) / columns
     if not (c > 0).all():
         values = ", ".join(f"{x:.6g}" for x in c)

@@ -28,6 +28,9 @@ what counts for knots far from the origin."""
 PARAMETER_ULPS = 4
 """Units in the last place of the data within which a parameter is taken to lie on an edge, inside or outside."""
 
+EXTENTS = (1e-100, 1e100)
+"""Sizes of Δ, and edge scales, between which no product of two over- or underflows."""
+
 NEAR = 2.0**-10
 """Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
 
@@ -91,6 +94,15 @@ class Domain:
             parts.append(edges & np.roll(edges, 1, axis=0))
         return np.concatenate(parts)
 
+    @cached_property
+    def vanishing(self) -> BoolArray:
+        """(1 + r [+ r], r): which edge functions are zero on each face."""
+        edges = np.eye(len(self.vertices), dtype=bool)
+        parts = [np.zeros((1, len(edges)), dtype=bool), edges]
+        if self.dimension == 2:
+            parts.append(edges | np.roll(edges, -1, axis=1))
+        return np.concatenate(parts)
+
     def edge_functions(self, u: ArrayLike) -> FloatArray:
         """Evaluate the edge functions.
 
@@ -111,14 +123,17 @@ class Domain:
 
         Notes
         -----
-        The relative error is a few roundings however near the edge is: close to it the distance is
-        computed from exact differences.
+        The relative error is below 1e-12 however near the edge is, and a few roundings for edges along an axis: within
+        `NEAR` of a slanted one the distance is computed from exact differences.
         """
         return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
 
     def columns(self, u: ArrayLike) -> FloatArray:
         """Return parameters as (m, d), after checking shape and finiteness; accepts (m,) for a curve."""
-        array = np.asarray(u, dtype=np.float64)
+        try:
+            array = np.asarray(u, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise DomainError(f"parameters: not a regular array of numbers ({error})") from None
         if array.ndim == 1 and self.dimension == 1:
             array = array[:, None]
         if array.ndim != 2 or array.shape[1] != self.dimension:
@@ -126,8 +141,13 @@ class Domain:
             raise DomainError(f"parameters: expected shape {expected}, got {array.shape}")
         return array
 
-    def heights_of_columns(self, u: FloatArray, first: int = 0) -> FloatArray:
-        """(r, m) edge functions of (m, d) parameters; `first` is the index of the first in messages."""
+    @np.errstate(over="ignore", invalid="ignore")  # of infinite parameters, which are refused
+    def heights_of_columns(self, u: FloatArray, first: int = 0, faces: IntArray | None = None) -> FloatArray:
+        """(r, m) edge functions of (m, d) parameters.
+
+        `first` is the index of the first parameter in messages. `faces`, rows of `Domain.faces`, says where parameters
+        are known to lie, whatever rounding has made of them.
+        """
         h = np.zeros((len(self.vertices), len(u)))
         for axis, coordinates in enumerate(np.ascontiguousarray(u.T)):
             for row, vertex, normal in zip(
@@ -135,12 +155,17 @@ class Domain:
             ):
                 if normal:
                     row += (coordinates - vertex) * normal
+        if faces is not None:
+            known = self.vanishing[faces].T
+            h[known] = 0.0
         near = ~(h >= self._near[:, None])  # also NaN
         if near.any():
             edges, points = np.nonzero(near)
             lengths = self.normal_lengths[edges]
             distance = self._distance_without_cancellation(edges, u[points])
             distance[np.abs(distance) <= self.tolerance] = 0.0
+            if faces is not None:
+                distance[known[edges, points]] = 0.0
             if not (distance >= 0).all():
                 self._refuse(u, first + int(points[~(distance >= 0)].min()), first, float(-distance.min()))
             h[edges, points] = distance * lengths
@@ -239,6 +264,9 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     Def. 2.1, Def. 2.2, Remark 2.1 (the paper leaves the scale of the normals open).
     """
     points = finite("knots", knots)
+    low, high = EXTENTS
+    if np.abs(points).max(initial=0.0) > high:
+        raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
     if points.ndim == 1:
         points = points[:, None]
     if points.ndim != 2 or points.shape[1] not in (1, 2) or len(points) < 2:
@@ -253,7 +281,12 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     else:
         vertices = points[convex_hull(points)]
         normals = _normals(vertices, edge_normals)
+    size = float(np.ptp(vertices, axis=0).max())
+    if size < low:
+        raise DomainError(f"knots: a hull smaller than {low:g} is not supported, got {size:g}")
     scale = positive("edge_scale", edge_scale)
+    if not ((scale >= low) & (scale <= high)).all():
+        raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale}")
     if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
         raise DomainError(f"edge_scale: expected one number or {len(vertices)}, one per edge, got shape {scale.shape}")
     scaled = normals * (scale[:, None] if scale.ndim else scale)
@@ -261,7 +294,17 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     difference = points[:, None, :] - vertices[None, :, :]
     heights = np.einsum("ijk,jk->ij", difference, scaled)
     lengths = np.sqrt(np.einsum("jk,jk->j", scaled, scaled))
-    incidence = heights <= knot_tolerance(points) * lengths
+    tolerance = knot_tolerance(points)
+    incidence = heights <= tolerance * lengths
+    if points.shape[1] == 2:
+        # Two edges have their corner in common and nothing else, however sharp it is.
+        for i in np.flatnonzero(incidence.sum(axis=1) > 1).tolist():
+            gaps = np.abs(difference[i]).max(axis=1)
+            corner = int(gaps.argmin())
+            nearest = [int((heights[i] / lengths).argmin())]
+            incidence[i] = False
+            incidence[i, [corner - 1, corner] if gaps[corner] <= tolerance else nearest] = True
+        heights = np.maximum(heights, EPS * tolerance * lengths)
     heights[incidence] = 0.0
     incidence.flags.writeable = False
     return Domain(points, read_only(vertices), read_only(scaled), incidence, read_only(heights))
@@ -310,16 +353,16 @@ def convex_hull(points: FloatArray) -> IntArray:
 
     hull = chain(order)[:-1] + chain(order[::-1])[:-1]
     # The strict hull still has corners that stick out by rounding only: drop the flattest while there is one.
-    while len(hull) > 2:
-        before, after = hull[-1:] + hull[:-1], hull[1:] + hull[:1]
-        flat = [
-            abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
-            for a, b, c in zip(before, hull, after, strict=True)
-        ]
-        thinnest = min(range(len(hull)), key=flat.__getitem__)
-        if flat[thinnest] > tolerance:
-            break
-        del hull[thinnest]
+    def flatness(k: int) -> float:
+        a, b, c = hull[k - 1], hull[k], hull[(k + 1) % len(hull)]
+        return abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
+
+    flat = [flatness(k) for k in range(len(hull))]
+    while len(hull) > 2 and min(flat) <= tolerance:
+        thinnest = flat.index(min(flat))
+        del hull[thinnest], flat[thinnest]
+        for k in (thinnest - 1, thinnest % len(hull)):  # only its neighbours have changed
+            flat[k] = flatness(k)
     if len(hull) < 3:
         raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat")
     lowest = min(y[i] for i in hull) + tolerance

@@ -87,8 +87,10 @@ class Mesh:
         import trimesh
 
         if self.is_curve:
-            entity = trimesh.path.entities.Line(np.append(self.cells[:, 0], self.cells[-1, 1]))
-            return trimesh.path.Path3D(entities=[entity], vertices=self.vertices.copy(), process=False)
+            breaks = np.flatnonzero(self.cells[1:, 0] != self.cells[:-1, 1]) + 1
+            runs = [np.append(run[:, 0], run[-1, 1]) for run in np.split(self.cells, breaks)]
+            lines = [trimesh.path.entities.Line(run) for run in runs]
+            return trimesh.path.Path3D(entities=lines, vertices=self.vertices.copy(), process=False)
         return trimesh.Trimesh(
             vertices=self.vertices, faces=self.cells, vertex_normals=self.normals, process=False, validate=False
         )

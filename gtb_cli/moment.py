@@ -13,8 +13,17 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
-from gtb_cli.basis import SAFE_EXPONENT, UNDERFLOW, Location, block_length, face_knots, is_corner, weighted_sums
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.basis import (
+    NOTHING,
+    SAFE_EXPONENT,
+    UNDERFLOW,
+    Location,
+    block_length,
+    face_knots,
+    is_corner,
+    weighted_sums,
+)
 from gtb_cli.domain import EPS, Domain, domain
 from gtb_cli.errors import ToleranceError
 from gtb_cli.lifting import regular_decomposition
@@ -35,65 +44,119 @@ CELL_FLOOR = 1e-3
 """How near the border of its cell, as a fraction of the next layer's distance, a tropical start may be: on the border
 itself it is infinite."""
 
+START_FLOOR = 1e-17
+"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
+
+LAST_CORNER = 1e-6
+"""How near the last corner of its edge, as a fraction of the hull's size, coordinates of a point start from there."""
+
+HALVINGS = 60
+"""Largest number of times a start that is far too far out is drawn in."""
+
+TINY = 1e-300
+"""Smallest curvature that is divided by."""
+
 PARTS = 64
-"""The box around Δ is cut into this many parts each way; one point of each is solved first and its correction to the
-first start serves the others of its part."""
+"""The box around Δ is cut into this many parts each way; the first point solved in each is remembered, and what it
+added to its start serves the others."""
 
-PARTS_FROM = 4096
-"""Number of points from which that pays."""
+POOR = 0.05
+"""Residual of a start, as a fraction of the hull's size, from which the cells' limits are tried too."""
 
 
-def linear_locations(shape: Domain, log_weights: FloatArray, p: FloatArray) -> Iterator[Location]:
-    """Locate parameters in the linear parametrisation: solve μ(s) = p.
+@dataclass(frozen=True, eq=False)
+class LinearParametrization:
+    """The linear parametrisation of a patch: where p in Δ lies, found by solving μ(s) = p.
 
     Parameters
     ----------
     shape : Domain
     log_weights : (n,) float
         log(c_i ω_i).
-    p : (m, d) float
-        Points of Δ.
-
-    Yields
-    ------
-    Location
-        With s such that |μ(s) − p| ≤ `RESIDUAL` times the hull's size.
-
-    Raises
-    ------
-    DomainError
-        A point is not finite or outside Δ.
-    ToleranceError
-        The residual was not reached.
 
     Notes
     -----
     On an edge only that edge's knots and weights are used. Inside, each point is solved in coordinates along and
     over its nearest edge, in which the knots on that edge have an exact 0, so that digits are kept up to the edge.
     """
-    heights = shape.heights_of_columns(p)
-    r = len(shape.vertices)
-    # Points inside are handled by nearest edge, numbered from −r.
-    group = shape.nearest_edge(heights) - r
-    boundary = np.flatnonzero((heights == 0).any(axis=0))
-    group[boundary] = shape.face_of(heights[:, boundary])
-    for index in (np.flatnonzero(np.bincount(group + r)) - r).tolist():
-        rows = np.flatnonzero(group == index)
-        here = heights[:, rows]
-        if is_corner(shape, index):
-            yield Location(rows, index, face_knots(shape, index), np.zeros((0, len(rows))), here)
-        elif index > 0:
-            knots = face_knots(shape, index)
-            s = MomentMap(knots, log_weights[shape.faces[index]]).inverse(shape.along(index - 1, p[rows])[:, None])
-            yield Location(rows, index, knots, s, here)
-        else:
-            edge = index + r
-            knots, points = shape.knots - shape.center, p[rows] - shape.center
-            if shape.dimension == 2:
-                over = shape.normal_lengths[edge]
-                knots = np.column_stack([shape.along(edge, shape.knots), shape.heights[:, edge] / over])
-                points = np.column_stack([shape.along(edge, p[rows]), here[edge] / over])
-            yield Location(rows, 0, knots, MomentMap(knots, log_weights).inverse(points), here)
+
+    shape: Domain
+    log_weights: FloatArray
+
+    def locations(self, p: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
+        """Locate (m, d) points of Δ.
+
+        `faces`, rows of `Domain.faces`, says where they are known to lie, whatever rounding has made of them.
+
+        Yields
+        ------
+        Location
+            With s such that |μ(s) − p| ≤ `RESIDUAL` times the hull's size.
+
+        Raises
+        ------
+        DomainError
+            A point is not finite or outside Δ.
+        ToleranceError
+            The residual was not reached.
+        """
+        shape = self.shape
+        heights = shape.heights_of_columns(p, 0, faces)
+        r = len(shape.vertices)
+        # Points inside are handled by nearest edge, numbered from −r; those near its last corner from −2r.
+        group = shape.nearest_edge(heights) - r
+        if shape.dimension == 2:
+            following = (group + 1) % r
+            gap = heights[following, np.arange(len(p))] / shape.normal_lengths[following]
+            group[gap < LAST_CORNER * shape.size] -= r
+        boundary = np.flatnonzero((heights == 0).any(axis=0))
+        group[boundary] = shape.face_of(heights[:, boundary])
+        for index in (np.flatnonzero(np.bincount(group + 2 * r)) - 2 * r).tolist():
+            rows = np.flatnonzero(group == index)
+            here = heights[:, rows]
+            if is_corner(shape, index):
+                yield Location(rows, index, face_knots(shape, index), np.zeros((0, len(rows))), here)
+                continue
+            moments = self._moments(index)
+            if index > 0:
+                points = shape.along(index - 1, p[rows])[:, None]
+            elif shape.dimension == 1:
+                points = p[rows] - shape.center
+            else:
+                points = self._along_and_over(index, p[rows], here[index % r])
+            yield Location(rows, max(index, 0), moments.knots, moments.inverse(points), here)
+
+    @cached_property
+    def _made(self) -> dict[int, MomentMap]:
+        return {}
+
+    def _moments(self, index: int) -> MomentMap:
+        """The moment map of an edge (1 … r), or of Δ in coordinates of an edge (−2r … −1)."""
+        shape = self.shape
+        if index not in self._made:
+            if index > 0:
+                knots, weights = face_knots(shape, index), self.log_weights[shape.faces[index]]
+            elif shape.dimension == 1:
+                knots, weights = shape.knots - shape.center, self.log_weights
+            else:
+                heights = shape.heights[:, index % len(shape.vertices)]
+                knots, weights = self._along_and_over(index, shape.knots, heights), self.log_weights
+            self._made[index] = MomentMap(knots, weights)
+        return self._made[index]
+
+    def _along_and_over(self, index: int, points: FloatArray, heights: FloatArray) -> FloatArray:
+        """(m, 2) coordinates along edge index mod r and over it, from its first corner, or its last if index < −r."""
+        shape = self.shape
+        r = len(shape.vertices)
+        edge = index % r
+        corner = edge if index >= -r else (edge + 1) % r
+        along = (points - shape.vertices[corner]) @ shape.direction(edge)
+        return np.column_stack([along, heights / shape.normal_lengths[edge]])
+
+
+def linear_locations(shape: Domain, log_weights: FloatArray, p: FloatArray) -> Iterator[Location]:
+    """Locate (m, d) points once; see `LinearParametrization.locations`."""
+    return LinearParametrization(shape, log_weights).locations(p)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +182,8 @@ class MomentMap:
 
     def __call__(self, s: FloatArray) -> FloatArray:
         """(m, d) points μ(s) of (d, m) torus coordinates."""
-        sums = weighted_sums(self._unit_knots, self.log_weights, self._unit_knots, s * self._shape.size)
-        return np.asarray((sums[1:] / sums[0]).T * self._shape.size + self._origin)
+        sums = weighted_sums(self._unit_knots, self.log_weights, self._unit_knots, s * self._extents[:, None])
+        return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
     def inverse(self, p: FloatArray) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
@@ -130,36 +193,47 @@ class MomentMap:
         ToleranceError
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
-        unit = (p - self._origin) / self._shape.size
-        start = self._start(p)
-        if len(p) >= PARTS_FROM and p.shape[1] == 2:
-            low, high = unit.min(axis=0), unit.max(axis=0)
-            part = np.minimum((unit - low) / (high - low) * PARTS, PARTS - 1).astype(np.int64) @ np.array([1, PARTS])
+        unit = (p - self._origin) / self._extents
+        start = self._start(unit)
+        if p.shape[1] == 2:
+            low, high = self._unit_knots.min(axis=0), self._unit_knots.max(axis=0)
+            part = np.clip((unit - low) / (high - low) * PARTS, 0, PARTS - 1).astype(np.int64) @ np.array([1, PARTS])
             first = np.full(PARTS * PARTS, -1)
             first[part] = np.arange(len(p))
-            first = first[first >= 0]
-            correction = np.zeros((2, PARTS * PARTS))
-            correction[:, part[first]] = self._newton(unit[first].T, start[:, first]) - start[:, first]
-            start += correction[:, part]
+            first = first[(first >= 0) & np.isnan(self._corrections[0])]
+            self._corrections[:, part[first]] = self._newton(unit[first].T, start[:, first]) - start[:, first]
+            start += self._corrections[:, part]
         length = block_length(len(self.knots))
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
             start[:, block] = self._newton(unit[block].T, start[:, block])
-        return np.asarray(start / self._shape.size)
+        return np.asarray(start / self._extents[:, None])
+
+    @cached_property
+    def _corrections(self) -> FloatArray:
+        """(d, PARTS²): what the first point solved in each part of the hull's box added to its start; NaN: none yet."""
+        return np.full((2, PARTS * PARTS), np.nan)
+
+    @cached_property
+    def _extents(self) -> FloatArray:
+        """(d,): the unit of each coordinate, so that thin hulls are solved like others."""
+        return np.asarray(np.ptp(self.knots, axis=0))
 
     @cached_property
     def _origin(self) -> FloatArray:
         """(d,): 0 in coordinates where zeros are exact, as over an edge; else the middle of the hull."""
-        far = np.abs(self._shape.vertices).max(axis=0) > 4 * self._shape.size
-        return np.where(far, self._shape.center, 0.0)
-
-    @cached_property
-    def _shape(self) -> Domain:
-        return domain(self.knots, "unit")
+        low, high = self.knots.min(axis=0), self.knots.max(axis=0)
+        far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
+        return np.where(far, (low + high) / 2, 0.0)
 
     @cached_property
     def _unit_knots(self) -> FloatArray:
-        return np.asarray((self.knots - self._origin) / self._shape.size)
+        return np.asarray((self.knots - self._origin) / self._extents)
+
+    @cached_property
+    def _shape(self) -> Domain:
+        """The hull of the unit knots."""
+        return domain(self._unit_knots, "unit")
 
     @cached_property
     def _exponents(self) -> FloatArray:
@@ -188,17 +262,13 @@ class MomentMap:
             for cell, gradient in zip(parts.cells, parts.gradients, strict=True)
         )
 
-    def _start(self, p: FloatArray, floor: float = 0.0) -> FloatArray:
-        """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``, δ_j the distance of edge j's nearest layer of knots, in unit coordinates."""
+    def _start(self, unit: FloatArray, floor: float = START_FLOOR) -> FloatArray:
+        """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)`` of (m, d) unit p, δ_j the distance of edge j's nearest layer of knots."""
         shape = self._shape
         layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
-        if floor:
-            heights = shape.normals @ (p - shape.center).T
-            heights -= np.einsum("jk,jk->j", shape.normals, shape.vertices - shape.center)[:, None]
-        else:
-            heights = shape.heights_of_columns(p)
+        heights = shape.normals @ unit.T - np.einsum("jk,jk->j", shape.normals, shape.vertices)[:, None]
         logs = np.log(np.maximum(heights / layer[:, None], floor))
-        return np.asarray((shape.normals / layer[:, None]).T @ logs) * shape.size
+        return np.asarray((shape.normals / layer[:, None]).T @ logs)
 
     def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
@@ -224,17 +294,30 @@ class MomentMap:
         s = start
         value, mu, hessian = self._evaluate(s)
         value -= _dot(unit, s)
-        for cell, gradient in self._cells:
-            other = cell._start(unit.T, CELL_FLOOR) / cell._shape.size - gradient[:, None]
+        poor = np.flatnonzero(_size(mu - unit) > POOR) if self._cells else NOTHING
+        for cell, gradient in self._cells if len(poor) else ():
+            limit = cell._start((unit[:, poor].T - cell._origin) / cell._extents, CELL_FLOOR)
+            other = limit / cell._extents[:, None] - gradient[:, None]
             their_value, their_mu, their_hessian = self._evaluate(other)
-            their_value -= _dot(unit, other)
-            better = their_value < value
-            value = np.where(better, their_value, value)
-            s, mu, hessian = (
-                np.where(better, theirs, mine)
-                for theirs, mine in ((other, s), (their_mu, mu), (their_hessian, hessian))
-            )
+            their_value -= _dot(unit[:, poor], other)
+            better = their_value < value[poor]
+            rows = poor[better]
+            s = s.copy()
+            s[:, rows], value[rows] = other[:, better], their_value[better]
+            mu[:, rows], hessian[:, rows] = their_mu[:, better], their_hessian[:, better]
         gradient = mu - unit
+        # Far beyond its solution a start sees no curvature: it is drawn in towards the middle, along the ray it is on.
+        for _ in range(HALVINGS):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                step = _regularised_step(gradient, hessian, np.zeros(s.shape[1]))
+                rows = np.flatnonzero(~(_size(step) <= _size(s)) & (_dot(gradient, s) > 0))
+            if not len(rows):
+                break
+            s = s.copy()
+            s[:, rows] /= 2
+            value[rows], mu, hessian[:, rows] = self._evaluate(s[:, rows])
+            value[rows] -= _dot(unit[:, rows], s[:, rows])
+            gradient[:, rows] = mu - unit[:, rows]
         solution = s.copy()
         active = np.arange(s.shape[1])
         sigma = np.full(s.shape[1], 1e-2)
@@ -268,7 +351,8 @@ class MomentMap:
                 )
             sigma = np.where(lower, sigma / 16, np.minimum(sigma * 8, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
-        else:
+        residual = _size(gradient)
+        if (residual > RESIDUAL).any():
             raise ToleranceError(
                 f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} steps, "
                 f"{RESIDUAL:g} is required"
@@ -290,10 +374,10 @@ def _size(a: FloatArray) -> FloatArray:
 def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
     """Solve (H + regular I) step = −gradient for each column."""
     if len(gradient) == 1:
-        return np.asarray(-gradient / (hessian + regular))
+        return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
     xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
     determinant = xx * yy - xy * xy
-    determinant = np.where(determinant > 0, determinant, xx * yy)
+    determinant = np.maximum(np.where(determinant > 0, determinant, xx * yy), TINY)
     return np.asarray(
         np.stack([xy * gradient[1] - yy * gradient[0], xy * gradient[0] - xx * gradient[1]]) / determinant
     )

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, positive, read_only
-from gtb_cli.basis import Location, blend, exponentials, is_corner, rational_basis, toric_locations
+from gtb_cli.arrays import FloatArray, finite, positive, read_only
+from gtb_cli.basis import Location, blend, exponentials, rational_basis, toric_locations
 from gtb_cli.domain import Domain, EdgeNormals, domain
 from gtb_cli.errors import DomainError
-
-LAYER = 1e-9
-"""Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
-
-PARALLEL = 1e-12
-"""Sine of the angle below which two unit vectors give no normal: a few thousand roundings."""
+from gtb_cli.normals import NormalField
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +85,9 @@ class Patch:
             set_field(self, "edge_scale", read_only(self.edge_scale))
         for label in ("control_points", "weights", "coefficients", "lifting", "log_weights"):
             values = getattr(self, label)
-            if values is not None and (len(values) != n or (label != "control_points" and values.ndim != 1)):
-                raise DomainError(f"{label}: expected {n} entries, one per knot, got {len(values)}")
+            expected = (n, 3) if label == "control_points" else (n,)
+            if values is not None and values.shape != expected:
+                raise DomainError(f"{label}: expected {n} entries, one per knot, got shape {values.shape}")
 
     @property
     def dimension(self) -> int:
@@ -190,26 +186,15 @@ class Patch:
         Notes
         -----
         On an edge: tangent × derivative towards the nearest layer of knots that is not parallel to it; at a corner
-        the directions to the next knots along its two edges. Inside, moments are taken about the nearest corner, in
-        heights over its two edges: these are exact zeros for the knots that dominate there, so that the direction
-        keeps its digits up to the boundary.
+        the directions to the next knots along its two edges. Inside, digits are kept up to the boundary and where
+        few knots hold nearly all of T; see `gtb_cli.normals`.
         """
         u = self.domain.columns(u)
         return self.normals_at(toric_locations(self.domain, u), len(u))
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) unit normals, as `normals`, at locations found by any parametrisation."""
-        if self.dimension == 1:
-            raise DomainError("normals: a curve has none")
-        result = np.empty((count, 3))
-        for location in locations:
-            if location.face == 0:
-                result[location.rows] = self._inner_normals(location)
-            elif is_corner(self.domain, location.face):
-                result[location.rows] = self._corner_normal(location.face - 1 - len(self.domain.vertices))
-            else:
-                result[location.rows] = self._edge_normals(location)
-        return result
+        return self._normal_field.at(locations, count)
 
     def boundary(self, edge: int) -> Patch:
         """Return the curve of an edge: the patch of the knots on it, measured from its first corner (Thm 4.0).
@@ -242,66 +227,9 @@ class Patch:
     def _middle(self) -> FloatArray:
         return np.asarray((self.control_points.min(axis=0) + self.control_points.max(axis=0)) / 2)
 
-    def _inner_normals(self, location: Location) -> FloatArray:
-        shape, heights = self.domain, location.heights
-        r = len(shape.vertices)
-        distance = heights / shape.normal_lengths[:, None]
-        edge = shape.nearest_edge(heights)
-        columns = np.arange(heights.shape[1])
-        following = distance[(edge + 1) % r, columns] < distance[edge - 1, columns]
-        corner = np.where(following, (edge + 1) % r, edge)
-        points = self.control_points - self._middle
-        result = np.empty((heights.shape[1], 3))
-        for k in np.unique(corner).tolist():
-            here = np.flatnonzero(corner == k)
-            eta = shape.heights[:, [k - 1, k]] / shape.size
-            e = exponentials(location.knots, self.log_products, location.s[:, here])
-            e /= e.sum(axis=0)
-            mean = points.T @ e
-            first, second = ((points * eta[:, [axis]]).T @ e - mean * (eta[:, axis] @ e) for axis in (0, 1))
-            result[here] = _unit_cross(first.T, second.T)
-        return result
-
-    def _edge_normals(self, location: Location) -> FloatArray:
-        edge = location.face - 1
-        on_edge = np.flatnonzero(self.domain.incidence[:, edge])
-        along = self.domain.along(edge, self.knots)
-        points = self.control_points - self._middle
-        t = exponentials(location.knots, self.log_products[on_edge], location.s)
-        t /= t.sum(axis=0)
-        position = points[on_edge].T @ t
-        tangent = (points[on_edge] * along[on_edge, None]).T @ t - position * (along[on_edge] @ t)
-        result = np.full((t.shape[1], 3), np.nan)
-        for layer in self._layers(self.domain.heights[:, edge]):
-            todo = np.flatnonzero(np.isnan(result[:, 0]))
-            if not len(todo):
-                break
-            t = exponentials(along[layer, None], self.log_products[layer], location.s[:, todo])
-            t /= t.sum(axis=0)
-            result[todo] = _unit_cross(tangent[:, todo].T, (points[layer].T @ t - position[:, todo]).T)
-        return result
-
-    def _corner_normal(self, corner: int) -> FloatArray:
-        shape = self.domain
-        before, after = (corner - 1) % len(shape.vertices), corner
-        at_corner = shape.incidence[:, before] & shape.incidence[:, after]
-        position = self._mean(np.flatnonzero(at_corner))
-        first, second = (
-            self._mean(next(self._layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))) - position
-            for edge, other in ((after, before), (before, after))
-        )
-        return _unit_cross(first[None], second[None])
-
-    def _layers(self, heights: FloatArray) -> Iterator[IntArray]:
-        """Yield the indices of the knots of equal positive height, lowest first."""
-        order = np.argsort(heights, kind="stable")
-        order = order[heights[order] > 0]
-        breaks = np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1
-        yield from np.split(order, breaks)
-
-    def _mean(self, members: IntArray) -> FloatArray:
-        weights = np.exp(self.log_products[members] - self.log_products[members].max())
-        return np.asarray(weights @ (self.control_points[members] - self._middle) / weights.sum())
+    @cached_property
+    def _normal_field(self) -> NormalField:
+        return NormalField(self.domain, self.log_products, self.control_points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,12 +250,3 @@ class Model:
             raise DomainError("patches: a model needs at least one")
         if len({patch.dimension for patch in self.patches}) > 1:
             raise DomainError("patches: curves and surfaces cannot be mixed in one model")
-
-
-def _unit_cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(m, 3) unit cross products; NaN where the two are parallel or zero."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (first, second))
-        normal = np.cross(first, second)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        return np.asarray(np.where(length > PARALLEL, normal / length, np.nan))

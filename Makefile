@@ -1,0 +1,56 @@
+PYTHON ?= python3
+VENV   := .venv
+RUN    := $(VENV)/bin/python -m
+BUILD  := build
+SPECS   = $(wildcard specs/*.toml specs/*.json)
+SOURCES = gtb_cli tests
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup mesh test lint types check specs bench clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(VENV)/.development ## make .venv with everything for users and developers
+
+mesh: $(VENV)/.installed ## mesh specs/pentagon.toml, and say where the mesh is
+	@mkdir -p $(BUILD)
+	@$(RUN) gtb_cli mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj
+	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
+
+test: $(VENV)/.development ## run all tests
+	@$(RUN) pytest
+
+lint: $(VENV)/.development ## check style and format
+	@$(RUN) ruff check $(SOURCES)
+	@$(RUN) ruff format --check $(SOURCES)
+
+types: $(VENV)/.development ## check types
+	@$(RUN) mypy
+
+check: lint types test ## lint, types and test: all that must hold for a change
+
+specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
+	@$(RUN) gtb_cli mesh $(SPECS) -o $(BUILD)/specs -j 2
+
+bench: $(VENV)/.development ## measure times beside floors and peers, as a table of ratios
+	@$(RUN) tests.benchmarks
+
+clean: ## remove what was built; .venv stays
+	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find $(SOURCES) -name __pycache__ -type d -exec rm -rf {} +
+
+# The stamps are newer than pyproject.toml where nothing has to be installed again.
+$(VENV)/.installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "gtb needs Python 3.11 or later: make PYTHON=python3.x")'
+	$(PYTHON) -m venv $(VENV)
+	@# Groups of dependencies, below, are known to pip from 25.1 on.
+	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
+	$(RUN) pip install -qq --disable-pip-version-check --editable .
+	@$(RUN) compileall -q gtb_cli
+	@touch $@
+
+$(VENV)/.development: $(VENV)/.installed
+	$(RUN) pip install -qq --disable-pip-version-check --group test --group dev
+	@touch $@

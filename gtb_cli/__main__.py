@@ -1,0 +1,77 @@
+"""The process behind `gtb` and ``python -m gtb_cli``: settings that hold for all of it, and its exit."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import sys
+import time
+from types import FrameType
+
+STOPPED = 128
+"""Added to the number of the signal that stopped a process: 130 after Ctrl-C."""
+
+IMPATIENCE = 1.0
+"""Seconds after a signal in which more of them do not disturb the cleaning up."""
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Set to 1: how a sum is split among threads decides its last digit, and small matrices gain nothing by it."""
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal asked the process to stop; its argument is the number of the signal."""
+
+
+def main() -> None:
+    """Run the command line of this process, and exit."""
+    for name in THREADS:
+        os.environ[name] = "1"
+    _catch_signals()
+    try:
+        import warnings
+
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")  # what a user should know is said in the user's words
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and hasattr(stream, "reconfigure"):
+                stream.reconfigure(errors="backslashreplace")
+        from gtb_cli.cli import run
+
+        status = run(sys.argv[1:])
+    except KeyboardInterrupt as stop:
+        status = STOPPED + (stop.args[0] if stop.args else signal.SIGINT)
+    sys.exit(status)
+
+
+def _catch_signals() -> None:
+    """Let the signals that end a process unwind it, so that temporary files go."""
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    last = -math.inf
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal last
+        if _importing(frame):
+            # Nothing is written yet, and some of what imports call swallows exceptions.
+            os._exit(STOPPED + number)
+        now = time.monotonic()
+        if now - last > IMPATIENCE:
+            last = now
+            raise Stopped(number)
+
+    for name in names:
+        number = getattr(signal, name)
+        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
+            signal.signal(number, stop)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,228 @@
+"""Properties of the basis, and those that follow from it for curves and surfaces alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.basis import partition_of_unity_coefficients
+from gtb_cli.checks.probe import ROUNDINGS, Outcome, Probe, at_most, not_applicable, number
+from gtb_cli.description import description
+from gtb_cli.domain import EPS, convex_hull
+from gtb_cli.errors import DomainError
+from gtb_cli.moment import RESIDUAL
+
+THIN = 1e-9
+"""Width, as a fraction of the extent, below which the control points are taken as flat for their hull."""
+
+AFFINE_MAP = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
+"""Neither a rotation nor a scaling; its rows are no longer than 1.4, which `AFFINE_GAIN` allows for."""
+
+AFFINE_SHIFT = np.array([1.5, -0.7, 0.4])
+
+AFFINE_GAIN = 4.0
+
+SCALES = (1.5, 0.7, 1.2, 0.8, 1.1)
+"""Factors of edge functions, in turn."""
+
+LINEAR_SAMPLES = 300
+"""Most points at which the moment map is inverted."""
+
+STEEPEST = 1e6
+"""Extents per hull's size by which points may move with the moments, which the solver finds with an error of
+`RESIDUAL`; steeper places are left out."""
+
+POWERS = 1_000_000
+"""Most powers that are taken."""
+
+MAX_UNITY = 300
+"""Most knots for which the dense system (8) is solved."""
+
+
+def definition(probe: Probe) -> Outcome:
+    """Points against the definition with its powers, no logarithms."""
+    patch, domain = probe.patch, probe.patch.domain
+    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // POWERS))
+    heights = probe.heights[:, rows].astype(np.longdouble)
+    with np.errstate(all="ignore"):
+        products = np.exp(patch.log_products.astype(np.longdouble))
+        beta = np.repeat(products[None], heights.shape[1], axis=0)
+        for h, exponents in zip(heights, domain.heights.astype(np.longdouble).T, strict=True):
+            # 0**0 is 1, and a zero with any positive exponent 0.
+            beta *= h[:, None] ** exponents
+        total = beta.sum(axis=1)
+        # Where the largest is near the end of the range, others that count may be beyond it.
+        whole = np.isfinite(total) & (beta.max(axis=1) * EPS**2 > np.finfo(np.longdouble).tiny)
+        shares = (beta / total[:, None])[whole].astype(np.float64)
+    if not whole.any():
+        return not_applicable("the powers of the definition are beyond the range of floats: exponents are too large")
+    value = probe.distance(shares @ patch.control_points, probe.points[rows][whole])
+    return within_rounding(value, probe.distance_rounding, "largest distance from the sum of powers, of the extent")
+
+
+def nonnegativity(probe: Probe) -> Outcome:
+    """No value below zero: sums and quotients of exponentials have no rounding that makes one."""
+    return at_most(float(np.maximum(-probe.basis, 0.0).max()), 0.0, "largest negative value of the basis")
+
+
+def partition_of_unity(probe: Probe) -> Outcome:
+    """Sums of the basis."""
+    bound = EPS * (ROUNDINGS + len(probe.patch.knots))
+    return at_most(float(np.abs(probe.basis.sum(axis=1) - 1).max()), bound, "largest difference of the sum from 1")
+
+
+def corners(probe: Probe) -> Outcome:
+    """At a corner its knot has the whole of T; copies of it share that in proportion c ω."""
+    patch, domain = probe.patch, probe.patch.domain
+    members = domain.faces[-len(domain.vertices) :]
+    logs = np.where(members, patch.log_products, -np.inf)
+    shares = np.exp(logs - logs.max(axis=1, keepdims=True))
+    shares /= shares.sum(axis=1, keepdims=True)
+    difference = float(np.abs(patch.basis(domain.vertices) - shares).max())
+    distance = probe.distance(patch.evaluate(domain.vertices), shares @ patch.control_points)
+    simple = bool((members.sum(axis=1) == 1).all())
+    reason = "largest difference of basis or point from its control point"
+    if not simple:
+        reason += "; copies of a corner's knot share it in proportion c ω"
+    return at_most(max(difference, distance), 0.0 if simple else probe.distance_rounding, reason)
+
+
+def hull(probe: Probe) -> Outcome:
+    """How far points are outside the convex hull of the control points."""
+    control = probe.patch.control_points
+    middle = (control.min(axis=0) + control.max(axis=0)) / 2
+    control, points = ((array - middle) / probe.extent for array in (control, probe.points))
+    if not np.isfinite(points).all():
+        return at_most(np.inf, probe.distance_rounding, "there are points that are not finite")
+    axes = np.linalg.svd(control, full_matrices=False)[2]
+    control, points = control @ axes.T, points @ axes.T
+    below, above = control.min(axis=0) - points, points - control.max(axis=0)
+    outside = [float(below.max()), float(above.max())]
+    rank = int((np.ptp(control, axis=0) > THIN).sum())
+    if rank == 2:
+        corners = control[convex_hull(control[:, :2]), :2]
+        sides = np.roll(corners, -1, axis=0) - corners
+        normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+        outside.append(float((points[:, :2] @ normals.T - (normals * corners).sum(axis=1)).max()))
+    elif rank == 3:
+        from scipy.spatial import ConvexHull
+
+        planes = ConvexHull(control).equations
+        outside.append(float((points @ planes[:, :3].T + planes[:, 3]).max()))
+    return within_rounding(max(0.0, *outside), probe.distance_rounding, "largest distance outside the hull, of the extent")
+
+
+def affine_invariance(probe: Probe) -> Outcome:
+    """The image of the patch under an affine map against the patch of the control points' images."""
+    shift = AFFINE_SHIFT * probe.extent
+    mapped = replace(probe.patch, control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
+    value = probe.distance(mapped.evaluate(probe.u), probe.points @ AFFINE_MAP.T + shift)
+    return within_rounding(value, AFFINE_GAIN * probe.distance_rounding, "largest distance after a sheared map, of the extent")
+
+
+def products(probe: Probe) -> Outcome:
+    """Factors moved from the coefficients to the weights change nothing."""
+    patch = probe.patch
+    factor = np.where(np.arange(len(patch.knots)) % 2, 0.5, 2.0)
+    with np.errstate(over="ignore", under="ignore"):
+        weights, coefficients = patch.weights * factor, patch.coefficients / factor
+    if not (np.isfinite(coefficients) & (coefficients > 0)).all():
+        return not_applicable("coefficients are at the end of the range of floats")
+    if patch.log_weights is None and (np.isfinite(weights) & (weights > 0)).all():
+        moved = replace(patch, weights=weights, coefficients=coefficients)
+    else:
+        logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
+        moved = replace(
+            patch,
+            weights=None,
+            log_weights=logs + np.log(factor),
+            coefficients=coefficients,
+        )
+    value = probe.distance(moved.evaluate(probe.u), probe.points)
+    return within_rounding(value, probe.distance_rounding, "largest distance with factors moved from c to ω, of the extent")
+
+
+def edge_scale(probe: Probe) -> Outcome:
+    """With other scales, every point is the point of the patch with the same moments μ = Σ T_i a_i."""
+    patch, domain = probe.patch, probe.patch.domain
+    factors = np.resize(SCALES, len(domain.vertices)) * np.asarray(patch.edge_scale)
+    scaled = replace(patch, edge_scale=factors)
+    u = linear_samples(probe, probe.inside)
+    shares = scaled.basis(u)
+    steepness = _steepness(probe, shares)
+    well = steepness <= STEEPEST
+    if not well.any():
+        return not_applicable("at each sample one knot has nearly all of T: moments do not tell points apart")
+    moments = domain.center + shares[well] @ (domain.knots - domain.center)
+    points = patch.points_at(probe.linear.locations(moments), len(moments))
+    shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
+    error = RESIDUAL + EPS * (ROUNDINGS * shift + len(patch.knots))
+    bound = 2 * probe.distance_rounding + float(steepness[well].max()) * error
+    value = probe.distance(scaled.evaluate(u[well]), points)
+    return within_rounding(value, bound, "largest distance of points with other scales from the patch, of the extent")
+
+
+def _steepness(probe: Probe, shares: FloatArray) -> FloatArray:
+    """(m,) how fast points move with the moments at (m, n) values of T: extents per size of the hull.
+
+    ∂P/∂μ = Cov_T(b, a) Cov_T(a, a)⁻¹.
+    """
+    domain = probe.patch.domain
+    knots = (domain.knots - domain.center) / domain.size
+    control = (probe.patch.control_points - probe.patch.control_points[0]) / probe.extent
+    deviations = knots - (shares @ knots)[:, None]
+    weighted = shares[:, :, None] * deviations
+    square = np.einsum("mik,mil->mkl", weighted, deviations)
+    mixed = np.einsum("mik,il->mkl", weighted, control)
+    if domain.dimension == 1:
+        gradients = mixed / np.maximum(square, np.finfo(float).tiny)
+    else:
+        determinant = square[:, 0, 0] * square[:, 1, 1] - square[:, 0, 1] ** 2
+        adjugate = np.stack([square[:, 1, 1], -square[:, 0, 1], -square[:, 0, 1], square[:, 0, 0]], axis=1)
+        gradients = adjugate.reshape(-1, 2, 2) @ mixed / np.maximum(determinant, np.finfo(float).tiny)[:, None, None]
+        flat = determinant <= ROUNDINGS * EPS * (square[:, 0, 0] * square[:, 1, 1])
+        gradients[flat] = np.inf
+    return np.asarray(np.nan_to_num(np.sqrt((gradients**2).sum(axis=(1, 2))), nan=np.inf))
+
+
+def linear_precision(probe: Probe) -> Outcome:
+    """How far the toric parametrisation is from linear."""
+    error = description(probe.patch).linear_precision_error / probe.patch.domain.size
+    return number(error, "largest |Σ T_i a_i − u| in the toric parametrization, of the hull's size")
+
+
+def linear_precision_of_linear(probe: Probe) -> Outcome:
+    """In the linear parametrisation the patch with its knots as control points is the identity."""
+    patch, domain = probe.patch, probe.patch.domain
+    knots = np.zeros((len(patch.knots), 3))
+    knots[:, : domain.dimension] = (domain.knots - domain.center) / domain.size
+    p = linear_samples(probe, np.arange(len(probe.u)))
+    images = replace(patch, control_points=knots).points_at(probe.linear.locations(p), len(p))
+    expected = np.zeros_like(images)
+    expected[:, : domain.dimension] = (p - domain.center) / domain.size
+    value = float(np.abs(images - expected).max())
+    shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
+    bound = RESIDUAL + EPS * (ROUNDINGS * shift + len(patch.knots))
+    return within_rounding(value, bound, "largest |Σ T_i a_i − p| in the linear parametrization, of the hull's size")
+
+
+def linear_samples(probe: Probe, rows: IntArray) -> FloatArray:
+    """(m, d) at most `LINEAR_SAMPLES` of some rows of the parameters, spread over all."""
+    return np.asarray(probe.u[rows[:: -(-len(rows) // LINEAR_SAMPLES)]])
+
+
+def coefficients_of_unity(probe: Probe) -> Outcome:
+    """The solution of (8): nothing guarantees that it is positive."""
+    domain = probe.patch.domain
+    if probe.repetitions:
+        return not_applicable("repeated knots make the system singular")
+    if len(domain.knots) > MAX_UNITY:
+        return not_applicable(f"solved for at most {MAX_UNITY} knots")
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            c = partition_of_unity_coefficients(domain)
+    except DomainError as error:
+        return number(None, str(error).removeprefix("coefficients: "))
+    return number(float(c.min()), "smallest of the coefficients, which are all positive")

@@ -1,0 +1,365 @@
+"""Properties of curves: those of totally positive bases, and the ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.checks.probe import (
+    ROUNDINGS,
+    Outcome,
+    Probe,
+    at_most,
+    evenly,
+    not_applicable,
+    number,
+    points_at_torus,
+)
+from gtb_cli.domain import EPS
+from gtb_cli.lifting import lifting_of_knot
+from gtb_cli.limits import degenerate
+from gtb_cli.patch import Patch
+
+ORDERS = 4
+"""Minors of up to this many rows are sampled: each is a sum of at most 24 products."""
+
+MINORS = 400
+"""Minors of each order."""
+
+LINES = 100
+
+CURVE_POINTS = 513
+"""Points of the curve between which crossings of a line are counted: fewer are seen than there are, never more."""
+
+GRAZING = 1e-6
+"""A line that passes a control point within this fraction of the extent is left out."""
+
+TURNING_POINTS = 129
+
+SHORTEST = 1e-4
+"""Chords shorter than this fraction of the extent are joined with the next: their direction is rounding."""
+
+FLAT = 1e-12
+"""Width, as a fraction of the extent, up to which control points lie in a plane."""
+
+FULL_TURN = 1e-6
+"""Difference from 2π up to which a polygon turns once."""
+
+LAYERS = 32.0
+"""Logarithm of the share that knots behind the next one may keep at the place where the tangent is measured."""
+
+DEEPEST = 600.0
+"""Logarithm of the smallest value of the basis that is relied upon."""
+
+UNDECIDED = 0.1
+"""Where what is neglected may be this large, a limit is not reached within the range of floats."""
+
+STEPS = tuple(2.0**-k for k in range(8, 50, 3))
+"""Fractions of the length of Δ at which the difference quotient is tried; the one with the smallest error counts."""
+
+INFINITE = 120.0
+"""Logarithm by which one knot's share exceeds all others for a weight that stands for infinity."""
+
+MAX_KNOTS = 300
+"""Most knots for dense eigenvalues."""
+
+WEIGHTS_TRIED = 16
+
+
+def total_positivity(probe: Probe) -> Outcome:
+    """Minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
+    smallest, bound, _ = _minors(probe)
+    return at_most(max(0.0, -smallest), bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum")
+
+
+def strict_total_positivity(probe: Probe) -> Outcome:
+    """The same minors, which at parameters inside Δ and for distinct knots are positive."""
+    if probe.repetitions:
+        return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
+    smallest, bound, undecided = _minors(probe)
+    if undecided:
+        return number(smallest, f"smallest minor: {undecided:.0%} of the sampled ones are within rounding of 0")
+    return at_most(-smallest, -bound, "negative of the smallest sampled minor, at parameters inside the domain")
+
+
+def _minors(probe: Probe) -> tuple[float, float, float]:
+    """The smallest relative minor, what rounding may do to one, and the share that rounding decides."""
+    n = len(probe.patch.knots)
+    u = np.sort(probe.u[probe.inside, 0])
+    basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
+    ratios = [np.zeros(0)]
+    orders = min(ORDERS, n, len(u))
+    for order in range(1, orders + 1):
+        spread = evenly(MINORS, 2 * order)
+        rows, columns = (_subsets(part, count) for part, count in ((spread[:, :order], len(u)), (spread[:, order:], n)))
+        entries = basis[rows[:, :, None], columns[:, None, :]]
+        for axis in (2, 1):  # rows, then columns, brought to size: their factors are those of the minor
+            entries = entries / np.maximum(entries.max(axis=axis, keepdims=True), np.finfo(float).tiny)
+        minor, size = np.zeros(MINORS), np.zeros(MINORS)
+        for permutation in permutations(range(order)):
+            product = np.prod(entries[:, np.arange(order), permutation], axis=1)
+            minor += _sign(permutation) * product
+            size += product
+        decidable = size > 0
+        ratios.append(minor[decidable] / size[decidable])
+    every = np.concatenate(ratios)
+    bound = 2 * orders * probe.rounding + EPS * math.factorial(orders)
+    if not np.isfinite(probe.basis).all():
+        return -np.inf, bound, 0.0
+    return float(every.min()), bound, float((np.abs(every) <= bound).mean())
+
+
+def _subsets(spread: FloatArray, count: int) -> IntArray:
+    """(m, k) ascending indices below `count`, all different, from (m, k) numbers in [0, 1)."""
+    k = spread.shape[1]
+    return np.asarray(np.sort(spread * (count - k + 1), axis=1).astype(np.int64) + np.arange(k))
+
+
+def _sign(permutation: tuple[int, ...]) -> int:
+    inversions = sum(a > b for i, a in enumerate(permutation) for b in permutation[i + 1 :])
+    return -1 if inversions % 2 else 1
+
+
+def progressive_iteration(probe: Probe) -> Outcome:
+    """Spectral radius of I − C, C the collocation matrix at the knots: the factor by which each round shrinks errors."""
+    patch = probe.patch
+    if probe.repetitions:
+        return not_applicable("repeated knots make the collocation matrix singular")
+    if len(patch.knots) > MAX_KNOTS:
+        return not_applicable(f"measured for at most {MAX_KNOTS} knots")
+    order = np.argsort(patch.knots[:, 0], kind="stable")
+    matrix = patch.basis(patch.knots[order])[:, order]
+    if not np.isfinite(matrix).all():
+        return at_most(np.inf, 1.0, "values of the basis are not finite")
+    eigenvalues = np.linalg.eigvals(matrix)
+    radius = float(np.abs(1 - eigenvalues).max())
+    doubt = len(matrix) * ROUNDINGS * EPS + 4 * probe.rounding
+    reason = "factor by which errors shrink in a round, at the knots"
+    if abs(radius - 1) <= doubt**0.5:
+        return number(radius, f"{reason}: too near to 1 to tell")
+    return at_most(radius, 1.0, reason)
+
+
+def variation_diminishing(probe: Probe) -> Outcome:
+    """Crossings of lines (planes for a curve in space) with the curve and with its control polygon."""
+    control = _polygon(probe) / probe.extent
+    points = _linear_points(probe, CURVE_POINTS) / probe.extent
+    axes, flat = _plane(control)
+    spread = evenly(LINES, 3)
+    angle, z = 2 * np.pi * spread[:, 0], np.zeros(LINES) if flat else 2 * spread[:, 1] - 1
+    ring = np.sqrt(1 - z**2)
+    normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1) @ axes
+    sides, curve_sides = normals @ control.T, normals @ points.T
+    low, high = sides.min(axis=1), sides.max(axis=1)
+    offset = low + spread[:, 2] * (high - low)
+    sides, curve_sides = sides - offset[:, None], curve_sides - offset[:, None]
+    clear = np.abs(sides).min(axis=1) > GRAZING + probe.distance_rounding
+    if not clear.any():
+        return not_applicable("the control points all coincide")
+    excess = _changes(curve_sides[clear], probe.distance_rounding) - _changes(sides[clear], 0.0)
+    what = "lines" if flat else "planes (the curve is not planar)"
+    reason = f"crossings of the curve beyond those of its control polygon, largest of {int(clear.sum())} {what}"
+    return at_most(float(max(0, excess.max())) if np.isfinite(points).all() else np.inf, 0.0, reason)
+
+
+def _changes(values: FloatArray, tolerance: float) -> IntArray:
+    """(m,) changes of sign along each row; values within the tolerance have none."""
+    signs = np.sign(values) * (np.abs(values) > tolerance)
+    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), -1), axis=1)
+    filled = np.where(last >= 0, np.take_along_axis(signs, np.maximum(last, 0), axis=1), 0)
+    return np.asarray((filled[:, 1:] * filled[:, :-1] < 0).sum(axis=1))
+
+
+def convexity(probe: Probe) -> Outcome:
+    """A curve of a convex control polygon turns one way, once around with its chord."""
+    control = _polygon(probe)
+    axes, flat = _plane(control / probe.extent)
+    if not flat:
+        return not_applicable("the control points are not in a plane")
+    sine, turning = _turning(control @ axes[:2].T, probe.extent)
+    if sine is None:
+        return not_applicable("the control points are on a line")
+    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > FULL_TURN:
+        return not_applicable("the control polygon, closed by its chord, is not convex")
+    points = _linear_points(probe, TURNING_POINTS) @ axes[:2].T
+    sine, turning = _turning(points, probe.extent)
+    if sine is None:
+        return not_applicable("the curve is a segment to rounding")
+    if abs(abs(turning) - 2 * np.pi) > FULL_TURN:
+        return at_most(abs(turning) / (2 * np.pi), 1.0, "turns of the curve, closed by its chord")
+    bound = 2 * probe.distance_rounding / SHORTEST
+    return within_rounding(sine, bound, "sine of the largest turn the wrong way; the control polygon is convex")
+
+
+def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
+    """Sine of the largest turn against the others of a closed polygon (None of a straight one), and the sum of turns."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.hypot(*(point - kept[-1])) > SHORTEST * extent:
+            kept.append(point)
+    while len(kept) > 1 and np.hypot(*(kept[-1] - kept[0])) <= SHORTEST * extent:
+        kept.pop()
+    corners = np.array(kept)
+    chords = np.roll(corners, -1, axis=0) - corners
+    if len(corners) < 3 or not np.isfinite(corners).all():
+        return None if np.isfinite(points).all() else np.inf, 0.0
+    following = np.roll(chords, -1, axis=0)
+    cross = chords[:, 0] * following[:, 1] - chords[:, 1] * following[:, 0]
+    dot = (chords * following).sum(axis=1)
+    sines = cross / np.hypot(*chords.T) / np.hypot(*following.T)
+    turning = float(np.arctan2(cross, dot).sum())
+    if np.abs(sines).max() <= FLAT:
+        return None, 0.0
+    wrong = -sines if turning > 0 else sines
+    return max(0.0, float(wrong.max())), turning
+
+
+def end_tangents(probe: Probe) -> Outcome:
+    """Directions near the ends against those to the next control point that is another one."""
+    worst = Outcome("holds", 0.0, 0.0, "")
+    for end in (0, 1):
+        found = _end_tangent(probe, _End.of(probe, end))
+        if found.status != "holds":
+            return found
+        if (found.value or 0.0) >= (worst.value or 0.0):
+            worst = found
+    return worst
+
+
+def _end_tangent(probe: Probe, end: _End) -> Outcome:
+    lead = end.lead
+    if lead is None:
+        return not_applicable("all control points coincide")
+    # Each knot behind the next fades like exp of its distance from it.
+    behind = slice(lead + 1, None)
+    fading = end.logs[behind] - end.logs[lead] + end.log_lengths[behind] - end.log_lengths[lead]
+    away = end.places[behind] - end.places[lead]
+    sigma = max(0.0, float(((fading + LAYERS) / away).max(initial=0.0)))
+    sigma = min(sigma, (DEEPEST + end.logs[lead] - end.logs[0]) / end.places[lead])
+    neglected = float(np.exp(np.clip(fading - away * sigma, -DEEPEST, DEEPEST)).sum())
+    if neglected > UNDECIDED:
+        return not_applicable("the knots after the next one are so near to it that the limit is beyond floats")
+    moved = replace(probe.merged, control_points=end.vectors)
+    vector = points_at_torus(moved, np.array([[-end.sign * sigma]]))[0]
+    direction, expected = (v / np.abs(v).max() for v in (vector, end.step))
+    length = np.sqrt((direction**2).sum() * (expected**2).sum())
+    sine = float(np.sqrt((np.cross(direction, expected) ** 2).sum()) / length)
+    if direction @ expected < 0:
+        sine = 2.0 - sine
+    bound = 2 * neglected + ROUNDINGS * EPS * probe.largest * probe.extent / float(np.abs(end.step).max())
+    return within_rounding(sine, bound, "sine of the angle to the next control point, the larger of both ends")
+
+
+def end_tangent_lengths(probe: Probe) -> Outcome:
+    """Difference quotients at the ends against the paper's formula, with its k_0 and k_1."""
+    ends = [_End.of(probe, end) for end in (0, 1)]
+    k = [1 / end.places[1] for end in ends]
+    worst = Outcome("holds", 0.0, 0.0, "")
+    for end, near, far in ((ends[0], k[0], k[1]), (ends[1], k[1], k[0])):
+        length = end.places[-1]
+        moved = replace(probe.merged, control_points=end.vectors, edge_scale=np.array(k))
+        log_length = end.logs[1] - end.logs[0] + np.log(near) - far / near * np.log(far * length)
+        best, step = _smallest_error(end, moved, near, far)
+        if best > UNDECIDED or abs(log_length) > DEEPEST:
+            return not_applicable("the limit is not reached within the range of floats")
+        u = end.at + end.sign * step * length
+        quotient = moved.evaluate(np.array([u]))[0] / abs(u - end.at)
+        scale = np.exp(log_length) * float(np.abs(end.vectors).max())
+        expected = np.exp(log_length) * end.vectors[end.next_row]
+        value = float(np.abs(quotient - expected).max() / scale)
+        found = at_most(value, best, "difference from the formula, of its length; k_0 and k_1 as it demands")
+        if found.status != "holds":
+            return found
+        if (found.value or 0.0) >= (worst.value or 0.0):
+            worst = found
+    return worst
+
+
+def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[float, float]:
+    """The smallest bound for the error of a difference quotient over the fractions `STEPS`, and the fraction."""
+    length = end.places[-1]
+    best, step = np.inf, STEPS[0]
+    vectors = np.exp(end.log_lengths - end.log_lengths.max())
+    for fraction in STEPS:
+        u = end.at + end.sign * fraction * length
+        delta = abs(float(u) - end.at)
+        if delta < ROUNDINGS * patch.domain.tolerance:
+            break
+        # log of the basis against that of the end knot's: a place at distance d has d near log(near δ) − d far log(…).
+        slope = near * np.log(near * delta) - far * np.log(far * (length - delta))
+        shares = np.exp(np.clip(end.logs - end.logs[0] + slope * end.places, -DEEPEST, DEEPEST))
+        others = float((shares[2:] * vectors[2:]).sum() / shares[1])
+        error = others + float(shares[1:].sum()) + 2 * far / near * delta / length
+        error += EPS * ROUNDINGS * (1 + float(np.abs(end.logs).max())) * (1 + length / delta * EPS)
+        if error < best:
+            best, step = error, fraction
+    return 2 * best, step
+
+
+class _End:
+    """One end of the merged curve: its knots by distance, with their weights and steps from the end point."""
+
+    def __init__(self, patch: Patch, end: int, tolerance: float) -> None:
+        knots = patch.knots[:, 0]
+        self.sign = 1.0 if end == 0 else -1.0
+        self.at = float(patch.domain.vertices[end, 0])
+        distances = self.sign * (knots - self.at)
+        order = np.argsort(distances, kind="stable")
+        self.places = distances[order]
+        self.logs = patch.log_products[order]
+        self.vectors = patch.control_points - patch.control_points[order[0]]
+        self.vectors[np.abs(self.vectors).max(axis=1) <= tolerance] = 0.0
+        lengths = np.sqrt((self.vectors[order] ** 2).sum(axis=1))
+        with np.errstate(divide="ignore"):
+            self.log_lengths = np.log(lengths)
+        different = np.flatnonzero(lengths > 0)
+        self.lead = int(different[0]) if len(different) else None
+        self.next_row = int(order[1])
+        self.step = self.vectors[order[self.lead or 0]]
+
+    @classmethod
+    def of(cls, probe: Probe, end: int) -> _End:
+        return cls(probe.merged, end, 8 * EPS * probe.largest * probe.extent)
+
+
+def one_weight(probe: Probe) -> Outcome:
+    """With a weight that outgrows all others, every point inside Δ goes to that knot's control point."""
+    patch = probe.patch
+    u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
+    logs = np.log(np.maximum(patch.basis(u), np.finfo(float).tiny))
+    worst = 0.0
+    n = len(patch.knots)
+    for k in np.unique(np.linspace(0, n - 1, min(n, WEIGHTS_TRIED)).astype(np.int64)).tolist():
+        growth = INFINITE + float((logs.max(axis=1) - logs[:, k]).max())
+        heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
+        worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
+    return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")
+
+
+def _polygon(probe: Probe) -> FloatArray:
+    """(n, 3) control points in the order of their knots, about their middle."""
+    points = probe.patch.control_points[np.argsort(probe.patch.knots[:, 0], kind="stable")]
+    return np.asarray(points - _middle(probe))
+
+
+def _middle(probe: Probe) -> FloatArray:
+    control = probe.patch.control_points
+    return np.asarray((control.min(axis=0) + control.max(axis=0)) / 2)
+
+
+def _linear_points(probe: Probe, count: int) -> FloatArray:
+    """(count, 3) points of the curve in order, evenly in the linear parametrisation, about the same middle."""
+    start, end = probe.patch.domain.vertices
+    p = start + (end - start) * np.linspace(0.0, 1.0, count)[:, None]
+    p[-1] = end
+    return np.asarray(probe.patch.points_at(probe.linear.locations(p), count) - _middle(probe))
+
+
+def _plane(control: FloatArray) -> tuple[FloatArray, bool]:
+    """Principal axes of control points (rows), and whether they are in the plane of the first two."""
+    axes = np.linalg.svd(control - control.mean(axis=0), full_matrices=True)[2]
+    return axes, bool(np.ptp(control @ axes[2]) <= FLAT + 8 * EPS * np.abs(control).max())

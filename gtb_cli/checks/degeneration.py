@@ -1,0 +1,76 @@
+"""Limit properties: repeated knots, and weights that grow as a lifting says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable
+from gtb_cli.errors import DomainError
+from gtb_cli.lifting import regular_decomposition
+from gtb_cli.limits import cells_of, degenerate
+from gtb_cli.moment import LinearParametrization
+from gtb_cli.triangulation import cell_count, triangulation
+
+FADED = 30 * math.log(10)
+"""Logarithm of what is left of the nearest knot under a cell's plane: a factor 1e-30."""
+
+ENOUGH = 14 * math.log(10)
+"""A factor 1e-14 will do where the range of the lifting is thousands of times the smallest gap."""
+
+LARGEST_LOG = 1000.0
+"""Range of the logarithms of weights: what rounding does to exponents of this size is far below `CONVERGED`."""
+
+SHRUNK = 0.98
+"""Samples of a cell are drawn this much towards its middle: inside Δ whatever rounding does, and not where two cells
+meet, where the limit is approached most slowly."""
+
+CONVERGED = 1e-6
+"""Largest distance from the limit, of the extent; measured, 1e-12 is usual."""
+
+CELL_SAMPLES = 100
+"""Roughly the most samples of each cell."""
+
+MAX_CELLS = 50
+"""Most cells that are compared; of more, some that are spread evenly."""
+
+
+def multiple_knots(probe: Probe) -> Outcome:
+    """A patch with repeated knots against the patch with these merged."""
+    if not probe.repetitions:
+        return not_applicable("no knot is repeated")
+    value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
+    return within_rounding(value, probe.distance_rounding, "largest distance from the patch of merged knots, of the extent")
+
+
+def toric_degeneration(probe: Probe) -> Outcome:
+    """The patch with its weights far along the lifting against the cells of the regular control curve or surface."""
+    patch = probe.patch
+    if patch.lifting is None:
+        return not_applicable("the patch has no lifting")
+    decomposition = regular_decomposition(patch.knots, patch.lifting)
+    limit = cells_of(patch, decomposition).patches
+    gaps = np.stack([decomposition.gaps(cell) for cell in range(len(limit))])
+    smallest = float(gaps.min(where=gaps > 0, initial=np.inf))
+    # With no gap the lifting is affine, and any power moves points along the patch.
+    exponent = 1.0 / max(float(np.ptp(patch.lifting)), np.finfo(float).tiny)
+    if np.isfinite(smallest):
+        exponent = min(FADED / smallest, LARGEST_LOG * exponent)
+        if exponent * smallest < ENOUGH:
+            return not_applicable("a knot is so near to its cell's plane that it does not fade within floats")
+    far = degenerate(patch, math.e, exponent * (patch.lifting - patch.lifting.max()))
+    p, expected = [], []
+    for index in np.unique(np.linspace(0, len(limit) - 1, min(len(limit), MAX_CELLS)).astype(np.int64)).tolist():
+        cell = limit[index]
+        finest = math.isqrt(2 * CELL_SAMPLES // cell_count(cell.domain, 1)) if cell.dimension == 2 else CELL_SAMPLES
+        places = triangulation(cell.domain, max(2, finest)).parameters
+        p.append(cell.domain.center + SHRUNK * (places - cell.domain.center))
+        there = LinearParametrization(cell.domain, cell.log_products).locations(p[-1])
+        expected.append(cell.points_at(there, len(places)))
+    places = np.concatenate(p)
+    there = LinearParametrization(far.domain, far.log_products).locations(places)
+    value = probe.distance(far.points_at(there, len(places)), np.concatenate(expected))
+    what = "curve" if patch.dimension == 1 else "surface"
+    power = f"x^λ, log x = {exponent:.3g}"
+    return at_most(value, CONVERGED, f"largest distance from the regular control {what} at {power}, of the extent")

@@ -1,0 +1,113 @@
+"""Reduction to classical rational Bézier patches, which are evaluated here by recurrence and never by exponentials."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.binomial import binomial_coefficients
+from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable
+from gtb_cli.domain import EPS
+from gtb_cli.errors import DomainError
+
+SAMPLES = 200
+"""Parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or cubic."""
+
+WORK = 2_000_000
+"""Numbers in a table of the recurrence."""
+
+
+def classical_bezier(probe: Probe) -> Outcome:
+    """The patch against the rational Bézier curve, triangle or tensor product patch on the same lattice."""
+    domain = probe.patch.domain
+    try:
+        binomials = binomial_coefficients(domain)
+    except DomainError as error:
+        return not_applicable(str(error).removeprefix("coefficients: binomial ").replace("needs", "it needs", 1))
+    factors = _factors(probe)
+    size = math.prod((degree + 1) ** len(steps) for degree, _, steps in factors)
+    stride = -(-len(probe.inside) // max(4, min(SAMPLES, WORK // size)))
+    s = probe.torus[:, ::stride]
+    values = np.ones((s.shape[1], len(domain.knots)))
+    off = 0.0
+    for degree, shares, steps in factors:
+        places = np.rint(degree * shares).astype(np.int64)
+        off = max(off, float(np.abs(degree * shares - places).max()))
+        values *= bernstein(degree, _barycentric(steps @ s))[(slice(None), *places.T[1:])]
+    with np.errstate(divide="ignore"):
+        logs = np.log(values) + probe.patch.log_products - np.log(binomials)
+    values = np.exp(logs - logs.max(axis=1, keepdims=True))
+    points = values @ probe.patch.control_points / values.sum(axis=1, keepdims=True)
+    value = probe.distance(points, probe.points[probe.inside[::stride]])
+    # The recurrence rounds once a degree, in the exponents where weights are taken in; knots that are off the lattice
+    # by a fraction of a step change exponents by that fraction.
+    degrees = sum(degree for degree, _, _ in factors)
+    largest = max(float(np.abs(steps @ s).max()) for _, _, steps in factors)
+    bound = probe.distance_rounding + 4 * EPS * degrees**2 + 2 * off * largest
+    kind = {2: "curve", 3: "triangle", 4: "tensor product patch"}[len(domain.vertices)]
+    degree = " × ".join(str(degree) for degree, _, _ in factors)
+    return within_rounding(value, bound, f"largest distance from the Bézier {kind} of degree {degree}, of the extent")
+
+
+def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
+    """Evaluate the Bernstein polynomials of a segment (e = 2) or triangle (e = 3).
+
+    Parameters
+    ----------
+    degree : int
+    barycentric : (e, m) float
+        Nonnegative with sum 1.
+
+    Returns
+    -------
+    (m, degree + 1) or (m, degree + 1, degree + 1) float
+        By the exponents of the second barycentric coordinate, or of the second and third.
+
+    Notes
+    -----
+    ``B^k_α = Σ_j λ_j B^{k−1}_{α − e_j}``, de Casteljau's recurrence: only products and sums of nonnegative numbers.
+    """
+    first, *others = barycentric
+    shape = (len(first), *(degree + 1 for _ in others))
+    column = (slice(None), *(None for _ in others))
+    values = np.zeros(shape)
+    values[(slice(None), *(0 for _ in others))] = 1.0
+    for _ in range(degree):
+        raised = first[column] * values
+        for axis, share in enumerate(others, 1):
+            shifted = np.roll(values, 1, axis=axis)
+            raised += share[column] * shifted
+        values = raised
+    return values
+
+
+def _factors(probe: Probe) -> list[tuple[int, FloatArray, FloatArray]]:
+    """For each direction of a lattice: degree, (n, e) barycentric shares of the knots, (e − 1, d) lattice steps.
+
+    A curve and a triangle have one direction, a parallelogram two.
+    """
+    domain = probe.patch.domain
+    shares = domain.heights / domain.heights.max(axis=0)
+    v = domain.vertices
+    counts: IntArray = domain.incidence.sum(axis=0)
+    if len(v) == 2:
+        degree = len(domain.knots) - 1
+        # The edge function of an end vanishes there: it is the share of the other end.
+        return [(degree, shares[:, [1, 0]], (v[1:] - v[0]) / degree)]
+    if len(v) == 3:
+        degree = int(counts[0]) - 1
+        return [(degree, shares[:, [1, 2, 0]], (v[1:] - v[0]) / degree)]
+    along, across = int(counts[0]) - 1, int(counts[1]) - 1
+    return [
+        (along, shares[:, [1, 3]], (v[1] - v[0])[None] / along),
+        (across, shares[:, [2, 0]], (v[3] - v[0])[None] / across),
+    ]
+
+
+def _barycentric(logs: FloatArray) -> FloatArray:
+    """(e, m) shares in proportion 1 : exp(logs[0]) : …, of (e − 1, m) logarithms."""
+    whole = np.concatenate([np.zeros((1, logs.shape[1])), logs])
+    shares = np.exp(whole - whole.max(axis=0))
+    return np.asarray(shares / shares.sum(axis=0))

@@ -1,0 +1,222 @@
+"""What checks measure with: outcomes, sample parameters of a patch, and how far rounding may reach on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.basis import Location, torus_coordinates
+from gtb_cli.domain import EPS
+from gtb_cli.limits import merge_knots
+from gtb_cli.moment import LinearParametrization
+from gtb_cli.patch import Patch
+from gtb_cli.triangulation import cell_count, triangulation
+
+Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
+
+ROUNDINGS = 64
+"""Roundings of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient."""
+
+EXPONENT_ROUNDINGS = 8
+"""Roundings of an exponent, each of the size of its terms: a logarithm and two short sums of products."""
+
+VACUOUS = 0.01
+"""A bound of rounding above this fraction of sizes shows nothing."""
+
+MAX_SAMPLES = 1500
+"""Roughly the most parameters at which a patch is sampled."""
+
+MAX_VALUES = 1_000_000
+"""Most values of the basis in one table: large patches are sampled at fewer parameters."""
+
+FINEST = 16
+"""Segments of each hull edge of a surface that is sampled; a curve has `CURVE_SEGMENTS`."""
+
+CURVE_SEGMENTS = 128
+
+NEAR_BOUNDARY = (2.0**-8, 2.0**-16, 2.0**-30)
+"""Fractions of the way to the middle of Δ at which further samples lie: there the basis is steepest."""
+
+FEWEST = 16
+"""Sample parameters of the largest patches."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a check found.
+
+    Attributes
+    ----------
+    status : {"holds", "fails", "not applicable", "measured"}
+        "measured" where the number is no verdict.
+    value : float or None
+        The largest violation that was measured, or the number.
+    bound : float or None
+        The largest value with which the property holds: what rounding may do.
+    reason : str
+        What was measured, or the condition that the patch does not fulfil.
+    """
+
+    status: Status
+    value: float | None
+    bound: float | None
+    reason: str
+
+
+def at_most(value: float, bound: float, reason: str) -> Outcome:
+    """A property holds if its largest violation is within a bound; a NaN is not."""
+    return Outcome("holds" if value <= bound else "fails", value, bound, reason)
+
+
+def within_rounding(value: float, bound: float, reason: str) -> Outcome:
+    """A property holds if its largest violation, as a fraction of sizes, is within what rounding may do.
+
+    Where rounding may do anything, nothing can be told.
+    """
+    if value <= bound and bound > VACUOUS:
+        return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
+    return at_most(value, bound, reason)
+
+
+def number(value: float | None, reason: str) -> Outcome:
+    """A measurement without a verdict."""
+    return Outcome("measured", value, None, reason)
+
+
+def not_applicable(condition: str) -> Outcome:
+    """A property that is not claimed for this patch."""
+    return Outcome("not applicable", None, None, condition)
+
+
+Measure: TypeAlias = "Callable[[Probe], Outcome]"
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """A patch with sample parameters and values that several checks need.
+
+    Parameters
+    ----------
+    patch : Patch
+        What is checked; checks ask it for points and values of the basis, and never compute them themselves.
+    """
+
+    patch: Patch
+
+    @cached_property
+    def u(self) -> FloatArray:
+        """(m, d) parameters: a uniform triangulation with its boundary and corners, and points near the boundary."""
+        domain = self.patch.domain
+        most = max(FEWEST, min(MAX_SAMPLES, MAX_VALUES // len(domain.knots)))
+        if domain.dimension == 1:
+            uniform = triangulation(domain, min(CURVE_SEGMENTS, most)).parameters
+        else:
+            finest = math.isqrt(2 * most // cell_count(domain, 1))
+            uniform = triangulation(domain, max(2, min(FINEST, finest))).parameters
+        heights = domain.heights_of_columns(uniform)
+        outer = uniform[(heights == 0).any(axis=0)]
+        near = [outer + fraction * (domain.center - outer) for fraction in NEAR_BOUNDARY]
+        return np.concatenate([uniform, *near])[: 4 * most]
+
+    @cached_property
+    def heights(self) -> FloatArray:
+        """(r, m) edge functions at `u`."""
+        return self.patch.domain.heights_of_columns(self.u)
+
+    @cached_property
+    def inside(self) -> IntArray:
+        """Indices of the parameters inside Δ."""
+        return np.flatnonzero((self.heights > 0).all(axis=0))
+
+    @cached_property
+    def torus(self) -> FloatArray:
+        """(d, k) torus coordinates of the parameters inside Δ."""
+        return torus_coordinates(self.patch.domain, self.heights[:, self.inside])
+
+    @cached_property
+    def basis(self) -> FloatArray:
+        """(m, n) the rational basis at `u`."""
+        return self.patch.basis(self.u)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """(m, 3) points at `u`."""
+        return self.patch.evaluate(self.u)
+
+    @cached_property
+    def extent(self) -> float:
+        """Largest extent of the control points along an axis, in which distances are measured; 1 where it is 0."""
+        return float(np.ptp(self.patch.control_points, axis=0).max()) or 1.0
+
+    @cached_property
+    def largest(self) -> float:
+        """Largest coordinate of a control point, as a multiple of `extent`, and at least 1."""
+        return max(1.0, float(np.abs(self.patch.control_points).max()) / self.extent)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Relative error of a value of the basis: roundings of exponents, which grow with their size.
+
+        The exponents are Σ_j h_j(a_i) log h_j(u) + log(c_i ω_i). The knots are taken at their word, but products with
+        knots far from the origin are as uncertain as these are.
+        """
+        domain = self.patch.domain
+        logs = np.abs(np.log(np.where(self.heights > 0, self.heights, 1.0)))
+        reach = float((domain.heights.max(axis=0) @ logs).max()) + float(np.abs(self.patch.log_products).max())
+        shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
+        return EPS * (EXPONENT_ROUNDINGS * reach * shift + ROUNDINGS + len(domain.knots))
+
+    @cached_property
+    def distance_rounding(self) -> float:
+        """Error of a point as a fraction of `extent`: of the basis, and of sums of control points."""
+        return self.rounding + EPS * (ROUNDINGS + len(self.patch.knots)) * self.largest
+
+    def distance(self, first: FloatArray, second: FloatArray) -> float:
+        """Return the largest distance of (m, 3) points from others, as a fraction of `extent`; 0 of none."""
+        return float(np.sqrt((((first - second) / self.extent) ** 2).sum(axis=1)).max(initial=0.0))
+
+    @cached_property
+    def linear(self) -> LinearParametrization:
+        """The linear parametrisation of the patch."""
+        return LinearParametrization(self.patch.domain, self.patch.log_products)
+
+    @cached_property
+    def merged(self) -> Patch:
+        """The patch with its repeated knots merged; where there are none, the patch."""
+        moves = self.repetitions
+        return merge_knots(self.patch, moves) if moves else self.patch
+
+    @cached_property
+    def repetitions(self) -> dict[int, int]:
+        """Each knot that is the same as an earlier one, and that one."""
+        _, first, group = np.unique(self.patch.knots, axis=0, return_index=True, return_inverse=True)
+        lowest = first[group.ravel()]
+        return {int(k): int(lowest[k]) for k in np.flatnonzero(lowest != np.arange(len(lowest)))}
+
+
+def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
+    """(m, 3) points of a patch at (d, m) torus coordinates."""
+    count = s.shape[1]
+    shape = patch.domain
+    where = Location(slice(0, count), 0, shape.knots - shape.center, s, np.ones((len(shape.vertices), count)))
+    return patch.points_at([where], count)
+
+
+def evenly(count: int, dimension: int) -> FloatArray:
+    """(count, dimension) points spread evenly over the unit cube, always the same ones.
+
+    Notes
+    -----
+    The additive recurrence with powers of the root of x^(d + 1) = x + 1, a golden ratio for each dimension.
+    """
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / (dimension + 1))
+    steps = root ** -np.arange(1.0, dimension + 1)
+    return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)

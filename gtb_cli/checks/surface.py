@@ -1,0 +1,72 @@
+"""Properties of surfaces: their boundary and their isoparametric curves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.basis import torus_coordinates
+from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable, points_at_torus
+from gtb_cli.patch import Patch
+
+ON_EDGE = 15
+"""Parameters inside each edge."""
+
+MAX_EDGES = 64
+"""Most edges that are looked at; of more, some that are spread evenly."""
+
+ISOLINES = (0.125, 0.5, 0.8)
+"""Places of isoparametric curves, as fractions of the rectangle."""
+
+ON_ISOLINE = 17
+
+
+def boundaries(probe: Probe) -> Outcome:
+    """Knots off an edge vanish on it, and the surface is the curve of the knots on it, at the edge's own parameter."""
+    patch, domain = probe.patch, probe.patch.domain
+    r = len(domain.vertices)
+    worst = 0.0
+    edges = np.unique(np.linspace(0, r - 1, min(r, MAX_EDGES)).astype(np.int64)).tolist()
+    fractions = np.arange(1, ON_EDGE + 1)[:, None] / (ON_EDGE + 1)
+    for edge in edges:
+        start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
+        u = start + fractions * (end - start)
+        worst = max(worst, float(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]]).max(initial=0.0)))
+        heights = domain.heights_of_columns(u, 0, np.full(len(u), 1 + edge))
+        heights[edge] = 1.0
+        sigma = (domain.direction(edge) @ torus_coordinates(domain, heights))[None]
+        curve = patch.boundary(edge)
+        worst = max(worst, probe.distance(patch.evaluate(u), points_at_torus(curve, sigma)))
+        ends = curve.evaluate(curve.domain.vertices)
+        worst = max(worst, probe.distance(patch.evaluate(np.stack([start, end])), ends))
+    reason = "largest distance of an edge from the curve of its knots, or value of another knot's T there"
+    return within_rounding(worst, 2 * probe.distance_rounding, reason)
+
+
+def isoparametric_curves(probe: Probe) -> Outcome:
+    """On a rectangle, P(u*, v) is the curve of the knots' other coordinates with weights c ω exp(u_i θ(u*))."""
+    domain = probe.patch.domain
+    if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():
+        return not_applicable("the domain is no rectangle along the axes: other isolines are no GT-Bézier curves")
+    worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINES)
+    reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
+    return within_rounding(worst, 4 * probe.distance_rounding, reason)
+
+
+def _isoline_distance(probe: Probe, axis: int, fraction: float) -> float:
+    """Distance between the isoline of one coordinate and its curve."""
+    patch, domain = probe.patch, probe.patch.domain
+    low, high = domain.vertices.min(axis=0), domain.vertices.max(axis=0)
+    place = low + fraction * (high - low)
+    theta = torus_coordinates(domain, domain.heights_of_columns(place[None]))[axis, 0]
+    # Knots are measured from the middle, so that the logarithms stay small.
+    logs = patch.log_products + (patch.knots[:, axis] - domain.center[axis]) * theta
+    # Edges 0 … 3 are bottom, right, top, left.
+    ends = domain.normal_lengths[[0, 2] if axis == 0 else [3, 1]]
+    other = 1 - axis
+    curve = Patch(patch.knots[:, other], patch.control_points, log_weights=logs, edge_scale=ends)
+    v = np.linspace(low[other], high[other], ON_ISOLINE)
+    v[-1] = high[other]
+    u: FloatArray = np.empty((ON_ISOLINE, 2))
+    u[:, axis], u[:, other] = place[axis], v
+    return probe.distance(patch.evaluate(u), curve.evaluate(v))

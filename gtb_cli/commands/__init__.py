@@ -1,0 +1,1 @@
+"""The commands of `gtb`, one module each: load, compute, write. They are imported when they are called."""

@@ -1,0 +1,192 @@
+"""`gtb eval`: parameters → points, or values of the basis."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from itertools import chain
+from typing import IO, TYPE_CHECKING, NoReturn
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, opened, read_spec, shown_input, write_blocks
+from gtb_cli.commands.options import (
+    console_option,
+    json_option,
+    output_option,
+    parametrization_option,
+    spec_argument,
+    spec_format_option,
+)
+from gtb_cli.errors import DomainError, GtbError, SpecError
+
+if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
+    from gtb_cli.patch import Patch
+
+LINES = 8192
+"""Lines that are evaluated together: always the same, however a pipe cuts them, and so are the last digits."""
+
+CHUNK = 1 << 20
+"""Bytes read at a time."""
+
+MAX_LINE = 10_000
+"""Longest line, in bytes."""
+
+
+@click.command("eval")
+@spec_argument
+@click.argument("params", metavar="[PARAMS]", default=STANDARD)
+@click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
+@parametrization_option
+@json_option
+@output_option
+@spec_format_option
+@console_option
+def evaluate(
+    spec: str,
+    params: str,
+    basis: bool,
+    parametrization: str | None,
+    as_json: bool,
+    output: str,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: echo 0.5 1.5 | gtb eval specs/pentagon.toml
+
+    Evaluate points, or the basis, at given parameters.
+
+    PARAMS is a file, or standard input: on each line one parameter, "t" for a curve and "u v" for a surface,
+    separated by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each gives one line, with the
+    shortest digits that read back exactly. With --json: {"points": [...], "parameters": [...]}, or "basis".
+    """
+    if spec == params == STANDARD:
+        raise click.UsageError("spec and parameters cannot both be standard input")
+    from gtb_cli.patch import Model
+
+    loaded = read_spec(spec, spec_format)
+    if isinstance(loaded, Model):
+        raise SpecError(f"{shown_input(spec)}: is a model of {len(loaded.patches)} patches, and eval is for one")
+    values = _values(loaded, parametrization == "linear", basis)
+    batches = _batches(loaded, params, values)
+    write_blocks(output, _json(batches, "basis" if basis else "points") if as_json else map(_rows, batches))
+
+
+def _values(patch: Patch, linear: bool, basis: bool) -> Callable[[FloatArray], FloatArray]:
+    """Return what is evaluated, as a function of (m, d) parameters."""
+    from gtb_cli.basis import rational_basis, toric_locations
+    from gtb_cli.moment import LinearParametrization
+
+    locate = LinearParametrization(patch.domain, patch.log_products).locations
+
+    def values(u: FloatArray) -> FloatArray:
+        where = locate(u) if linear else toric_locations(patch.domain, u)
+        if basis:
+            return rational_basis(patch.domain, patch.log_products, where, len(u))
+        return patch.points_at(where, len(u))
+
+    return values
+
+
+def _batches(
+    patch: Patch, params: str, values: Callable[[FloatArray], FloatArray]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield parameters and values, some thousand lines at a time."""
+    import numpy as np
+
+    source = shown_input(params)
+    d = patch.dimension
+    with opened(params) as file:
+        for first, lines in _lines(file, source):
+            plain = [line.partition(b"#")[0].replace(b",", b" ") for line in lines]
+            fields = [line.split() for line in plain]
+            counts = set(map(len, fields))
+            if not counts <= {0, d}:
+                _refuse(source, first, lines, fields, d)
+            try:
+                numbers = list(map(float, chain.from_iterable(fields)))
+            except ValueError:
+                _refuse(source, first, lines, fields, d)
+            if not numbers:
+                continue
+            u = np.array(numbers).reshape(-1, d)
+            try:
+                result = values(u)
+            except DomainError as error:
+                raise _located(error, source, first, fields) from None
+            yield u, result
+
+
+def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the number of the first line, from 1, and some lines; on a terminal each line at once."""
+    first, lines, rest = 1, [], b""
+    each = 1 if file.isatty() else LINES
+    read = file.readline if file.isatty() else file.read
+    while chunk := read(CHUNK):
+        pieces = (rest + chunk).split(b"\n")
+        rest = pieces.pop()
+        lines += pieces
+        if len(rest) > MAX_LINE:
+            raise SpecError(f"{source}:{first + len(lines)}: a line of more than {MAX_LINE} characters")
+        while len(lines) >= each:
+            yield first, lines[:each]
+            first, lines = first + each, lines[each:]
+    yield first, [*lines, rest]
+
+
+def _refuse(source: str, first: int, lines: list[bytes], fields: list[list[bytes]], d: int) -> NoReturn:
+    """Say which line is wrong."""
+    for number, (line, words) in enumerate(zip(lines, fields, strict=True), first):
+        for word in words:
+            try:
+                float(word)
+            except ValueError:
+                raise SpecError(f"{source}:{number}: {_shown(word)} is not a number") from None
+        if words and len(words) != d:
+            expected = "one number, t" if d == 1 else "two numbers, u v"
+            raise SpecError(f"{source}:{number}: expected {expected}, got {_shown(line)}")
+    raise AssertionError("no line is wrong")
+
+
+def _shown(text: bytes) -> str:
+    shown = text.strip().decode("utf-8", "backslashreplace")
+    return repr(shown if len(shown) <= 60 else f"{shown[:60]}…")
+
+
+def _located(error: DomainError, source: str, first: int, fields: list[list[bytes]]) -> GtbError:
+    """Turn the index of a parameter, with which a message begins, into the number of its line."""
+    match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)
+    if match is None:
+        return DomainError(f"{source}: {error}")
+    numbers = [number for number, words in enumerate(fields, first) if words]
+    return DomainError(f"{source}:{numbers[int(match[1])]}: {match[2]}")
+
+
+def _rows(batch: tuple[FloatArray, FloatArray]) -> bytes:
+    _, values = batch
+    line = " ".join(["%r"] * values.shape[1]) + "\n"
+    return (line * len(values) % tuple(values.ravel().tolist())).encode("ascii")
+
+
+def _json(batches: Iterator[tuple[FloatArray, FloatArray]], key: str) -> Iterator[bytes]:
+    """Yield the text of a JSON object, a line for each point."""
+    parameters = []
+    yield f'{{"{key}": ['.encode("ascii")
+    separator = "\n"
+    for u, values in batches:
+        parameters.append(u)
+        yield (separator + _json_rows(values)).encode("ascii")
+        separator = ",\n"
+    yield b'\n], "parameters": ['
+    separator = "\n"
+    for u in parameters:
+        yield (separator + _json_rows(u)).encode("ascii")
+        separator = ",\n"
+    yield b"\n]}\n"
+
+
+def _json_rows(values: FloatArray) -> str:
+    row = "[" + ", ".join(["%r"] * values.shape[1]) + "]"
+    return ",\n".join([row] * len(values)) % tuple(values.ravel().tolist())

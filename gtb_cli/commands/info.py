@@ -1,0 +1,102 @@
+"""`gtb info`: what a spec describes."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gtb_cli.commands.console import Console, read_spec, write_text
+from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
+
+if TYPE_CHECKING:
+    from gtb_cli.patch import Patch
+
+
+@click.command
+@spec_argument
+@json_option
+@output_option
+@spec_format_option
+@console_option
+def info(spec: str, as_json: bool, output: str, spec_format: str | None, console: Console) -> None:
+    """\b
+    Example: gtb info specs/pentagon.toml
+
+    Say what a spec describes.
+
+    Its kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any), knots and
+    edges by index from 0, the bounding box of the control points, and how far the parametrisation is from linear.
+    """
+    from gtb_cli.patch import Model
+
+    loaded = read_spec(spec, spec_format)
+    if isinstance(loaded, Model):
+        patches = [_report(patch) for patch in loaded.patches]
+        found: dict[str, Any] = {
+            "name": loaded.name,
+            "kind": "model",
+            "dimension": patches[0]["dimension"],
+            "bounding_box": _union([patch["bounding_box"] for patch in patches]),
+            "patches": patches,
+        }
+    else:
+        found = _report(loaded)
+    write_text(output, json.dumps(found) + "\n" if as_json else _text(found))
+
+
+def _report(patch: Patch) -> dict[str, Any]:
+    from gtb_cli.description import description
+
+    found = description(patch)
+    return {
+        "name": patch.name,
+        "kind": found.kind,
+        "degree": list(found.degree) or None,
+        "dimension": patch.dimension,
+        "knots": len(patch.knots),
+        "hull_vertices": patch.domain.vertices.tolist(),
+        "edges": [list(edge) for edge in found.edges],
+        "edge_normals": found.edge_normals,
+        "repeated_knots": [list(group) for group in found.repeated_knots],
+        "bounding_box": found.bounding_box.tolist(),
+        "linear_precision_error": found.linear_precision_error,
+    }
+
+
+def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
+    lows, highs = zip(*boxes, strict=True)
+    return [[min(column) for column in zip(*lows, strict=True)], [max(column) for column in zip(*highs, strict=True)]]
+
+
+def _text(found: dict[str, Any], indent: str = "") -> str:
+    """Write a report as a table of two columns."""
+    degree = found.get("degree")
+    kind = found["kind"]
+    if degree:
+        kind += " of degree " + " × ".join(map(str, degree))
+    lines = [("name", found["name"] or "(none)"), ("kind", kind)]
+    if "patches" in found:
+        lines.append(("patches", str(len(found["patches"]))))
+    else:
+        error = found["linear_precision_error"]
+        corners, edges = found["hull_vertices"], found["edges"]
+        what = "edge" if found["dimension"] == 2 else "end"
+        lines += [
+            ("dimension", str(found["dimension"])),
+            ("knots", str(found["knots"])),
+            ("repeated knots", "; ".join(_row(group) for group in found["repeated_knots"]) or "none"),
+            ("hull vertices", "; ".join(_row(corner) for corner in corners)),
+            *((f"knots of {what} {index}", _row(edge)) for index, edge in enumerate(edges)),
+        ]
+        if found["edge_normals"]:
+            lines.append(("edge normals", found["edge_normals"]))
+        lines.append(("linear precision", f"off by up to {error:.3g}"))
+    lines += [("lowest", _row(found["bounding_box"][0])), ("highest", _row(found["bounding_box"][1]))]
+    text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
+    return text + "".join("\n" + _text(patch, indent + "  ") for patch in found.get("patches", ()))
+
+
+def _row(values: list[float]) -> str:
+    return " ".join(repr(int(x)) if float(x).is_integer() and abs(x) < 1e15 else repr(x) for x in values)

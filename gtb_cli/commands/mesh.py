@@ -1,0 +1,172 @@
+"""`gtb mesh`: specs → mesh files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Generator, Iterable
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, NamedTuple
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input
+from gtb_cli.commands.meshing import (
+    FORMATS,
+    MeshOptions,
+    about,
+    expected_bytes,
+    file_stem,
+    is_folder,
+    report,
+    summary,
+)
+from gtb_cli.commands.options import console_option, mesh_options, output_option, spec_format_option
+from gtb_cli.commands.processes import MAX_JOBS, in_processes
+from gtb_cli.errors import GtbError
+
+if TYPE_CHECKING:
+    from gtb_cli.patch import Model, Patch
+
+
+@click.command
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@output_option
+@mesh_options
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(1, MAX_JOBS),
+    metavar="JOBS",
+    default=1,
+    help="Processes that share the work on several specs. The files are the same with any number.",
+)
+@spec_format_option
+@console_option
+def mesh(
+    specs: tuple[str, ...],
+    output: str,
+    options: MeshOptions,
+    jobs: int,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb mesh specs/pentagon.toml -o pentagon.obj
+
+    Turn curves, patches and models into meshes.
+
+    A curve becomes a polyline. Of several specs, OUT is a folder, made if missing, and each file in it is named after
+    its spec file. A spec with an error is reported and left out, and the exit status is 2.
+    """
+    if specs.count(STANDARD) > 1:
+        raise click.UsageError("standard input can be read once only")
+    into_folder = is_folder(output)
+    if len(specs) > 1 and not into_folder:
+        if output == STANDARD:
+            raise click.UsageError(f"{len(specs)} specs need a folder for their meshes: -o FOLDER")
+        if os.path.splitext(output)[1][1:].lower() in FORMATS:
+            raise click.UsageError(f"{len(specs)} specs need a folder for their meshes, and {output} names a file")
+        into_folder = True
+    if not into_folder and specs[0] != STANDARD and os.path.exists(output) and os.path.samefile(specs[0], output):
+        raise click.UsageError(f"{output} is the spec, and would be overwritten")
+    if into_folder:
+        _write_folder(specs, spec_format, output, options, jobs, console)
+    else:
+        options.write(read_spec(specs[0], spec_format), shown_input(specs[0]), output, console)
+
+
+def _write_folder(
+    specs: tuple[str, ...], spec_format: str | None, folder: str, options: MeshOptions, jobs: int, console: Console
+) -> None:
+    """Write one mesh for each spec; what is wrong with some of them is raised when the others are written."""
+    from gtb_cli.files import StagedFiles
+
+    kind = options.format_for(os.path.join(folder, ""))
+    tasks: list[Task] = []
+    errors: list[GtbError] = []
+    for path in specs:
+        try:
+            spec = read_spec(path, spec_format)
+            with about(shown_input(path)):
+                options.check_size(spec)
+            tasks.append(Task(spec, path, options, kind))
+        except GtbError as error:
+            errors.append(error)
+    if not tasks:
+        raise _joined(errors)
+    names = _file_names(tasks)
+    jobs = min(jobs, len(tasks))
+    reports = []
+    with ExitStack() as stack:
+        files = stack.enter_context(StagedFiles(folder))
+        encoded: Generator[Encoded | GtbError] = (_encoded(task) for task in tasks)
+        if jobs > 1:
+            encoded = in_processes(_encoded_whole, tasks, jobs)
+        stack.enter_context(closing(encoded))
+        sizes = [options.faces(task.spec) for task in tasks]
+        progress = stack.enter_context(console.progress(2 * sum(sizes)))
+        for name, task, faces in zip(names, tasks, sizes, strict=True):
+            progress.label = task.path
+            result = next(encoded)
+            progress.advance(faces)
+            if isinstance(result, GtbError):
+                errors.append(result)
+                continue
+            files.add(name, progress.over(result.blocks, faces, result.expected_bytes))
+            reports.append((os.path.join(folder, name), result.size, result.warnings))
+        if not reports:  # then a folder made for them goes, too
+            raise _joined(errors)
+    for output, size, warnings in reports:
+        report(console, output, size, warnings)
+    if errors:
+        raise _joined(errors)
+
+
+def _joined(errors: list[GtbError]) -> GtbError:
+    return GtbError("\n".join(map(str, errors)))
+
+
+class Task(NamedTuple):
+    """A mesh to make."""
+
+    spec: Patch | Model
+    path: str
+    options: MeshOptions
+    kind: str
+
+
+class Encoded(NamedTuple):
+    """A mesh file that is not written yet."""
+
+    blocks: Iterable[bytes]
+    size: str
+    warnings: list[str]
+    expected_bytes: float
+
+
+def _encoded(task: Task) -> Encoded | GtbError:
+    spec, path, options, kind = task
+    try:
+        with about(shown_input(path)):
+            mesh = options.mesh(spec)
+            blocks = options.encoded(mesh, kind)
+    except GtbError as error:
+        return error
+    return Encoded(blocks, summary(mesh), options.warnings(mesh, kind), expected_bytes(mesh))
+
+
+def _encoded_whole(task: Task) -> Encoded | GtbError:
+    encoded = _encoded(task)
+    return encoded if isinstance(encoded, GtbError) else encoded._replace(blocks=[b"".join(encoded.blocks)])
+
+
+def _file_names(tasks: list[Task]) -> list[str]:
+    """Name the files after the spec files; what comes from standard input, after the spec's own name."""
+    sources: dict[str, str] = {}
+    for spec, path, _, kind in tasks:
+        stem = spec.name if path == STANDARD else os.path.splitext(os.path.basename(path))[0]
+        name = f"{file_stem(stem)}.{kind}"
+        if name in sources:
+            raise click.UsageError(f"{sources[name]} and {path} would both be written to {name}")
+        sources[name] = path
+    return list(sources)

@@ -1,0 +1,208 @@
+"""What the mesh options of a command mean: which mesh is made, in which format, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_blocks
+from gtb_cli.errors import ExportError, GtbError, ToleranceError
+
+if TYPE_CHECKING:
+    from gtb_cli.complex import Parametrization
+    from gtb_cli.mesh import Mesh
+    from gtb_cli.patch import Model, Patch
+
+FORMATS = ("obj", "ply", "stl", "glb")
+"""As `gtb_cli.export.FORMATS`, which costs an import of numpy."""
+
+RESOLUTION = 32
+MAX_FACES = 5_000_000
+
+BYTES_PER_FACE = 230
+"""Memory for a large mesh: measured, 1.17 GB for five million faces."""
+
+BOUNDS_RESOLUTION = 16
+"""Segments of each edge of the mesh whose bounding box a percentage is of."""
+
+UNSAFE = '/\\:*?"<>|'
+"""Characters that some file system does not take in a name."""
+
+MAX_STEM = 200
+"""Longest stem of a file name, in bytes: with a suffix every file system takes it."""
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """How to make a mesh, and in which format to write it.
+
+    Attributes
+    ----------
+    resolution : int
+        Segments of each hull edge.
+    tolerance : float, str or None
+        Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal; where
+        it is given, `resolution` does not count.
+    parametrization : "toric", "linear" or None
+        None: the one that suits.
+    format : str or None
+        None: what the name of the output says.
+    normals, uv, ascii : bool
+    max_faces : int
+        More are refused.
+    """
+
+    resolution: int = RESOLUTION
+    tolerance: float | str | None = None
+    parametrization: Parametrization | None = None
+    format: str | None = None
+    normals: bool = False
+    uv: bool = False
+    ascii: bool = False
+    max_faces: int = MAX_FACES
+
+    def mesh(self, spec: Patch | Model) -> Mesh:
+        """Make the mesh of a spec."""
+        from gtb_cli.tessellation import tessellate
+
+        tolerance = self.tolerance
+        if isinstance(tolerance, str):
+            low, high = tessellate(spec, BOUNDS_RESOLUTION).bounds
+            tolerance = float(tolerance.removesuffix("%")) / 100 * math.dist(low, high)
+        return tessellate(spec, self.resolution, tolerance, self.parametrization, max_faces=self.max_faces)
+
+    def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
+        """Bytes of a mesh in a format, block by block."""
+        from gtb_cli.export import encode_mesh
+
+        return encode_mesh(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
+
+    def warnings(self, mesh: Mesh, kind: str) -> list[str]:
+        """What the user should know of such a file."""
+        from gtb_cli.export import warnings_for
+
+        return warnings_for(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
+
+    def format_for(self, output: str) -> str:
+        """Format for an output: what -f says, or the suffix of a file; OBJ for a folder or a stream.
+
+        Raises
+        ------
+        ExportError
+            The suffix is not that of a format, or the output is a terminal and the format binary.
+        """
+        kind = self.format
+        if kind is None:
+            kind = os.path.splitext(output)[1][1:].lower()
+            if kind not in FORMATS:
+                if output != STANDARD and not is_folder(output) and not is_device(output):
+                    known = ", ".join(f".{name}" for name in FORMATS)
+                    raise ExportError(f"cannot tell the format of {output}: it does not end in {known}; -f FORMAT says")
+                kind = "obj"
+        if is_terminal(output) and (kind == "glb" or (kind in ("ply", "stl") and not self.ascii)):
+            way_out = "-o FILE" if kind == "glb" else "-o FILE or --ascii"
+            raise ExportError(f"{kind.upper()} is binary, and standard output a terminal: give {way_out}")
+        return kind
+
+    def faces(self, spec: Patch | Model) -> int:
+        """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
+        from gtb_cli.patch import Model
+        from gtb_cli.triangulation import cell_count
+
+        patches = spec.patches if isinstance(spec, Model) else (spec,)
+        return sum(cell_count(patch.domain, self.resolution) for patch in patches)
+
+    def check_size(self, spec: Patch | Model) -> None:
+        """Refuse more faces than are allowed.
+
+        Raises
+        ------
+        ToleranceError
+            With the number of faces, before anything is made.
+        """
+        if self.tolerance is not None:
+            return
+        faces = self.faces(spec)
+        estimate = f"-n {self.resolution} makes {faces} faces"
+        if faces > self.max_faces:
+            raise ToleranceError(
+                f"{estimate}, more than {self.max_faces}: take a smaller -n, or allow them with --max-faces {faces}"
+            )
+        needed, there = faces * BYTES_PER_FACE, physical_memory()
+        if needed > there:
+            raise ToleranceError(
+                f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
+                "take a smaller -n"
+            )
+
+    def write(self, spec: Patch | Model, source: str, output: str, console: Console) -> None:
+        """Make the mesh of a spec, which was read from `source`, and write it to a file or to standard output."""
+        kind = self.format_for(output)
+        faces = self.faces(spec)
+        with console.progress(2 * faces) as progress:
+            progress.label = source
+            with about(source):
+                self.check_size(spec)
+                mesh = self.mesh(spec)
+                blocks = self.encoded(mesh, kind)
+            progress.advance(faces)
+            write_blocks(output, progress.over(blocks, faces, expected_bytes(mesh)))
+        report(console, output, summary(mesh), self.warnings(mesh, kind))
+
+
+@contextmanager
+def about(source: str) -> Iterator[None]:
+    """Name the spec in errors that are about what it describes."""
+    try:
+        yield
+    except GtbError as error:
+        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
+
+
+def summary(mesh: Mesh) -> str:
+    """Size of a mesh, for messages."""
+    return f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
+
+
+def expected_bytes(mesh: Mesh) -> float:
+    """Roughly the size of a file, for progress."""
+    return 60.0 * max(len(mesh.cells), 1)
+
+
+def report(console: Console, output: str, size: str, warnings: Iterable[str]) -> None:
+    """Say what was written to a file, and what was unusual."""
+    prefix = "" if output == STANDARD else f"{output}: "
+    for warning in warnings:
+        console.warn(f"{prefix}{warning}")
+    if output != STANDARD:
+        console.note(f"{prefix}{size}")
+
+
+def physical_memory() -> float:
+    """Bytes of memory that the machine has, or infinity where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf
+
+
+def is_folder(output: str) -> bool:
+    """Whether the name of an output means a folder."""
+    return os.path.isdir(output) or output.endswith(("/", os.sep))
+
+
+def is_device(output: str) -> bool:
+    """Whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
+    return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
+
+
+def file_stem(name: str | None) -> str:
+    """Turn any name into that of a file, without suffix: one that stays in its folder and is not hidden."""
+    kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
+    if kept.startswith((".", "-")):
+        kept = "_" + kept[1:]
+    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore") or "patch"

@@ -1,0 +1,147 @@
+"""Options and arguments that several commands share."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.meshing import FORMATS, MAX_FACES, RESOLUTION, MeshOptions
+from gtb_cli.errors import SpecError
+
+if TYPE_CHECKING:
+    from gtb_cli.complex import Parametrization
+
+Function: TypeAlias = Callable[..., object]
+
+MAX_RESOLUTION = 10**8
+"""Its square still is a 64-bit number."""
+
+
+def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """Read a positive number as a float; leave a percentage as it is."""
+    if value is None:
+        return None
+    text = value.strip()
+    try:
+        number = float(text.removesuffix("%"))
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise click.BadParameter(f"{value!r} is no positive number or percentage, such as 0.01 or 1%", ctx, param)
+    return text if text.endswith("%") else number
+
+
+def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Read numbers, or number expressions as in a spec, separated by commas."""
+    if value is None:
+        return None
+    from gtb_cli.expression import evaluate_expression
+
+    try:
+        return tuple(evaluate_expression(part.strip()) for part in value.split(","))
+    except SpecError as error:
+        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+
+
+spec_argument = click.argument("spec", metavar="SPEC")
+
+spec_format_option = click.option(
+    "--spec-format",
+    type=click.Choice(["toml", "json"]),
+    help="Read specs as this. Without it the suffix says, or the first character.",
+)
+
+output_option = click.option(
+    "-o",
+    "--output",
+    metavar="OUT",
+    default=STANDARD,
+    help="Write to this file. Without it, or with -, to standard output.",
+)
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+parametrization_option = click.option(
+    "--parametrization",
+    type=click.Choice(["toric", "linear"]),
+    help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear).",
+)
+
+lifting_option = click.option(
+    "--lifting",
+    callback=numbers_of,
+    metavar="L,…",
+    help="A lifting value for each knot, in place of the spec's. Expressions such as 4*sqrt(2) may be used.",
+)
+
+
+def console_option(function: Function) -> Function:
+    """Add ``-q/--quiet``; the command gets a `console`."""
+
+    @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+    @functools.wraps(function)
+    def command(*args: Any, quiet: bool, **values: Any) -> object:
+        return function(*args, console=Console(quiet), **values)
+
+    return command
+
+
+def mesh_options(function: Function) -> Function:
+    """Add the options of a mesh; the command gets them as `options`, a `MeshOptions`."""
+
+    @click.option(
+        "-n",
+        "--resolution",
+        type=click.IntRange(1, MAX_RESOLUTION),
+        metavar="N",
+        help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
+    )
+    @click.option(
+        "--tolerance",
+        callback=tolerance_of,
+        metavar="T",
+        help="In place of -n: the largest distance between mesh and surface, in model units, or as 1% of the size.",
+    )
+    @parametrization_option
+    @click.option(
+        "-f",
+        "--format",
+        type=click.Choice(FORMATS, case_sensitive=False),
+        help="Format, whatever the name of OUT. Without it the suffix of OUT says, else obj.",
+    )
+    @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
+    @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
+    @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
+    @click.option(
+        "--max-faces",
+        type=click.IntRange(min=1),
+        metavar="N",
+        default=MAX_FACES,
+        help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
+    )
+    @functools.wraps(function)
+    def command(
+        *args: Any,
+        resolution: int | None,
+        tolerance: float | str | None,
+        parametrization: Parametrization | None,
+        format: str | None,
+        normals: bool,
+        uv: bool,
+        ascii: bool,
+        max_faces: int,
+        **values: Any,
+    ) -> object:
+        if resolution is not None and tolerance is not None:
+            raise click.UsageError("-n and --tolerance exclude each other")
+        options = MeshOptions(
+            resolution or RESOLUTION, tolerance, parametrization, format, normals, uv, ascii, max_faces
+        )
+        return function(*args, options=options, **values)
+
+    return command

@@ -1,0 +1,102 @@
+"""Work shared among processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+from gtb_cli.errors import GtbError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+MAX_JOBS = 64
+
+SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
+
+
+def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> Generator[R]:
+    """Yield ``function(task)`` for each task, in their order, computed by some processes.
+
+    Parameters
+    ----------
+    function : callable
+        At the top of a module.
+    tasks : iterable
+    jobs : int
+        Number of processes.
+
+    Raises
+    ------
+    GtbError
+        A process was killed, as happens when memory runs out; or what `function` raises.
+
+    Notes
+    -----
+    At most `jobs` + 1 results wait at a time. Closing the generator ends the processes at once.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import active_children, get_context
+
+    # A copy of this process has everything imported already; elsewhere than on Linux, copies are not safe.
+    context = get_context("fork" if sys.platform == "linux" else "spawn")
+    executor = ProcessPoolExecutor(jobs, context, _start_worker)
+    waiting: deque[Future[R]] = deque()
+    try:
+        for task in tasks:
+            with _signals_later():  # this may start processes
+                waiting.append(executor.submit(function, task))
+            if len(waiting) > jobs:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+        executor.shutdown()
+    except BrokenProcessPool:
+        raise GtbError("a process was killed (is there too little memory? -j 1 needs less)") from None
+    finally:
+        for process in active_children():
+            process.kill()
+        executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _signals_later() -> Iterator[None]:
+    """Let the signals that stop this process wait, here and in the processes that are started meanwhile."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _start_worker() -> None:
+    """Leave Ctrl-C to the first process, and end with it however it ends."""
+    import threading
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in SIGNALS - {signal.SIGINT}:
+        signal.signal(number, signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,24 @@
+"""`gtb schema`: the JSON Schema of a spec."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from gtb_cli.commands.console import Console, write_text
+from gtb_cli.commands.options import console_option, output_option
+
+
+@click.command
+@output_option
+@console_option
+def schema(output: str, console: Console) -> None:
+    """\b
+    Example: gtb schema -o spec-schema.json
+
+    Print the JSON Schema of a spec, TOML or JSON, for editors and for programs that write specs.
+    """
+    from gtb_cli import schema as room
+
+    write_text(output, json.dumps(room.schema(), indent=2) + "\n")

@@ -1,0 +1,183 @@
+"""A cell complex over the domains of one or several patches, joined along shared edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.basis import Location, toric_locations
+from gtb_cli.errors import DomainError
+from gtb_cli.joints import Joints
+from gtb_cli.moment import LinearParametrization
+from gtb_cli.patch import Patch
+from gtb_cli.triangulation import triangulation
+
+Parametrization: TypeAlias = Literal["toric", "linear"]
+
+
+@dataclass(frozen=True, eq=False)
+class Complex:
+    """Vertices and cells, without positions in space.
+
+    A vertex on a shared edge belongs to the first patch that has it; `corners` has the parameters that the
+    vertices of a cell have in the cell's own patch.
+
+    Attributes
+    ----------
+    patch : (v,) int
+        Patch of each vertex.
+    parameters : (v, d) float
+        In that patch's domain.
+    face : (v,) int
+        Row of that domain's `faces`.
+    cells : (k, d + 1) int
+    cell_patch : (k,) int
+    corners : (k, d + 1, d) float
+    collapsed : (c, 2) int
+        Pairs of vertices that are one point because an edge of a patch is.
+    """
+
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    cells: IntArray
+    cell_patch: IntArray
+    corners: FloatArray
+    collapsed: IntArray
+
+    @property
+    def is_simplicial(self) -> bool:
+        """Whether vertices tell cells, and sides of cells, apart."""
+        ordered = np.sort(self.cells, axis=1)
+        return bool((np.diff(ordered, axis=1) > 0).all()) and len(np.unique(ordered, axis=0)) == len(ordered)
+
+
+def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
+    """Triangulate each domain with `resolution` cells along an edge, and join them.
+
+    Parameters
+    ----------
+    patches : sequence of Patch
+    joints : Joints or None
+        None for a single patch that stands for itself.
+    resolution : int
+    """
+    parts = [triangulation(patch.domain, resolution) for patch in patches]
+    offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
+    owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
+    parameters = np.concatenate([part.parameters for part in parts])
+    face = np.zeros(offsets[-1], dtype=np.int64)
+    cells, corners, cell_patch = [], [], []
+    for index, part in enumerate(parts):
+        r = len(part.boundary)
+        surface = patches[index].dimension == 2
+        face[offsets[index] + part.boundary] = 1 + np.arange(r)[:, None]
+        if surface:
+            face[offsets[index] + part.boundary[:, 0]] = 1 + r + np.arange(r)
+        flip = surface and joints is not None and joints.flipped[index]
+        own = part.cells[:, [0, 2, 1]] if flip else part.cells
+        cells.append(own + offsets[index])
+        corners.append(part.parameters[own])
+        cell_patch.append(np.full(len(own), index))
+
+    def side(patch: int, edge: int) -> IntArray:
+        boundary = parts[patch].boundary
+        if patches[patch].dimension == 1:
+            return np.asarray(offsets[patch] + boundary[edge])
+        return np.asarray(offsets[patch] + np.append(boundary[edge], boundary[(edge + 1) % len(boundary), 0]))
+
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    collapsed = [np.empty((0, 2), dtype=np.int64)]
+    if joints is not None:
+        for joint in joints.shared:
+            first, second = side(*joint.first), side(*joint.second)
+            pairs.append(np.stack([first, second[::-1] if joint.opposite else second], axis=1))
+        for ref in joints.collapsed:
+            points = side(*ref)
+            collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
+    label = merged(int(offsets[-1]), np.concatenate(pairs))
+    kept, index_of = np.unique(label, return_inverse=True)
+    return Complex(
+        patch=owner[kept],
+        parameters=parameters[kept],
+        face=face[kept],
+        cells=index_of[np.concatenate(cells)],
+        cell_patch=np.concatenate(cell_patch),
+        corners=np.concatenate(corners),
+        collapsed=index_of[np.concatenate(collapsed)],
+    )
+
+
+def merged(count: int, pairs: IntArray) -> IntArray:
+    """(count,) smallest index that each index is connected to by (c, 2) pairs."""
+    label = np.arange(count)
+    while len(pairs):
+        low = label[pairs].min(axis=1)
+        before = label.copy()
+        np.minimum.at(label, pairs[:, 0], low)
+        np.minimum.at(label, pairs[:, 1], low)
+        label = label[label]
+        if (label == before).all():
+            break
+    return label
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """Points and normals of several patches at parameters of either parametrisation.
+
+    With `shared_edges`, edges are sampled by their own data (linearly) in the toric parametrisation too, so that
+    patches which share an edge have the same points there.
+    """
+
+    patches: Sequence[Patch]
+    parametrization: Parametrization
+    shared_edges: bool
+    flipped: Sequence[bool] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.parametrization not in get_args(Parametrization):
+            raise DomainError(f"parametrization: expected toric or linear, got {self.parametrization!r}")
+
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces."""
+        result = np.empty((len(patch), 3))
+        for index, rows in _groups(patch):
+            where = self._locations(index, parameters[rows], face[rows])
+            result[rows] = self.patches[index].points_at(where, len(parameters[rows]))
+        return result
+
+    def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
+        result = np.empty((len(patch), 3))
+        for index, rows in _groups(patch):
+            where = self._locations(index, parameters[rows], face[rows])
+            sign = -1.0 if self.flipped and self.flipped[index] else 1.0
+            result[rows] = sign * self.patches[index].normals_at(where, len(parameters[rows]))
+        return result
+
+    @cached_property
+    def _linear(self) -> list[LinearParametrization]:
+        return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
+
+    def _locations(self, index: int, u: FloatArray, face: IntArray) -> Iterator[Location]:
+        if self.parametrization == "linear":
+            yield from self._linear[index].locations(u, face)
+            return
+        yield from toric_locations(self.patches[index].domain, u, face)
+        if self.shared_edges and face.any():
+            rows = np.flatnonzero(face)
+            for location in self._linear[index].locations(u[rows], face[rows]):
+                yield location._replace(rows=rows[location.rows])
+
+
+def _groups(patch: IntArray) -> Iterator[tuple[int, slice | IntArray]]:
+    """Rows of each patch; all rows as a slice where there is one patch only."""
+    present = np.flatnonzero(np.bincount(patch)) if len(patch) else np.empty(0, dtype=np.int64)
+    for index in present.tolist():
+        yield index, slice(None) if len(present) == 1 else np.flatnonzero(patch == index)

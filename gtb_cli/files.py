@@ -1,0 +1,245 @@
+"""Files that appear whole or not at all: written under a temporary name, flushed, renamed."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterable
+from contextlib import suppress
+from types import TracebackType
+from typing import IO
+
+from gtb_cli.errors import ExportError
+
+PREFIX = ".gtb-"
+_DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
+_STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
+
+
+def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
+    """Write `blocks` to `path` so that the file is either the whole new one or the untouched old one.
+
+    A symbolic link is followed and the file it names is replaced; the mode of the
+    old file is kept, a new file gets the usual one (`0o666` less the umask). What is
+    no regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file to make or replace; its folder must exist.
+    blocks : iterable of bytes
+        The content. An exception it raises is passed on, after cleaning up.
+
+    Raises
+    ------
+    ExportError
+        The file cannot be written; the message names it and the system's reason.
+    BrokenPipeError
+        `path` is a pipe whose reader has gone.
+    """
+    shown = os.fspath(path)
+    try:
+        target = _target(shown)
+        if target is None:
+            with _opened(shown) as file:
+                _write(file, blocks)
+            return
+        temporary = _temporary_name(target)
+        try:
+            _stage(temporary, target, blocks)
+            os.replace(temporary, target)
+        finally:
+            # After the rename there is nothing of this name; after any failure, Ctrl-C too, there may be.
+            _discard(temporary)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _refusal(shown, error) from error
+
+
+class StagedFiles:
+    """Several files of one folder that appear together when the `with` block ends, or not at all.
+
+    ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is
+    written in full under a temporary name first; the renames come last. If anything
+    fails before them no file appears, and a folder made for them is removed again. A
+    Ctrl-C during the renames finishes them and is then passed on.
+
+    Parameters
+    ----------
+    folder : str or path-like
+        Where the files go; made, with its parents, if missing.
+
+    Raises
+    ------
+    ExportError
+        The folder cannot be made or a file not be written.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = os.fspath(folder)
+        self._staged: dict[str, str] = {}  # target -> temporary
+        self._made: list[str] = []
+
+    def __enter__(self) -> StagedFiles:
+        _check_path(self.folder)
+        missing = []
+        place = os.path.abspath(self.folder)
+        while not os.path.lexists(place):
+            missing.append(place)
+            place = os.path.dirname(place)
+        complete = False
+        try:
+            for place in reversed(missing):
+                self._made.append(place)
+                with suppress(FileExistsError):  # another process may make the same folder
+                    os.mkdir(place)
+            if not os.path.isdir(self.folder):
+                raise ExportError(f"cannot write to {self.folder}: it is not a folder")
+            complete = True
+        except OSError as error:
+            raise _refusal(self.folder, error) from error
+        finally:
+            if not complete:
+                self._abandon()
+        return self
+
+    def add(self, name: str, blocks: Iterable[bytes]) -> None:
+        """Write `blocks` under a temporary name, to become the file `name` of the folder.
+
+        Raises
+        ------
+        ExportError
+            `name` is no plain file name, was added before, or cannot be written.
+        """
+        shown = os.path.join(self.folder, name)
+        if os.path.basename(name) != name or name in ("", os.curdir, os.pardir):
+            raise ExportError(f"cannot write {shown}: {name!r} is not a plain file name")
+        try:
+            target = _target(shown)
+            if target is None:
+                raise ExportError(f"cannot write {shown}: it is not a regular file")
+            if target in self._staged:
+                raise ExportError(f"cannot write {shown}: two files of this name")
+            self._staged[target] = temporary = _temporary_name(target)
+            _stage(temporary, target, blocks)
+        except OSError as error:
+            raise _refusal(shown, error) from error
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is not None:
+            self._abandon()
+            return
+        try:
+            self._rename()
+        except KeyboardInterrupt:
+            # Half a sequence of old files and half of new ones would be worse than a late stop.
+            self._staged = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
+            self._rename()
+            raise
+        finally:
+            for temporary in self._staged.values():
+                _discard(temporary)
+
+    def _rename(self) -> None:
+        for target, temporary in list(self._staged.items()):
+            try:
+                os.replace(temporary, target)
+            except OSError as error:
+                raise _refusal(target, error) from error
+            del self._staged[target]
+
+    def _abandon(self) -> None:
+        for temporary in self._staged.values():
+            _discard(temporary)
+        for place in reversed(self._made):
+            with suppress(OSError):  # someone else may have put a file there meanwhile
+                os.rmdir(place)
+
+
+def _check_path(path: str) -> None:
+    if "\0" in path:
+        raise ExportError(f"cannot write {path!r}: a path holds no NUL character")
+
+
+def _target(path: str) -> str | None:
+    """Return the regular file that `path` names, links followed, or None where it must be written to directly."""
+    _check_path(path)
+    if _descriptor(path) is not None:
+        return None
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        if not os.path.basename(path):
+            raise ExportError(f"cannot write {path or repr(path)}: no file is named") from None
+        return os.path.realpath(path)
+    if stat.S_ISDIR(status.st_mode):
+        raise ExportError(f"cannot write {path}: it is a folder")
+    if not stat.S_ISREG(status.st_mode):
+        return None
+    if not os.access(path, os.W_OK):
+        # A rename would succeed, and a write-protected file would be lost.
+        raise ExportError(f"cannot write {path}: the file is write-protected")
+    return os.path.realpath(path)
+
+
+def _descriptor(path: str) -> int | None:
+    """Return the number of the open file that `path` stands for, as `/dev/stdout` does, or None."""
+    path = os.path.abspath(path)
+    for _ in range(40):  # as many links as Linux follows
+        match = _DESCRIPTOR.fullmatch(path)
+        if match or path in _STREAMS:
+            return int(match[1]) if match else _STREAMS[path]
+        if not os.path.islink(path):
+            return None
+        path = os.path.normpath(os.path.join(os.path.dirname(path), os.readlink(path)))
+    return None
+
+
+def _opened(path: str) -> IO[bytes]:
+    """Open what is not a regular file for writing, without making or emptying anything."""
+    descriptor = _descriptor(path)
+    if descriptor is not None:
+        # Opening /dev/stdout by name would start again at the beginning of a redirected file.
+        return open(os.dup(descriptor), "wb")
+    return open(os.open(path, os.O_WRONLY), "wb")
+
+
+def _temporary_name(target: str) -> str:
+    return os.path.join(os.path.dirname(target), PREFIX + os.urandom(8).hex())
+
+
+def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
+    """Write `blocks` to the new file `temporary`, with the mode that `target` has or would get."""
+    try:
+        mode = stat.S_IMODE(os.stat(target).st_mode)
+    except FileNotFoundError:
+        mode = None
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    with open(os.open(temporary, flags, 0o666 if mode is None else 0o600), "wb") as file:
+        if mode is not None:
+            os.chmod(temporary, mode)
+        _write(file, blocks)
+        os.fsync(file.fileno())
+
+
+def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
+    for block in blocks:
+        file.write(block)
+    file.flush()
+
+
+def _discard(temporary: str) -> None:
+    with suppress(OSError):
+        os.unlink(temporary)
+
+
+def _refusal(path: str, error: OSError) -> ExportError:
+    reason = error.strerror or str(error)
+    folder = os.path.dirname(path) or os.curdir
+    if isinstance(error, FileNotFoundError) and not os.path.isdir(folder):
+        reason = f"the folder {folder} does not exist"
+    return ExportError(f"cannot write {path}: {reason}")

@@ -1,0 +1,153 @@
+"""The nearest cell of a mesh to each of many points, found exactly: a tree of boxes, walked for all points at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.distance import to_segments, to_triangles
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+BRANCHES = 8
+"""Boxes in a box of the tree."""
+
+PAIRS = 1 << 18
+"""Pairs of a point and a box that are looked at together; more are cut in half, so that memory is bounded."""
+
+MORTON_BITS = 20
+"""Bits of each coordinate in the key by which cells and points are brought into an order that keeps neighbours near."""
+
+
+@dataclass(frozen=True, eq=False)
+class NearestCells:
+    """Segments or triangles, arranged for finding the nearest ones.
+
+    Parameters
+    ----------
+    corners : (k, 2, 3) or (k, 3, 3) float
+        Of any sizes and shapes; they may be flat or points.
+
+    Notes
+    -----
+    Cells are sorted along a space-filling curve; eight boxes that follow each other make a box of the next level. A
+    point starts from the cell whose centre is nearest, and then looks into all boxes that are nearer than the nearest
+    cell it knows. About 3 s for 1 million points and triangles of similar meshes.
+    """
+
+    corners: FloatArray
+
+    def start(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """(m,) distances of (m, 3) points from the cells with the nearest centres, upper bounds, and those cells."""
+        cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
+        return self.distances(points, cells), cells
+
+    def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
+        """(m,) distance of each point from its own cell."""
+        return cell_distances(points, self.corners[cells])
+
+    def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
+        """Find the nearest cells.
+
+        Parameters
+        ----------
+        points : (m, 3) float
+        bounds, cells : (m,)
+            A cell for each point, and the distance from it, such as `start` gives.
+
+        Returns
+        -------
+        distances, cells : (m,)
+            Of the nearest cell, up to rounding.
+        """
+        bounds, cells = bounds.copy(), cells.copy()
+        top = len(self._boxes) - 1
+        count = len(self._boxes[top][0])
+        stack = [
+            (top, np.repeat(np.arange(low, high), count), np.tile(np.arange(count), high - low))
+            for low, high in _ranges(len(points), max(1, PAIRS // count))
+        ][::-1]
+        while stack:
+            level, point, node = stack.pop()
+            low, high = (box[node] for box in self._boxes[level])
+            here = points[point]
+            outside = np.maximum(np.maximum(low - here, here - high), 0.0)
+            near = np.flatnonzero(np.einsum("ij,ij->i", outside, outside) < bounds[point] ** 2)
+            point, node = point[near], node[near]
+            if level:
+                below = len(self._boxes[level - 1][0])
+                point = np.repeat(point, BRANCHES)
+                node = (node[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
+                inside = node < below
+                point, node = point[inside], node[inside]
+                stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIRS)][::-1]
+                continue
+            cell = self._order[node]
+            distance = self.distances(points[point], cell)
+            order = np.lexsort((cell, distance, point))
+            first = order[np.flatnonzero(np.diff(point[order], prepend=-1))]
+            better = first[distance[first] < bounds[point[first]]]
+            bounds[point[better]] = distance[better]
+            cells[point[better]] = cell[better]
+        return bounds, cells
+
+    @cached_property
+    def _order(self) -> IntArray:
+        return spatial_order(self.corners.mean(axis=1))
+
+    @cached_property
+    def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Lowest and highest corners of the boxes of each level, cells first."""
+        sorted_corners = self.corners[self._order]
+        levels = [(sorted_corners.min(axis=1), sorted_corners.max(axis=1))]
+        while len(levels[-1][0]) > BRANCHES:
+            low, high = levels[-1]
+            begin = np.arange(0, len(low), BRANCHES)
+            levels.append((np.minimum.reduceat(low, begin), np.maximum.reduceat(high, begin)))
+        return levels
+
+    @cached_property
+    def _centres(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.corners.mean(axis=1), balanced_tree=False, compact_nodes=False)
+
+
+def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """(m,) distances of (m, 3) points, each from its own segment (m, 2, 3) or triangle (m, 3, 3)."""
+    if corners.shape[1] == 2:
+        return to_segments(points, corners[:, 0], corners[:, 1])
+    return to_triangles(points, corners[:, 0], corners[:, 1], corners[:, 2])
+
+
+def spatial_order(points: FloatArray) -> IntArray:
+    """Order of (m, 3) points along a curve through space (Morton's), in which neighbours are mostly near."""
+    low = points.min(axis=0)
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    grid = ((points - low) * ((2**MORTON_BITS - 1) / extent)).astype(np.uint64)
+    key = np.zeros(len(points), dtype=np.uint64)
+    for axis in range(3):
+        key |= _spread(grid[:, axis]) << np.uint64(axis)
+    return np.argsort(key, kind="stable")
+
+
+def _spread(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
+    """Put two zero bits between the bits of 20-bit numbers."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        values = (values | (values << np.uint64(shift))) & np.uint64(mask)
+    return values
+
+
+def _ranges(count: int, length: int) -> list[tuple[int, int]]:
+    return [(begin, min(begin + length, count)) for begin in range(0, count, length)]

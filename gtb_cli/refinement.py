@@ -1,0 +1,460 @@
+"""Refinement of a complex until the surface is within a tolerance of the mesh.
+
+Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
+more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
+hold, every cell that was not sampled yet is sampled densely, and cells that fail have their worst edge split.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.complex import Complex, Sampler
+from gtb_cli.distance import cross, dot, to_segments, to_triangles
+from gtb_cli.domain import EPS
+from gtb_cli.errors import ToleranceError
+
+ROUNDINGS = 64
+"""A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
+
+SHORTEST = 1e-13
+"""Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
+
+LATTICE = 4
+"""Cells are verified on the points of a lattice with this many steps along each edge."""
+
+THIN = 12.0
+"""A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers do not
+get thinner, and refinement ends."""
+
+SAMPLES = 20_000
+"""A coarse mesh is verified on a finer lattice: at least about this many points in all."""
+
+FINEST_LATTICE = 32
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """Sides of cells. `face` is that of the middle: where the edge lies on the boundary of its patch, that edge."""
+
+    ends: IntArray
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+
+    def __getitem__(self, rows: IntArray) -> _Edges:
+        return _Edges(self.ends[rows], self.patch[rows], self.parameters[rows], self.face[rows])
+
+    def followed_by(self, *others: _Edges) -> _Edges:
+        every = (self, *others)
+        return _Edges(
+            np.concatenate([edges.ends for edges in every]),
+            np.concatenate([edges.patch for edges in every]),
+            np.concatenate([edges.parameters for edges in every]),
+            np.concatenate([edges.face for edges in every]),
+        )
+
+    @property
+    def middles(self) -> FloatArray:
+        return np.asarray(self.parameters.mean(axis=1))
+
+
+def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
+    """Refine a complex until every sample of the surface is within a distance of its cell.
+
+    Parameters
+    ----------
+    start : Complex
+        Simplicial.
+    sampler : Sampler
+    tolerance : float
+        Largest distance from the surface to the mesh, in model units.
+    max_cells : int
+
+    Returns
+    -------
+    complex : Complex
+        With the edges it started from, or parts of them.
+    points : (v, 3) float
+
+    Raises
+    ------
+    ToleranceError
+        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+
+    Notes
+    -----
+    Verified on at least `LATTICE` steps along each edge of each cell; what happens between those points is not seen.
+    """
+    work = _Refinement(start, sampler, tolerance, max_cells)
+    while work.step():
+        pass
+    return work.result()
+
+
+class _Refinement:
+    """The growing arrays of `refine`; the order of everything depends on the input alone."""
+
+    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> None:
+        self.sampler, self.tolerance, self.max_cells = sampler, tolerance, max_cells
+        self.collapsed = start.collapsed
+        self.patch, self.parameters, self.face = start.patch, start.parameters, start.face
+        self.points = sampler.points(start.patch, start.parameters, start.face)
+        self.cells, self.cell_patch, self.corners = start.cells, start.cell_patch, start.corners
+        self.verified = np.zeros(len(self.cells), dtype=bool)
+        self.sizes = np.array([patch.domain.size for patch in sampler.patches])
+        scale = float(np.abs(self.points).max())
+        if not tolerance > ROUNDINGS * EPS * scale:
+            raise ToleranceError(
+                f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
+                f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
+            )
+        edges, self.sides = _sides(start, sampler)
+        self.edges = edges
+        self.middle = np.empty((0, 3))
+        self.error = np.empty(0)
+        self.measure()
+        self.bulging = self.bulge(np.arange(len(self.cells))) > tolerance
+
+    def measure(self) -> None:
+        """Sample the edges that were not sampled yet, on the points of the lattice."""
+        new = np.arange(len(self.error), len(self.edges.ends))
+        sample, distance = self.along(new, LATTICE)
+        self.middle = np.concatenate([self.middle, sample[:, LATTICE // 2 - 1]])
+        self.error = np.concatenate([self.error, distance.max(axis=1)])
+
+    def along(self, rows: IntArray, steps: int) -> tuple[FloatArray, FloatArray]:
+        """(e, steps − 1, 3) inner points of some edges' curves, and their (e, steps − 1) distances from the edges."""
+        edges = self.edges[np.repeat(rows, steps - 1)]
+        t = np.tile(np.arange(1, steps) / steps, len(rows))[:, None]
+        u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
+        sample = self.sampler.points(edges.patch, u, edges.face)
+        distance = to_segments(sample, *np.moveaxis(self.points[edges.ends], 1, 0))
+        return sample.reshape(-1, steps - 1, 3), distance.reshape(-1, steps - 1)
+
+    def step(self) -> bool:
+        """Split what is too far from the surface; False when nothing is."""
+        marked = np.zeros(len(self.error), dtype=bool)
+        for side in self.sides.T:
+            marked[side] = self.error[side] > self.tolerance
+        if self.cells.shape[1] == 3:
+            self.mark_worst(marked, np.flatnonzero(self.bulging))
+        if not marked.any():
+            self.verify(marked)
+        if not marked.any():
+            return False
+        if self.cells.shape[1] == 3:
+            self.mark_thin(marked)
+        kept = self.split(marked)
+        self.measure()
+        bulging = self.bulge(np.arange(kept, len(self.cells))) > self.tolerance
+        self.bulging = np.concatenate([self.bulging, bulging])
+        return True
+
+    def has_mark(self, marked: BoolArray, rows: IntArray | slice) -> BoolArray:
+        """Whether any side of some cells is marked; column by column, as reductions along short rows are slow."""
+        columns = [marked[side[rows]] for side in self.sides.T]
+        return np.asarray(np.logical_or.reduce(columns))
+
+    def lengths(self, sides: IntArray) -> FloatArray:
+        """(k, 3) lengths of edges."""
+        ends = self.edges.ends[sides.ravel()]
+        chord = self.points[ends[:, 1]] - self.points[ends[:, 0]]
+        return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
+
+    def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
+        """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""
+        sides = self.sides[failing[~self.has_mark(marked, failing)]]
+        length = self.lengths(sides)
+        # Where no edge is off, the longest: errors then are rounding.
+        rank = np.where(self.error[sides] > 0.05 * self.tolerance, self.error[sides], 0.0) + 1e-6 * self.tolerance * (
+            length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        )
+        marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
+
+    def mark_thin(self, marked: BoolArray) -> None:
+        """Mark the longest edge of thin triangles that have another one marked, until there is none."""
+        before = np.zeros(len(self.cells), dtype=bool)
+        while True:
+            touched = self.has_mark(marked, slice(None))
+            rows = np.flatnonzero(touched & ~before)
+            if not len(rows):
+                return
+            before = touched
+            a, b, c = (self.points[corner[rows]] for corner in self.cells.T)
+            normal = cross(b - a, c - a)
+            length = self.lengths(self.sides[rows])
+            thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
+            marked[self.sides[rows[thin], length[thin].argmax(axis=1)]] = True
+
+    def bulge(self, rows: IntArray) -> FloatArray:
+        """Largest height over some cells of the quadratic surface through their corners and their sides' middles."""
+        if self.cells.shape[1] == 2:
+            return np.zeros(len(rows))
+        corners = [self.points[corner[rows]] for corner in self.cells.T]
+        normal = cross(corners[1] - corners[0], corners[2] - corners[0])
+        length = np.sqrt(dot(normal, normal))
+        scale = 1 / np.where(length > 0, length, np.inf)
+        heights = np.stack(
+            [
+                dot(self.middle[side[rows]] - (corners[k] + corners[k - 2]) / 2, normal) * scale
+                for k, side in enumerate(self.sides.T)
+            ]
+        )
+        return np.asarray(np.abs(_QUADRATIC.T @ heights).max(axis=0))
+
+    def verify(self, marked: BoolArray) -> None:
+        """Sample the cells that were not verified yet on a lattice, and mark the worst edge of those that fail."""
+        todo = np.flatnonzero(~self.verified)
+        if not len(todo):
+            return
+        steps = int(np.clip(np.sqrt(2 * SAMPLES / len(todo)), LATTICE, FINEST_LATTICE))
+        failing = np.zeros(len(self.cells), dtype=bool)
+        surface = self.cells.shape[1] == 3
+        if steps > LATTICE:
+            sides = np.unique(self.sides[todo])
+            marked[sides[self.along(sides, steps)[1].max(axis=1) > self.tolerance]] = True
+        if surface:
+            weights = _lattice(steps)
+            for begin in range(0, len(todo), max(1, 200_000 // len(weights))):
+                part = todo[begin : begin + max(1, 200_000 // len(weights))]
+                u = np.einsum("wc,kcd->kwd", weights, self.corners[part]).reshape(-1, 2)
+                cell = np.repeat(part, len(weights))
+                failing[part] = self.too_far(cell, u).reshape(len(part), -1).any(axis=1)
+            cell, u = self.knots_inside(todo)
+            failing[cell[self.too_far(cell, u)]] = True
+            self.mark_worst(marked, np.flatnonzero(failing))
+        self.verified[todo] = ~failing[todo]
+
+    def too_far(self, cell: IntArray, u: FloatArray) -> BoolArray:
+        """(m,) whether the surface at (m, 2) parameters is too far from the cells they lie in."""
+        sample = self.sampler.points(self.cell_patch[cell], u, np.zeros(len(cell), dtype=np.int64))
+        a, b, c = np.moveaxis(self.points[self.cells[cell]], 1, 0)
+        return np.asarray(to_triangles(sample, a, b, c) > self.tolerance)
+
+    def knots_inside(self, todo: IntArray) -> tuple[IntArray, FloatArray]:
+        """Knots inside given cells: with extreme weights the linear parametrisation has its peaks there."""
+        found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+        for index, patch in enumerate(self.sampler.patches):
+            knots = patch.knots[~patch.domain.incidence.any(axis=1)]
+            cells = todo[self.cell_patch[todo] == index]
+            a, b, c = np.moveaxis(self.corners[cells], 1, 0)
+            for knot in knots:
+                signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
+                inside = cells[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
+                found_cells.append(inside)
+                found.append(np.repeat(knot[None], len(inside), axis=0))
+        return np.concatenate(found_cells), np.concatenate(found)
+
+    def split(self, marked: BoolArray) -> int:
+        """Split marked edges in the middle, and the cells beside them by pattern; the number of cells that stay."""
+        chosen = np.flatnonzero(marked)
+        marks = marked[self.sides]
+        count = len(self.cells) + int(marks.sum())
+        reached = float(self.error[self.sides].max())
+        if count > self.max_cells:
+            raise ToleranceError(
+                f"tolerance: {self.tolerance:g} needs more than {self.max_cells} faces; with {len(self.cells)} "
+                f"the distance is still {reached:.3g}"
+            )
+        old = self.edges[chosen]
+        width = np.abs(old.parameters[:, 1] - old.parameters[:, 0]).max(axis=1)
+        if (width < SHORTEST * self.sizes[old.patch]).any():
+            raise ToleranceError(
+                f"tolerance: {self.tolerance:g} is not reached where parameters are too close to tell apart; "
+                f"the distance is still {reached:.3g}"
+            )
+        vertex = np.full(len(marked), -1)
+        vertex[chosen] = len(self.points) + np.arange(len(chosen))
+        middles = old.middles
+        self.patch = np.concatenate([self.patch, old.patch])
+        self.parameters = np.concatenate([self.parameters, middles])
+        self.face = np.concatenate([self.face, old.face])
+        self.points = np.concatenate([self.points, self.middle[chosen]])
+        child = np.full((len(marked), 2), -1)
+        child[chosen] = len(marked) + np.arange(2 * len(chosen)).reshape(2, -1).T
+        halves = [
+            _Edges(
+                np.stack([old.ends[:, end], vertex[chosen]], axis=1),
+                old.patch,
+                np.stack([old.parameters[:, end], middles], axis=1),
+                old.face,
+            )
+            for end in (0, 1)
+        ]
+        self.edges = self.edges.followed_by(*halves)
+        divide = _divide_segments if self.cells.shape[1] == 2 else _divide_triangles
+        pieces, made = divide(self, marks, vertex, child, len(self.edges.ends))
+        keep = ~self.has_mark(marked, slice(None))
+        self.edges = self.edges.followed_by(made)
+        self.cells = np.concatenate([self.cells[keep], *(piece.cells for piece in pieces)])
+        self.sides = np.concatenate([self.sides[keep], *(piece.sides for piece in pieces)])
+        self.corners = np.concatenate([self.corners[keep], *(piece.corners for piece in pieces)])
+        self.cell_patch = np.concatenate([self.cell_patch[keep], *(piece.patch for piece in pieces)])
+        added = sum(len(piece.cells) for piece in pieces)
+        self.verified = np.concatenate([self.verified[keep], np.zeros(added, dtype=bool)])
+        self.bulging = self.bulging[keep]
+        return len(self.bulging)
+
+    def result(self) -> tuple[Complex, FloatArray]:
+        """The refined complex; cells ordered by patch, else in the order in which they were made."""
+        order = np.argsort(self.cell_patch, kind="stable")
+        refined = Complex(
+            self.patch,
+            self.parameters,
+            self.face,
+            self.cells[order],
+            self.cell_patch[order],
+            self.corners[order],
+            self.collapsed,
+        )
+        return refined, self.points
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Some cells with their sides: side i runs from vertex i to the next."""
+
+    cells: IntArray
+    sides: IntArray
+    corners: FloatArray
+    patch: IntArray
+
+
+def _divide_segments(
+    work: _Refinement, marks: BoolArray, vertex: IntArray, child: IntArray, first_edge: int
+) -> tuple[list[_Cells], _Edges]:
+    rows = np.flatnonzero(marks[:, 0])
+    cells, sides, corners, patch = work.cells[rows], work.sides[rows, 0], work.corners[rows], work.cell_patch[rows]
+    middle, center = vertex[sides], corners.mean(axis=1)
+    pieces = []
+    for end in (0, 1):
+        half = cells.copy()
+        half[:, 1 - end] = middle
+        ends = corners.copy()
+        ends[:, 1 - end] = center
+        pieces.append(_Cells(half, _half(work.edges, child, sides, cells[:, end])[:, None], ends, patch))
+    return pieces, work.edges[np.empty(0, dtype=np.int64)]
+
+
+def _divide_triangles(
+    work: _Refinement, marks: BoolArray, vertex: IntArray, child: IntArray, first_edge: int
+) -> tuple[list[_Cells], _Edges]:
+    """Split triangles with one, two or three marked sides into two, three or four."""
+    pieces: list[_Cells] = []
+    made: list[_Edges] = []
+    count = marks.sum(axis=1)
+    next_edge = first_edge
+    for number in (1, 2, 3):
+        rows = np.flatnonzero(count == number)
+        if not len(rows):
+            continue
+        # Turned so that the marked sides come first.
+        turn = marks[rows].argmax(axis=1)
+        if number == 2:
+            turn = (np.argmin(marks[rows], axis=1) + 1) % 3
+        order = (np.arange(3) + turn[:, None]) % 3
+        v, e = np.take_along_axis(work.cells[rows], order, 1), np.take_along_axis(work.sides[rows], order, 1)
+        p = np.take_along_axis(work.corners[rows], order[:, :, None], 1)
+        patch = work.cell_patch[rows]
+        # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
+        points = np.concatenate([v, vertex[e]], axis=1)
+        places = np.concatenate([p, (p + np.roll(p, -1, axis=1)) / 2], axis=1)
+        halves = {
+            (side, end): _half(work.edges, child, e[:, side], v[:, end])
+            for side in range(number)
+            for end in (side, (side + 1) % 3)
+        }
+        patterns = [(np.arange(len(rows)), _PATTERNS[number])]
+        if number == 2:
+            xyz = work.points[points]
+            other = np.linalg.norm(xyz[:, 4] - xyz[:, 0], axis=1) > np.linalg.norm(xyz[:, 3] - xyz[:, 2], axis=1)
+            patterns = [(np.flatnonzero(~other), _PATTERNS[2]), (np.flatnonzero(other), _OTHER_DIAGONAL)]
+        for chosen, (triangles, new_edges) in patterns:
+            edge_of: dict[tuple[int, int], IntArray] = {}
+            for a, b in new_edges:
+                edge_of[a, b] = edge_of[b, a] = next_edge + np.arange(len(chosen))
+                next_edge += len(chosen)
+                made.append(
+                    _Edges(points[chosen][:, [a, b]], patch[chosen], places[chosen][:, [a, b]], np.zeros_like(chosen))
+                )
+            for side in range(3):
+                near, far = side, (side + 1) % 3
+                if side < number:
+                    for end in (near, far):
+                        edge_of[end, 3 + side] = edge_of[3 + side, end] = halves[side, end][chosen]
+                else:
+                    edge_of[near, far] = e[chosen, side]
+            for triangle in triangles:
+                sides = [edge_of[triangle[i], triangle[(i + 1) % 3]] for i in range(3)]
+                pieces.append(
+                    _Cells(
+                        points[chosen][:, triangle], np.stack(sides, axis=1), places[chosen][:, triangle], patch[chosen]
+                    )
+                )
+    return pieces, work.edges[np.empty(0, dtype=np.int64)].followed_by(*made)
+
+
+_Pattern = tuple[tuple[tuple[int, int, int], ...], tuple[tuple[int, int], ...]]
+
+_PATTERNS: dict[int, _Pattern] = {
+    1: (((0, 3, 2), (3, 1, 2)), ((3, 2),)),
+    2: (((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4))),
+    3: (((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5))),
+}
+"""Triangles and new edges by number of marked sides; corners are 0 … 2, the middle of side i is 3 + i."""
+
+_OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+"""For two marked sides, the quadrilateral that remains cut the other way."""
+
+
+def _half(edges: _Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
+    """The half of each split edge that ends at the given vertex."""
+    return np.asarray(np.where(edges.ends[split, 0] == vertex, child[split, 0], child[split, 1]))
+
+
+def _sides(start: Complex, sampler: Sampler) -> tuple[_Edges, IntArray]:
+    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
+    k = start.cells.shape[1]
+    if k == 2:
+        edges = _Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
+        return edges, np.arange(len(start.cells))[:, None]
+    following = [1, 2, 0]
+    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
+    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
+    patch = np.repeat(start.cell_patch, 3)
+    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
+    face = np.zeros(len(first), dtype=np.int64)
+    for row, (index, ends) in enumerate(zip(patch[first].tolist(), places[first], strict=True)):
+        # A side lies on an edge of its domain if both ends do.
+        heights = sampler.patches[index].domain.heights_of_columns(ends)
+        on = np.flatnonzero((heights == 0).all(axis=1))
+        if len(on):
+            face[row] = 1 + on[0]
+    return _Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
+
+
+def _lattice(steps: int) -> FloatArray:
+    """Barycentric coordinates of the inner points of a triangle's lattice."""
+    i, j = np.mgrid[1:steps, 1:steps]
+    inner = i + j < steps
+    return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _quadratic() -> FloatArray:
+    """(3, 7) heights at seven places of a triangle of the quadratic with given heights at the sides' middles."""
+    places = np.array(
+        [[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]], dtype=np.float64
+    )
+    a, b, c = (places / 4).T
+    return 4 * np.stack([a * b, b * c, c * a])
+
+
+_QUADRATIC = _quadratic()

@@ -1,0 +1,90 @@
+"""What tests of the command line share: runs in this process, and in real ones."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from click.testing import CliRunner
+
+from gtb_cli.cli import run
+
+REPOSITORY = Path(__file__).parent.parent
+SPECS = REPOSITORY / "specs"
+PENTAGON = str(SPECS / "pentagon.toml")
+BICUBIC = str(SPECS / "bicubic.toml")
+CURVE = str(SPECS / "cubic-bezier.toml")
+
+TIMEOUT = 60
+"""Seconds after which a process hangs; each takes less than three."""
+
+
+class Result(NamedTuple):
+    """What a command did."""
+
+    status: int
+    out: bytes
+    err: str
+
+    @property
+    def text(self) -> str:
+        return self.out.decode("utf-8")
+
+
+def gtb(*arguments: object, stdin: bytes = b"") -> Result:
+    """Run a command in this process, with click's streams."""
+    with CliRunner().isolation(input=stdin) as streams:
+        status = run([str(argument) for argument in arguments])
+        return Result(status, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))
+
+
+def environment(**variables: str) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(REPOSITORY), **variables}
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "gtb_cli", *map(str, arguments)]
+
+
+def start(*arguments: object, folder: Path | None = None, **options) -> subprocess.Popen:
+    """Start a real process."""
+    variables = options.pop("env", {})
+    return subprocess.Popen(command(*arguments), cwd=folder, env=environment(**variables), **options)
+
+
+def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, **variables: str) -> Result:
+    """Run a command in a process of its own."""
+    done = subprocess.run(
+        command(*arguments),
+        input=stdin,
+        cwd=folder,
+        env=environment(**variables),
+        capture_output=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"))
+
+
+def shell(line: str, folder: Path, **variables: str) -> Result:
+    """Run a line of a shell in which `gtb` is the command under test."""
+    folder_of_command = folder / ".bin"
+    if not folder_of_command.exists():
+        folder_of_command.mkdir()
+        script = folder_of_command / "gtb"
+        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m gtb_cli "$@"\n', encoding="utf-8")
+        script.chmod(0o755)
+    path = f"{folder_of_command}:{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"],
+        cwd=folder,
+        env=environment(PATH=path, **variables),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+    return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"))

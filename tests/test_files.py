@@ -1,0 +1,321 @@
+"""Files that appear whole or not at all, whatever happens while they are written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from gtb_cli import files
+from gtb_cli.errors import DomainError, ExportError
+from gtb_cli.files import StagedFiles, replace_file
+
+
+def breaking(error: BaseException):
+    """Blocks that end in an error."""
+    yield b"the first half"
+    raise error
+
+
+def stage(folder, contents):
+    with StagedFiles(folder) as staged:
+        for name, blocks in contents.items():
+            staged.add(name, blocks)
+
+
+FAILURES = [
+    (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), ExportError, "No space left on device"),
+    (OSError(errno.EDQUOT, os.strerror(errno.EDQUOT)), ExportError, os.strerror(errno.EDQUOT)),
+    (KeyboardInterrupt(), KeyboardInterrupt, None),
+    (DomainError("knots"), DomainError, "knots"),
+    (MemoryError(), MemoryError, None),
+]
+
+
+@pytest.fixture
+def umask():
+    old = os.umask(0o027)
+    yield 0o027
+    os.umask(old)
+
+
+def test_a_new_file_has_the_usual_mode(tmp_path, umask):
+    replace_file(tmp_path / "new", [b"one", b"two"])
+    assert (tmp_path / "new").read_bytes() == b"onetwo"
+    assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o666 & ~umask
+    assert os.listdir(tmp_path) == ["new"]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o777, 0o660])
+def test_a_replaced_file_keeps_its_mode(tmp_path, umask, mode):
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "old").chmod(mode)
+    replace_file(str(tmp_path / "old"), [b"new"])
+    assert (tmp_path / "old").read_bytes() == b"new"
+    assert stat.S_IMODE((tmp_path / "old").stat().st_mode) == mode
+
+
+@pytest.mark.parametrize(("error", "raised", "message"), FAILURES)
+@pytest.mark.parametrize("old", [None, b"old"])
+def test_a_failure_leaves_what_was_there(tmp_path, error, raised, message, old):
+    path = tmp_path / "mesh.obj"
+    if old is not None:
+        path.write_bytes(old)
+    before = sorted(os.listdir(tmp_path))
+    with pytest.raises(raised, match=message) as caught:
+        replace_file(path, breaking(error))
+    if raised is ExportError:
+        assert str(caught.value) == f"cannot write {path}: {message}"
+    assert sorted(os.listdir(tmp_path)) == before
+    assert old is None or path.read_bytes() == old
+
+
+def test_the_old_file_is_there_while_the_new_one_is_written(tmp_path):
+    path = tmp_path / "mesh.obj"
+    path.write_text("old")
+
+    def blocks():
+        yield b"new"
+        names = sorted(os.listdir(tmp_path))
+        assert len(names) == 2
+        assert re.fullmatch(r"\.gtb-[0-9a-f]{16}", names[0])
+        assert path.read_text() == "old"
+
+    replace_file(path, blocks())
+    assert path.read_text() == "new"
+
+
+def test_the_file_is_flushed_before_it_is_renamed(tmp_path, monkeypatch):
+    calls = []
+    fsync, rename = os.fsync, os.replace
+
+    def noted_fsync(descriptor):
+        calls.append(("fsync", os.fstat(descriptor).st_size))
+        fsync(descriptor)
+
+    def noted_rename(source, target):
+        calls.append(("replace", os.stat(source).st_size))
+        rename(source, target)
+
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    monkeypatch.setattr(os, "replace", noted_rename)
+    replace_file(tmp_path / "mesh.obj", [b"new"])
+    assert calls == [("fsync", 3), ("replace", 3)]
+
+
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_symbolic_link_is_followed(tmp_path, exists):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "near").mkdir()
+    real, link = tmp_path / "far" / "real.obj", tmp_path / "near" / "link.obj"
+    if exists:
+        real.write_text("old")
+        real.chmod(0o640)
+    link.symlink_to("../far/real.obj")
+    replace_file(link, [b"new"])
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+    assert not exists or stat.S_IMODE(real.stat().st_mode) == 0o640
+    assert os.listdir(tmp_path / "far") == ["real.obj"]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("missing/mesh.obj", "the folder {0}/missing does not exist"),
+        ("folder", "it is a folder"),
+        ("folder/", "it is a folder"),
+        ("file/mesh.obj", "Not a directory"),
+        ("loop", "Too many levels of symbolic links"),
+        ("n" * 300, "File name too long"),
+        ("missing/", "no file is named"),
+    ],
+)
+def test_a_place_that_cannot_be_written_is_named(tmp_path, name, message):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("file")
+    (tmp_path / "loop").symlink_to("loop")
+    path = f"{tmp_path}/{name}"
+    with pytest.raises(ExportError) as caught:
+        replace_file(path, [b"new"])
+    assert str(caught.value) == f"cannot write {path}: {message.format(tmp_path)}"
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder", "loop"]
+
+
+@pytest.mark.parametrize("path", ["", "a\0b"])
+def test_a_path_that_is_none(path):
+    with pytest.raises(ExportError, match="cannot write '"):
+        replace_file(path, [b"new"])
+
+
+def test_a_folder_without_permission(tmp_path, monkeypatch):
+    # Root may write anywhere: the system's refusal is played.
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(ExportError, match=r"cannot write .*mesh\.obj: Permission denied"):
+        replace_file(tmp_path / "mesh.obj", [b"new"])
+
+
+def test_a_write_protected_file_is_not_replaced(tmp_path, monkeypatch):
+    (tmp_path / "mesh.obj").write_text("old")
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
+    with pytest.raises(ExportError, match="the file is write-protected"):
+        replace_file(tmp_path / "mesh.obj", [b"new"])
+    assert (tmp_path / "mesh.obj").read_text() == "old"
+
+
+# --- what is no regular file -----------------------------------------------------------------------------------------
+
+
+def test_devices_are_written_to_directly():
+    replace_file("/dev/null", [b"new"])
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+    with pytest.raises(ExportError, match="cannot write /dev/full: No space left on device"):
+        replace_file("/dev/full", [b"new"])
+    assert stat.S_ISCHR(os.stat("/dev/full").st_mode)
+
+
+def test_a_fifo_is_written_to_directly(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    received = []
+    reader = threading.Thread(target=lambda: received.append((tmp_path / "fifo").read_bytes()))
+    reader.start()
+    replace_file(tmp_path / "fifo", [b"one", b"two"])
+    reader.join()
+    assert received == [b"onetwo"]
+    assert os.listdir(tmp_path) == ["fifo"]
+
+
+WRITE = "import sys; from gtb_cli.files import replace_file; replace_file(sys.argv[1], [b'new\\n'])"
+
+
+def run(path: str | Path, **streams):
+    root = Path(__file__).parents[1]
+    return subprocess.run([sys.executable, "-c", WRITE, str(path)], cwd=root, stderr=subprocess.PIPE, **streams)
+
+
+@pytest.mark.parametrize("name", ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1", "link"])
+def test_standard_output_by_name(name, tmp_path):
+    (tmp_path / "link").symlink_to("/dev/stdout")
+    path = tmp_path / name
+    assert run(path, stdout=subprocess.PIPE).stdout == b"new\n"
+    # Redirected to a file, what was written before stays: no renaming over it, no start from its beginning.
+    with open(tmp_path / "out", "wb") as out:
+        out.write(b"old\n")
+        out.flush()
+        assert run(path, stdout=out).returncode == 0
+    assert (tmp_path / "out").read_bytes() == b"old\nnew\n"
+    assert sorted(os.listdir(tmp_path)) == ["link", "out"]
+
+
+def test_a_pipe_whose_reader_has_gone():
+    reader, writer = os.pipe()
+    os.close(reader)
+    with pytest.raises(BrokenPipeError):
+        replace_file(f"/dev/fd/{writer}", [b"new"])
+    os.close(writer)
+
+
+# --- several files ---------------------------------------------------------------------------------------------------
+
+
+def test_staged_files_appear_together(tmp_path):
+    (tmp_path / "a.obj").write_text("old")
+    with StagedFiles(tmp_path) as staged:
+        staged.add("a.obj", [b"new a"])
+        staged.add("b.obj", [b"new b"])
+        assert (tmp_path / "a.obj").read_text() == "old"
+        assert not (tmp_path / "b.obj").exists()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.obj": "new a", "b.obj": "new b"}
+
+
+@pytest.mark.parametrize(("error", "raised", "message"), FAILURES)
+def test_a_failure_leaves_no_staged_file(tmp_path, error, raised, message):
+    (tmp_path / "a.obj").write_text("old")
+    with pytest.raises(raised, match=message):
+        stage(tmp_path, {"a.obj": [b"new a"], "b.obj": breaking(error)})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.obj": "old"}
+
+
+def test_staged_files_make_their_folder_and_take_it_back(tmp_path):
+    with StagedFiles(tmp_path / "x" / "y") as staged:
+        staged.add("a.obj", [b"new"])
+    assert (tmp_path / "x" / "y" / "a.obj").read_text() == "new"
+    with pytest.raises(ExportError):
+        stage(tmp_path / "x" / "z" / "w", {"a.obj": breaking(OSError(errno.ENOSPC, "full"))})
+    assert os.listdir(tmp_path / "x") == ["y"]
+
+
+def test_ctrl_c_during_the_renames_finishes_them(tmp_path, monkeypatch):
+    (tmp_path / "a.obj").write_text("old")
+    (tmp_path / "b.obj").write_text("old")
+    real, calls = os.replace, []
+
+    def interrupted(source, target):
+        calls.append(target)
+        real(source, target)
+        if len(calls) == 1:
+            raise KeyboardInterrupt  # after the rename, before it is noted
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    names = ("a.obj", "b.obj", "c.obj")
+    with pytest.raises(KeyboardInterrupt):
+        stage(tmp_path, {name: [b"new"] for name in names})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(names, "new")
+
+
+def test_a_rename_that_fails_leaves_no_temporary_file(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(ExportError, match=r"a\.obj: Input/output error"):
+        stage(tmp_path, {"a.obj": [b"new"], "b.obj": [b"new"]})
+    with pytest.raises(ExportError, match=r"c\.obj: Input/output error"):
+        replace_file(tmp_path / "c.obj", [b"new"])
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a/b.obj", "../b.obj", "/b.obj"])
+def test_a_staged_name_is_plain(tmp_path, name):
+    with pytest.raises(ExportError, match="is not a plain file name"):
+        stage(tmp_path, {"a.obj": [b"new"], name: [b"new"]})
+    assert os.listdir(tmp_path) == []
+
+
+def test_staged_files_refuse_what_cannot_be_renamed_over(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to("a.obj")
+    with StagedFiles(tmp_path) as staged:
+        staged.add("a.obj", [b"new"])
+        for name, message in (
+            ("fifo", "not a regular file"),
+            ("folder", "it is a folder"),
+            ("a.obj", "two files of this name"),
+            ("link", "two files of this name"),
+        ):
+            with pytest.raises(ExportError, match=message):
+                staged.add(name, [b"new"])
+    assert sorted(os.listdir(tmp_path)) == ["a.obj", "fifo", "folder", "link"]
+
+
+def test_a_folder_that_is_none(tmp_path):
+    (tmp_path / "file").write_text("file")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below", "a\0b", ""):
+        with pytest.raises(ExportError, match="cannot write"), StagedFiles(folder):
+            pass
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_temporary_names_begin_as_promised():
+    assert files.PREFIX == ".gtb-"
