@@ -13,6 +13,9 @@ from gtb_cli import __version__
 from gtb_cli.commands.console import abandon_stdout, complain, say
 from gtb_cli.errors import GtbError
 
+AS_JSON = "gtb_cli.as_json"
+"""Key of what the context of `gtb` knows: whether --json is among its own options."""
+
 DONE, FAILED = 0, 2
 """Exit statuses; 1, a comparison that says no, is raised by its command as `click.exceptions.Exit`."""
 
@@ -21,7 +24,10 @@ COMMANDS = {
     "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
     "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
     "decompose": ("gtb_cli.commands.decompose:decompose", "Print the regular decomposition that a lifting induces."),
+    "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
+    "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
     "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
+    "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
 }
 """Each command's name, where it is (imported only when it is called), and what it does in a line."""
 
@@ -62,8 +68,48 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
 
 
+def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if not value or ctx.resilient_parsing:
+        return
+    click.echo(_versions() if ctx.meta.get(AS_JSON) else f"gtb {__version__}")
+    ctx.exit()
+
+
+def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    ctx.meta[AS_JSON] = value
+
+
+def _versions() -> str:
+    """Versions of all that takes part in a result, as a JSON object."""
+    import json
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    found: dict[str, str | None] = {"gtb": __version__, "python": platform.python_version()}
+    for package in ("numpy", "scipy", "trimesh", "click"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return json.dumps(found)
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="gtb", message="%(prog)s %(version)s")
+@click.option(
+    "--json",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_note_json,
+    help="Say errors as a JSON object, and so the version. For commands with an option --json that does it, too.",
+)
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Say the version; with --json, those of Python and the packages, too.",
+)
 def gtb() -> None:
     """\b
     Example: gtb mesh specs/pentagon.toml -o pentagon.obj
@@ -78,8 +124,10 @@ def gtb() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit status.
 
-    Every error is said in a line on standard error; a reader that closes its pipe has got what it wanted.
+    Every error is said in a line on standard error, or with --json all in one object; a reader that closes its pipe has
+    got what it wanted.
     """
+    errors: list[str] = []
     try:
         if "_GTB_COMPLETE" in os.environ:
             gtb.main(list(arguments), prog_name="gtb", complete_var="_GTB_COMPLETE", standalone_mode=False)
@@ -93,26 +141,34 @@ def run(arguments: Sequence[str]) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         say(error.format_message())
     except click.UsageError as error:
-        complain(_usage_text(error))
+        errors.append(_usage_text(error))
     except click.ClickException as error:
-        complain(error.format_message())
+        errors.append(error.format_message())
     except GtbError as error:
-        for line in str(error).splitlines():
-            complain(line)
+        errors += str(error).splitlines()
     except BrokenPipeError:
         abandon_stdout()
         return DONE
     except MemoryError:
-        complain("not enough memory for this")
+        errors.append("not enough memory for this")
     except OSError as error:
         abandon_stdout()
-        complain(f"{error.filename or 'cannot write standard output'}: {error.strerror or error}")
+        errors.append(f"{error.filename or 'cannot write standard output'}: {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 -- the last resort: whatever it is, a person gets a message
-        complain(f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)")
+        errors.append(
+            f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"
+        )
         if os.environ.get("GTB_TRACEBACK"):
             import traceback
 
             say(traceback.format_exc().rstrip())
+    if "--json" in arguments and errors:
+        import json
+
+        say(json.dumps({"errors": errors, "status": FAILED}, ensure_ascii=False))
+    else:
+        for line in errors:
+            complain(line)
     return FAILED
 
 

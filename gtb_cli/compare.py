@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -137,7 +138,9 @@ def _directed(vertices: FloatArray, cells: IntArray, tree: NearestCells) -> tupl
         work = work.at(work.bounds > search.enough)
         if len(work.bounds):
             # A cell's middle is a sample, too, and its nearest cell the likeliest to bound all of it.
-            work = work.bounded(tree, search.look_at(work.corners.mean(axis=1), work.nearest[:, 0])[1][:, None])
+            far = work.distances[:, 0] > NEAR * work.radii
+            _, likely = search.look_at(work.corners.mean(axis=1), np.where(far, work.nearest[:, 0], -1))
+            work = work.bounded(tree, likely[:, None])
             kept.append(work.at(work.bounds > search.enough))
     if not kept:
         return search.found, search.place, search.found
@@ -196,7 +199,7 @@ class _Search:
         begin, length = 0, FIRST
         while begin < len(order):
             chosen = order[begin : begin + length]
-            chosen = chosen[distances[chosen] > self.found * (1 + EXACT)]
+            chosen = chosen[distances[chosen] > self.found * (1 + EXACT) + ROUNDING]
             if not len(chosen):
                 break
             distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
@@ -217,11 +220,18 @@ class _Cells:
     bounds: FloatArray
 
     def __post_init__(self) -> None:
-        # No point is farther from all corners than 1/sqrt(3) of the longest side, nor 1/2 of a segment.
-        sides = self.corners - np.roll(self.corners, 1, axis=1)
-        longest = np.sqrt(np.einsum("ijk,ijk->ij", sides, sides).max(axis=1, initial=0.0))
-        radius = longest / (2.0 if self.corners.shape[1] == 2 else np.sqrt(3.0))
-        object.__setattr__(self, "bounds", np.minimum(self.bounds, self.distances.max(axis=1, initial=0.0) + radius))
+        crude = self.distances.max(axis=1, initial=0.0) + self.radii
+        object.__setattr__(self, "bounds", np.minimum(self.bounds, crude))
+
+    @cached_property
+    def radii(self) -> FloatArray:
+        """(m,) no point is farther from all corners: 1/sqrt(3) of a triangle's longest side, 1/2 of a segment."""
+        number = self.corners.shape[1]
+        square = np.zeros(len(self.corners))
+        for k in range(number):
+            side = self.corners[:, k] - self.corners[:, k - 1]
+            np.maximum(square, np.einsum("ij,ij->i", side, side), out=square)
+        return np.asarray(np.sqrt(square) / (2.0 if number == 2 else np.sqrt(3.0)))
 
     def at(self, rows: IntArray | BoolArray) -> _Cells:
         return _Cells(self.corners[rows], self.distances[rows], self.nearest[rows], self.bounds[rows])

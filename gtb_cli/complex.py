@@ -9,13 +9,13 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.basis import Location, toric_locations
 from gtb_cli.errors import DomainError
 from gtb_cli.joints import Joints
 from gtb_cli.moment import LinearParametrization
 from gtb_cli.patch import Patch
-from gtb_cli.triangulation import triangulation
+from gtb_cli.triangulation import Triangulation, central_triangulation, triangulation
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
@@ -40,6 +40,8 @@ class Complex:
     corners : (k, d + 1, d) float
     collapsed : (c, 2) int
         Pairs of vertices that are one point because an edge of a patch is.
+    sides : int
+        Of uniform triangles: how many sides they have, two on one shared edge counted once.
     """
 
     patch: IntArray
@@ -49,16 +51,25 @@ class Complex:
     cell_patch: IntArray
     corners: FloatArray
     collapsed: IntArray
+    sides: int = 0
 
     @property
     def is_simplicial(self) -> bool:
-        """Whether vertices tell cells, and sides of cells, apart."""
+        """Whether the vertices of a uniform complex tell its cells, and the sides of its cells, apart."""
         ordered = np.sort(self.cells, axis=1)
-        return bool((np.diff(ordered, axis=1) > 0).all()) and len(np.unique(ordered, axis=0)) == len(ordered)
+        if not (np.diff(ordered, axis=1) > 0).all() or len(np.unique(ordered, axis=0)) < len(ordered):
+            return False
+        if ordered.shape[1] == 2:
+            return True
+        pairs = ordered[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
+        return self.cells.shape[1] == 2 or len(np.unique(pairs, axis=0)) == self.sides
 
 
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
     """Triangulate each domain with `resolution` cells along an edge, and join them.
+
+    Where joined patches would have a side between the same two vertices inside each, as at the corner between two
+    edges that they share, they are cut around their centres.
 
     Parameters
     ----------
@@ -68,6 +79,18 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     resolution : int
     """
     parts = [triangulation(patch.domain, resolution) for patch in patches]
+    mosaic, confused = _joined(patches, joints, parts)
+    if len(confused):
+        for index in confused.tolist():
+            parts[index] = central_triangulation(patches[index].domain, resolution)
+        mosaic, _ = _joined(patches, joints, parts)
+    return mosaic
+
+
+def _joined(
+    patches: Sequence[Patch], joints: Joints | None, parts: Sequence[Triangulation]
+) -> tuple[Complex, IntArray]:
+    """The complex of triangulated domains, and the patches with cells or sides that vertices do not tell apart."""
     offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
     owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
@@ -102,7 +125,9 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
             collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
     label = merged(int(offsets[-1]), np.concatenate(pairs))
     kept, index_of = np.unique(label, return_inverse=True)
-    return Complex(
+    # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
+    sides = sum(len(part.parameters) + len(part.cells) - 1 for part in parts) - sum(len(pair) - 1 for pair in pairs[1:])
+    mosaic = Complex(
         patch=owner[kept],
         parameters=parameters[kept],
         face=face[kept],
@@ -110,7 +135,30 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
         cell_patch=np.concatenate(cell_patch),
         corners=np.concatenate(corners),
         collapsed=index_of[np.concatenate(collapsed)],
+        sides=sides,
     )
+    if joints is None or patches[0].dimension == 1:
+        return mosaic, owner[:0]
+    label = merged(len(label), np.concatenate(pairs + collapsed))
+    return mosaic, np.unique(owner[_confused(np.concatenate(cells), face > 0, label)])
+
+
+def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
+    """A vertex of each cell, and of each side inside a patch, between the same boundary vertices as another one."""
+    cells = cells[on_boundary[cells].sum(axis=1) > 1]
+    cells = cells[(np.diff(np.sort(label[cells], axis=1), axis=1) > 0).all(axis=1)]
+    flat = cells[on_boundary[cells].all(axis=1)]
+    ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    ends = np.sort(ends[on_boundary[ends].all(axis=1)], axis=1)
+    ends, uses = np.unique(ends, axis=0, return_counts=True)
+    twice = [_repeated(label[flat]), _repeated(label[ends]) & (uses == 2)]
+    return np.concatenate([flat[twice[0], 0], ends[twice[1], 0]])
+
+
+def _repeated(rows: IntArray) -> BoolArray:
+    """Which rows have the same entries, in any order, as another."""
+    _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[kind] > 1)
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:

@@ -1,11 +1,11 @@
 """Gaussian and mean curvature of a surface, and scalars for the vertices of its mesh.
 
 Derivatives by the torus coordinates are moments under T: ``∂P = Σ_i T_i b_i (a_i − μ)`` and
-``∂²P = Σ_i T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates, and in the product of ∂²P with
-the normal the factor (a_i − μ)(a_i − μ)ᵀ may be any quadratic function of a_i with the same Hessian, as moments with
-affine functions are tangents. So coordinates ξ, η are taken that are 0 and 1 at the three knots with most of T, and
-ξ(ξ − 1), ξη and η(η − 1) as the quadratic functions: they vanish at all three, and no digits are lost where T is nearly
-that of an edge or a corner. There, the limit is what remains of each sum: the knots whose T vanishes most slowly.
+``∂²P = Σ_i T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates, and in the product of ∂²P
+with the normal the factor (a_i − μ)(a_i − μ)ᵀ may be any quadratic function of a_i with the same Hessian, as moments
+with affine functions are tangents. So coordinates ξ, η are taken that are 0 and 1 at the three knots with most of T,
+and ξ(ξ − 1), ξη and η(η − 1) as the quadratic functions: they vanish at all three, and no digits are lost where T is
+nearly that of an edge or a corner. There, the limit is what remains of each sum: the knots whose T vanishes last.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.basis import UNDERFLOW, Location, block_length, exponents, is_corner, toric_locations
+from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.basis import UNDERFLOW, Location, block_length, exponents, is_corner
 from gtb_cli.complex import Parametrization
 from gtb_cli.domain import EPS, Domain, knot_tolerance
 from gtb_cli.errors import DomainError
 from gtb_cli.mesh import Mesh
-from gtb_cli.moment import LinearParametrization
 from gtb_cli.normals import COINCIDENT_ULPS, LAYER, PARALLEL
 from gtb_cli.patch import Model, Patch
+from gtb_cli.tangents import locations
 
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 """Scalars that `with_attributes` knows."""
@@ -49,8 +49,8 @@ class Curvature(NamedTuple):
     gaussian : (m,) float
         K = κ₁ κ₂, in units of 1 / length².
     mean : (m,) float
-        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive where the surface bends away from its normal: 1 / R for a sphere
-        with its normals outwards.
+        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive where the surface bends away from its normal: 1 / R for a
+        sphere with its normals outwards.
     """
 
     gaussian: FloatArray
@@ -81,30 +81,30 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
 
     Notes
     -----
-    On edges and at corners these are limits, of the formula. With knots at distances δ and δ' > δ from an edge as the two
-    layers next to it, the curvature across the edge has a limit if δ' ≥ 2δ, and in general none if δ' < 2δ:
-    the surface gets steeper like h^(δ'/δ − 2). At a corner the same holds along both edges, and inner knots must be
-    beyond the first layer of both. Where there is no such limit, or no normal, the values are NaN.
+    On edges and at corners these are limits, by formula. With δ < δ' the distances of the two layers of knots next to
+    an edge, the curvature across the edge has a limit if δ' ≥ 2δ, and in general none if δ' < 2δ: it grows like
+    h^(δ'/δ − 2) with the distance h in the linear parametrisation. At a corner the same holds for both edges, and no
+    knot inside may be nearer to either than the first layer. Without such a limit, or a normal, values are NaN.
 
-    Inside, the relative error is a few roundings over the sine of the angle between the derivatives; near an edge whose
-    control points coincide it grows like the inverse of the distance from it.
+    Inside, the relative error is a few roundings over the sine of the angle between the derivatives, however near the
+    boundary is.
     """
-    u = patch.domain.columns(u)
-    return curvature_at(patch, _locations(patch, u, parametrization), len(u))
+    columns = patch.domain.columns(u)
+    return curvature_at(patch, locations(patch, columns, parametrization), len(columns))
 
 
-def curvature_at(patch: Patch, locations: Iterable[Location], count: int) -> Curvature:
+def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
     """Curvatures, as `curvature`, at locations found by any parametrisation."""
     field = _CurvatureField(patch)
     gaussian, mean = np.empty(count), np.empty(count)
-    for location in locations:
+    for location in where:
         gaussian[location.rows], mean[location.rows] = field.at(location)
     return Curvature(gaussian, mean)
 
 
 def with_attributes(
     shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "toric"
-) -> Mesh:
+) -> tuple[Mesh, int]:
     """Return a mesh with scalars for each vertex.
 
     Parameters
@@ -120,9 +120,11 @@ def with_attributes(
 
     Returns
     -------
-    Mesh
-        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite value
-        carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+    mesh : Mesh
+        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite
+        value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+    replaced : int
+        The number of such vertices.
 
     Raises
     ------
@@ -137,13 +139,15 @@ def with_attributes(
     if isinstance(shape, Model) or mesh.parameters is None:
         raise DomainError("attribute: the vertices of a model have no parameters; mesh its patches one by one")
     values: dict[str, FloatArray] = dict(zip("uv", mesh.parameters.T, strict=False))
+    replaced = 0
     if any(name.endswith("curvature") for name in names):
         found = curvature(shape, mesh.parameters, parametrization)
         values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
+        replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
     chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
     if chosen:
         chosen[SHOWN] = next(iter(chosen.values()))
-    return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen}))
+    return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
 
 
 def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
@@ -165,14 +169,6 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
         result[found] = np.bincount(known[:, 0], share, len(values))[found]
         finite |= found
     return result
-
-
-def _locations(patch: Patch, u: FloatArray, parametrization: Parametrization) -> Iterable[Location]:
-    if parametrization == "linear":
-        return LinearParametrization(patch.domain, patch.log_products).locations(u)
-    if parametrization == "toric":
-        return toric_locations(patch.domain, u)
-    raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
 
 class _Layers(NamedTuple):
@@ -213,7 +209,7 @@ class _CurvatureField:
         n, r = len(shape.knots), len(shape.vertices)
         if face == 0:
             every = np.ones(n, dtype=bool)
-            layers = _Layers(*[every] * 6, against=~every)
+            layers = _Layers(every, every, every, every, every, every, against=~every)
             knots = location.knots
         elif is_corner(shape, face):
             layers = self._corner_layers(face - 1 - r)
@@ -243,8 +239,9 @@ class _CurvatureField:
         eta = _levels(heights[:, after], incidence[:, before])
         slow = ((xi > 0) & (xi < 1)) | ((eta > 0) & (eta < 1))
         slow |= ((xi > 1) & (xi < 2)) | ((eta > 1) & (eta < 2))
-        member = {(i, j): (xi == i) & (eta == j) for i in range(3) for j in range(3)}
-        return _Layers(*(member[place] for place in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))), against=slow)
+        point, first, second = ((xi == i) & (eta == 0) for i in (0, 1, 2))
+        other_first, other_second = ((xi == 0) & (eta == j) for j in (1, 2))
+        return _Layers(point, first, other_first, second, (xi == 1) & (eta == 1), other_second, against=slow)
 
     def _curvatures(self, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures where T has given (n, m) logarithms, up to an addend for each column."""

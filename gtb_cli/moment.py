@@ -194,6 +194,8 @@ class MomentMap:
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         unit = (p - self._origin) / self._extents
+        if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
+            unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
         start = self._start(unit)
         if p.shape[1] == 2:
             low, high = self._unit_knots.min(axis=0), self._unit_knots.max(axis=0)
@@ -306,11 +308,13 @@ class MomentMap:
             s[:, rows], value[rows] = other[:, better], their_value[better]
             mu[:, rows], hessian[:, rows] = their_mu[:, better], their_hessian[:, better]
         gradient = mu - unit
-        # Far beyond its solution a start sees no curvature: it is drawn in towards the middle, along the ray it is on.
+        # Far beyond its solution a start sees no curvature: it is drawn in while, to second order, the minimum along
+        # its ray is on the other side of 0.
         for _ in range(HALVINGS):
-            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-                step = _regularised_step(gradient, hessian, np.zeros(s.shape[1]))
-                rows = np.flatnonzero(~(_size(step) <= _size(s)) & (_dot(gradient, s) > 0))
+            curvature = _dot(hessian[: len(s)], s**2)
+            if len(s) == 2:
+                curvature += 2 * hessian[2] * s[0] * s[1]
+            rows = np.flatnonzero(_dot(gradient, s) > curvature)
             if not len(rows):
                 break
             s = s.copy()

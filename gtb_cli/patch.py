@@ -144,7 +144,7 @@ class Patch:
     def derivatives(self, u: ArrayLike) -> FloatArray:
         """(m, 3, d) first derivatives ∂P/∂u at parameters inside Δ.
 
-        ``∂P/∂u = (Σ_i T_i (b_i − P) (a_i − μ)ᵀ) (Σ_j s_j ξ_j (s_j ξ_j)ᵀ / h_j)``.
+        ``∂P/∂u = Σ_j (Σ_i T_i h_j(a_i) (b_i − P)) (s_j ξ_j)ᵀ / h_j(u)``.
 
         Raises
         ------
@@ -159,10 +159,13 @@ class Patch:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)
-            covariance = np.einsum("im,ik,il->mkl", t, points, knots, optimize=True)
-            covariance -= np.einsum("km,lm->mkl", points.T @ t, knots.T @ t)
-            jacobian = np.einsum("jk,jl,jm->mkl", self.domain.normals, self.domain.normals, 1 / heights, optimize=True)
-            result[where] = covariance @ jacobian
+            # Where h_j(u) is small, so are all T_i but those with h_j(a_i) exactly 0: digits are kept up to the edges.
+            mean = points.T @ t
+            rates = [
+                ((points * column[:, None]).T @ t - mean * (column @ t)) / height
+                for column, height in zip(self.domain.heights.T, heights, strict=True)
+            ]
+            result[where] = np.einsum("jkm,jl->mkl", np.array(rates), self.domain.normals)
         return result
 
     def normals(self, u: ArrayLike) -> FloatArray:

@@ -70,7 +70,7 @@ def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArr
 
 
 def _inside(patch: Patch, location: Location) -> FloatArray:
-    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised, about the knot with the largest T: no digits are lost near the ends."""
+    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised; about the knot with the largest T, which keeps digits at the ends."""
     e = exponents(location.knots, patch.log_products, location.s)
     leader = e.argmax(axis=0)
     result = np.empty((e.shape[1], 3))
@@ -94,7 +94,7 @@ def _at_end(patch: Patch, end: int) -> FloatArray:
     rounding = COINCIDENT_ULPS * EPS * float(np.abs(patch.control_points).max())
     for other in others:
         if np.abs(other - point).max() > rounding:
-            return _unit((other - point)[None], 0.0)[0] * (1.0 if end == 0 else -1.0)
+            return np.asarray(_unit((other - point)[None], 0.0)[0] * (1.0 if end == 0 else -1.0))
     return np.full(3, np.nan)
 
 

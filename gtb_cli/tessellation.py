@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.complex import Complex, Parametrization, Sampler, joined_complex, merged
+from gtb_cli.distance import cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.joints import Joints, find_joints
 from gtb_cli.mesh import Mesh
 from gtb_cli.patch import Model, Patch
-from gtb_cli.refinement import refine
+from gtb_cli.refinement import refine, sampled
 from gtb_cli.triangulation import cell_count
 
 MAX_FACES = 5_000_000
 """Cells of a mesh that is made without being asked for more."""
+
+UNIFORM_TRIALS = 3
+"""Uniform complexes tried in place of a refined one."""
 
 COARSEST = (1, 2, 3)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices."""
@@ -77,9 +82,8 @@ def tessellate(
         mosaic = joined_complex(patches, joints, resolution)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
-        start = coarsest_complex(patches, joints)
-        mosaic, points = refine(start, sampler, float(tolerance), max_faces)
-    return _mesh(mosaic, points, sampler, shape)
+        mosaic, points = fewest_cells(patches, joints, sampler, float(tolerance), max_faces)
+    return _mesh(mosaic, points, sampler, shape, joints)
 
 
 def refuse_too_many(cells: int, max_faces: int) -> None:
@@ -88,16 +92,48 @@ def refuse_too_many(cells: int, max_faces: int) -> None:
         raise ToleranceError(f"the mesh would have {cells} faces, more than {max_faces}: lower -n or raise --max-faces")
 
 
-def coarsest_complex(patches: Sequence[Patch], joints: Joints | None) -> Complex:
-    """The complex with the fewest cells whose cells and sides are told apart by their vertices."""
-    for resolution in COARSEST:
-        mosaic = joined_complex(patches, joints, resolution)
-        if mosaic.is_simplicial:
+def fewest_cells(
+    patches: Sequence[Patch], joints: Joints | None, sampler: Sampler, tolerance: float, max_faces: int
+) -> tuple[Complex, FloatArray]:
+    """The refined complex, or a uniform one that holds the tolerance with fewer cells.
+
+    Refinement halves; on a gentle surface a number of cells between its steps can be enough.
+    """
+    for coarsest in COARSEST:
+        start = joined_complex(patches, joints, coarsest)
+        if start.is_simplicial:
             break
-    return mosaic
+    refined = found = refine(start, sampler, tolerance, max_faces)
+
+    # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
+    # cannot hold: only what is too wide is halved. From there down by the square law of chord errors.
+    unit = sum(cell_count(patch.domain, 1) for patch in patches)
+    n = int(((len(found[0].cells) - 1) / unit) ** (1 / patches[0].dimension))
+    if 2.1 * n < coarsest * narrowest(start, patches) / narrowest(found[0], patches):
+        return found
+    low, high = coarsest - 1, n + 1
+    for _ in range(UNIFORM_TRIALS):
+        if not low < n < high:
+            break
+        candidate = joined_complex(patches, joints, n)
+        points, distance = sampled(candidate, sampler, tolerance)
+        if distance <= tolerance:
+            found, high = (candidate, points), n
+        elif found is refined:
+            break
+        else:
+            low = n
+        n = min(max(math.ceil(n * math.sqrt(distance / tolerance)), low + 1), high - 1)
+    return found
 
 
-def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | Model) -> Mesh:
+def narrowest(mosaic: Complex, patches: Sequence[Patch]) -> float:
+    """Width of the narrowest cell of a complex, as a fraction of its patch's domain."""
+    sides = np.abs(mosaic.corners - np.roll(mosaic.corners, 1, axis=1)).max(axis=(1, 2))
+    return float((sides / np.array([patch.domain.size for patch in patches])[mosaic.cell_patch]).min())
+
+
+def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | Model, joints: Joints | None) -> Mesh:
     name = shape.name or ("model" if isinstance(shape, Model) else "patch")
     cells, cell_patch = mosaic.cells, mosaic.cell_patch
     used = np.arange(len(points))
@@ -108,10 +144,15 @@ def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | 
         proper = (np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)
         used, cells = np.unique(cells[proper], return_inverse=True)
         cells, cell_patch = cells.reshape(-1, mosaic.cells.shape[1]), cell_patch[proper]
+        if not len(cells):
+            raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     vertices = points[used]
     normals = None
     if cells.shape[1] == 3:
         normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
+        inward = inside_out(vertices, cells, cell_patch) if joints is not None else np.zeros(1, dtype=bool)
+        cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
+        normals = np.where(inward[mosaic.patch[used], None], -normals, normals)
         normals = vertex_normals(normals, vertices, cells)
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
@@ -128,6 +169,25 @@ def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | 
     )
 
 
+def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray) -> BoolArray:
+    """(patches,) whether a patch belongs to a closed body whose faces look inwards."""
+    count = int(face_patch.max()) + 1
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(face_patch, 3)
+    order = np.lexsort(sides.T)
+    sides, owner = sides[order], owner[order]
+    same = (sides[1:] == sides[:-1]).all(axis=1)
+    body = merged(count, np.unique(np.stack([owner[1:][same], owner[:-1][same]], axis=1), axis=0))
+    paired = np.zeros(len(sides), dtype=np.int64)
+    paired[1:] += same
+    paired[:-1] += same
+    is_open = np.zeros(count, dtype=bool)
+    is_open[body[owner[paired != 1]]] = True
+    a, b, c = (vertices[corner] - vertices.mean(axis=0) for corner in faces.T)
+    volume = np.bincount(body[face_patch], dot(a, cross(b, c)), minlength=count)
+    return np.asarray((volume < 0)[body] & ~is_open[body])
+
+
 def vertex_normals(normals: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Replace normals that the surface does not have (NaN) by the mean of the adjacent faces, weighted by area."""
     missing = np.isnan(normals[:, 0])
@@ -135,7 +195,7 @@ def vertex_normals(normals: FloatArray, vertices: FloatArray, faces: IntArray) -
         return normals
     touching = missing[faces].any(axis=1)
     corners = vertices[faces[touching]]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sums = np.zeros_like(vertices)
     for k in range(3):
         np.add.at(sums, faces[touching, k], area)

@@ -51,7 +51,19 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
         steps = np.arange(n)
         return Triangulation(u[:, None], np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
     make = {3: _triangle, 4: _quadrilateral}.get(len(domain.vertices), _sectors)
-    u, cells, boundary = make(domain.vertices, n)
+    return _with_exact_boundary(domain, *make(domain.vertices, n))
+
+
+def central_triangulation(domain: Domain, resolution: int) -> Triangulation:
+    """Cut any polygon Δ, triangles and quadrilaterals too, into its triangles around the centroid, N² each.
+
+    No side of a cell joins two vertices on the boundary, but those that lie on it.
+    """
+    return _with_exact_boundary(domain, *_sectors(domain.vertices, resolution))
+
+
+def _with_exact_boundary(domain: Domain, u: FloatArray, cells: IntArray, boundary: IntArray) -> Triangulation:
+    n = boundary.shape[1]
     edges = np.roll(domain.vertices, -1, axis=0) - domain.vertices
     u[boundary] = domain.vertices[:, None] + edges[:, None] * (np.arange(n) / n)[None, :, None]
     return Triangulation(u, cells, boundary)

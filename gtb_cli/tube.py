@@ -15,6 +15,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.complex import Parametrization, merged
+from gtb_cli.distance import cross, dot
 from gtb_cli.domain import EPS
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.joints import SAME
@@ -33,8 +34,9 @@ TRANSVERSE = 0.5
 """Least cosine of the angle between a tangent and the segments beside it: else the mesh is too coarse for the tangent,
 and the segments' directions are taken."""
 
-COLLAPSED = 1e-9
-"""Vertices of the two rings of a sharp turn that are nearer than this fraction of the radius are one."""
+ROUNDING = 1e-9
+"""Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is no sharp one, and
+vertices of the two rings of a sharp turn can be one."""
 
 
 def tube(
@@ -59,8 +61,8 @@ def tube(
     tolerance : float, optional
         Largest distance between the circle and its polygon, in place of `sides`. With neither, there are `SIDES`.
     tangents : (k, 2, 3) float, optional
-        Unit tangents of the curve at both ends of each segment, such as `curve_tangents`, NaN where it has none. Without
-        them, directions are those of the segments.
+        Unit tangents of the curve at both ends of each segment, such as `curve_tangents`, NaN where it has none.
+        Without them, directions are those of the segments.
     max_faces : int
         More triangles than this are refused before they are made.
 
@@ -158,7 +160,7 @@ def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = 
 
 def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
     if not mesh.is_curve:
-        raise DomainError("radius: a tube is made of a curve, this is a surface")
+        raise DomainError("radius: expected a curve, of which a tube is made; a surface gets a thickness")
     if not len(mesh.cells):
         raise DomainError("radius: the curve has no segments")
     if not (math.isfinite(radius) and radius > 0):
@@ -262,7 +264,17 @@ def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, B
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """A tube around one path; `owners` are the vertices of the curve that its vertices belong to."""
+    """A tube around one path.
+
+    Attributes
+    ----------
+    vertices, normals : (m, 3) float
+    owners : (m,) int
+        Vertices of the curve that they belong to.
+    cells : (k, 3) int
+    folded : (s,) bool
+        Segments of the path beside which the tube runs backwards.
+    """
 
     vertices: FloatArray
     normals: FloatArray
@@ -271,6 +283,122 @@ class _Sweep:
     folded: BoolArray
 
 
+@dataclass(frozen=True, eq=False)
+class _Sections:
+    """Where rings stand, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors."""
+
+    at: IntArray
+    centers: FloatArray
+    before: FloatArray
+    after: FloatArray
+    closed: bool
+
+
+def _sections(path: _Path) -> _Sections:
+    """A section at each vertex of a path, two where the turn is sharp."""
+    before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
+    after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
+    count = len(path.vertices)
+    sharp = np.flatnonzero(dot(before[:count], after[:count]) < -ROUNDING)
+    middle = before[sharp] + after[sharp]
+    length = np.linalg.norm(middle, axis=1, keepdims=True)
+    back = length[:, 0] < ROUNDING
+    middle[back], length[back] = _perpendicular(before[sharp][back]), 1.0
+    at = np.sort(np.concatenate([np.arange(count), sharp]))
+    before, after = before[at], after[at]
+    first = sharp + np.arange(len(sharp))
+    after[first] = before[first + 1] = middle / length
+    return _Sections(at, path.points[at], before, after, path.closed)
+
+
 def _sweep(path: _Path, radius: float, sides: int) -> _Sweep:
-    center, before, after, owner = _sections(path)
-    across, turned = _frame(path, center, before, after, sides)
+    sections = _sections(path)
+    angle, shift = _frame(sections, sides)
+    turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
+    start = _perpendicular(sections.before)
+    other = cross(sections.before, start)
+    radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
+    before, after = sections.before[:, None], sections.after[:, None]
+    # Slid along the tube before it into the plane of the mitre, where the tube after it has the same vertices.
+    beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
+    rings = sections.centers[:, None] + radius * (radial - beyond * before)
+    normals = radial + (radial - beyond * (before + after))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+
+    index = np.arange(rings.shape[0] * sides).reshape(-1, sides)
+    following = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
+    a, d = index[: len(following)], following
+    b, c = np.roll(a, -1, axis=1), np.roll(d, -1, axis=1)
+    cells = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3)
+    vertices, normals = rings.reshape(-1, 3), normals.reshape(-1, 3)
+    owners = np.repeat(path.vertices[sections.at], sides)
+
+    rows = np.append(sections.at, 0)[1:] if path.closed else sections.at[1:]
+    ahead = vertices[d] - vertices[a]
+    chords = np.roll(path.points, -1, axis=0)[sections.at[: len(rows)]] - path.points[sections.at[: len(rows)]]
+    backwards = ((ahead * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (rows != sections.at[: len(rows)])
+    folded = np.zeros(len(path.segments), dtype=bool)
+    folded[sections.at[: len(rows)][backwards]] = True
+
+    if not path.closed:
+        ends = len(vertices) + np.arange(2)
+        first, last = index[0], index[-1]
+        caps = [(ends[0], np.roll(first, -1), first), (ends[1], last, np.roll(last, -1))]
+        cells = np.concatenate([cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)])
+        vertices = np.concatenate([vertices, sections.centers[[0, -1]]])
+        normals = np.concatenate([normals, -sections.before[:1], sections.after[-1:]])
+        owners = np.concatenate([owners, path.vertices[[0, -1]]])
+    twins = np.flatnonzero(np.diff(sections.at) == 0)
+    if len(twins):
+        near = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ROUNDING * radius
+        pairs = np.stack([index[twins][near], index[twins + 1][near]], axis=1)
+        label = merged(len(vertices), pairs)
+        cells = label[cells]
+        cells = cells[(np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)]
+        used, places = np.unique(cells, return_inverse=True)
+        cells, vertices, normals, owners = places.reshape(-1, 3), vertices[used], normals[used], owners[used]
+    return _Sweep(vertices, normals, owners, cells, folded)
+
+
+def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
+    """The angle at which each ring begins, from `_perpendicular`, and by how many vertices the last ring is ahead.
+
+    Rings of a tube all begin at the same place in a frame that does not rotate about the curve. A closed tube's frame
+    misses itself by some angle: whole sides of it are a shift, the rest is spread over the length.
+    """
+    before, after, centers = sections.before, sections.after, sections.centers
+    start = _perpendicular(before)
+    # Over the joint: the least rotation that takes `before` to `after`.
+    carried = start - dot(start, after)[:, None] / (1 + dot(before, after))[:, None] * (before + after)
+    step = np.roll(centers, -1, axis=0) - centers
+    lengths = np.linalg.norm(step, axis=1)
+    arrived = np.roll(before, -1, axis=0)
+    moving = lengths > 0
+    moving[-1] &= sections.closed
+    # Along the segment: reflected in the plane half-way, then so that the direction is right (double reflection).
+    u = step[moving] / lengths[moving, None]
+    direction = after[moving] - 2 * dot(u, after[moving])[:, None] * u
+    carried[moving] -= 2 * dot(u, carried[moving])[:, None] * u
+    u = arrived[moving] - direction
+    carried[moving] -= 2 * (dot(u, carried[moving]) / dot(u, u))[:, None] * u
+    target = np.roll(start, -1, axis=0)
+    advance = np.arctan2(dot(carried, cross(arrived, target)), dot(carried, target))
+    angle = np.concatenate([[0.0], np.cumsum(advance[:-1])])
+    if not sections.closed:
+        return angle, 0
+    missed = angle[-1] + advance[-1]
+    shift = round(missed * sides / (2 * np.pi))
+    rest = missed - shift * 2 * np.pi / sides
+    along = np.concatenate([[0.0], np.cumsum(lengths[:-1])]) / lengths.sum()
+    return np.asarray(angle - rest * along), shift % sides
+
+
+def _perpendicular(vectors: FloatArray) -> FloatArray:
+    """(m, 3) unit vectors across given ones: along the axis that is most across, as nearly as can be."""
+    axis = np.eye(3)[np.abs(vectors).argmin(axis=1)]
+    across = axis - dot(axis, vectors)[:, None] * vectors
+    return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+
+def _place(point: FloatArray) -> str:
+    return f"({', '.join(f'{x:g}' for x in point)})"

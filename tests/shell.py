@@ -49,12 +49,6 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "gtb_cli", *map(str, arguments)]
 
 
-def start(*arguments: object, folder: Path | None = None, **options) -> subprocess.Popen:
-    """Start a real process."""
-    variables = options.pop("env", {})
-    return subprocess.Popen(command(*arguments), cwd=folder, env=environment(**variables), **options)
-
-
 def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, **variables: str) -> Result:
     """Run a command in a process of its own."""
     done = subprocess.run(

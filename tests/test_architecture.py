@@ -14,11 +14,12 @@ from gtb_cli.cli import COMMANDS
 PACKAGE = Path(gtb_cli.__file__).parent
 REPOSITORY = PACKAGE.parent
 
-ROOMS = """
-    __init__ errors arrays domain basis upper_hull lifting normals patch moment limits mesh triangulation joints complex
-    distance nearest refinement tessellation binomial description checks compare
-    expression syntax reader schema spec obj formats files export sequence plot
-""".split()
+GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch moment"
+MESHES = "limits mesh triangulation joints complex distance nearest refinement tessellation tangents curvature tube"
+CHECKS = "checks.probe checks.basis checks.lattice checks.curve checks.surface checks.degeneration checks.__init__"
+REPORTS = f"binomial description elevation {CHECKS} compare"
+FILES = "templates expression syntax reader schema spec obj formats files export sequence plot"
+ROOMS = " ".join([GROUND, MESHES, REPORTS, FILES]).split()
 """From the ground up: each imports only those before it. A new room is put where it belongs."""
 
 READS_MESHES = {"mesh", "export", "compare"}

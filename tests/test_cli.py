@@ -406,7 +406,7 @@ def test_eval_gives_digits_that_read_back_exactly():
     patch = gtb_cli.load(PENTAGON)
     assert (rows(gtb("eval", PENTAGON, stdin=text).out) == patch.evaluate(u)).all()
     assert (rows(gtb("eval", PENTAGON, "--basis", stdin=text).out) == patch.basis(u)).all()
-    assert gtb("eval", PENTAGON, stdin=b"2 0").out == b"2.0 0.0 2.0\n"
+    assert gtb("eval", PENTAGON, stdin=b"2 1").out == b"2.0 1.0 2.0\n"
 
 
 def test_eval_reads_lines_as_people_write_them():
@@ -591,9 +591,7 @@ def test_decompose_with_another_lifting():
 def test_decompose_a_model():
     found = json.loads(gtb("decompose", "-", "--json", stdin=TWO).out)
     # The square is folded along its diagonal from knot 1, the raised one, to its neighbours' far corner.
-    assert found == {
-        "patches": [{"cells": [[0, 1, 2]], "absent": []}, {"cells": [[0, 1, 3], [1, 2, 3]], "absent": []}]
-    }
+    assert found == {"patches": [{"cells": [[0, 1, 2]], "absent": []}, {"cells": [[0, 1, 3], [1, 2, 3]], "absent": []}]}
     assert "single patch" in one_line(gtb("decompose", "-", "--lifting", "1,2,3", stdin=TWO))
     bare = TWO.replace(b"lifting = [0, 1, 0, 0]", b"")
     assert one_line(gtb("decompose", "-", stdin=bare)).startswith("<stdin>: patches[1]: has no lifting")
@@ -603,8 +601,9 @@ def test_decompose_a_model():
 
 
 def test_schema_is_json_schema(tmp_path):
-    import jsonschema
     import tomllib
+
+    import jsonschema
 
     schema = json.loads(gtb("schema").out)
     jsonschema.Draft202012Validator.check_schema(schema)

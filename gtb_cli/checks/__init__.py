@@ -214,13 +214,17 @@ def _joined(model: Model, joints: Joints) -> Outcome:
     for joint in joints.shared:
         (p, e), (q, f) = joint.first, joint.second
         if model.patches[p].dimension == 1:
-            first, second = (model.patches[i].evaluate(model.patches[i].domain.vertices[[j]]) for i, j in ((p, e), (q, f)))
+            first, second = (
+                model.patches[i].evaluate(model.patches[i].domain.vertices[[j]]) for i, j in ((p, e), (q, f))
+            )
         else:
             first, second = edge_points(model.patches[p], e, SAMPLES), edge_points(model.patches[q], f, SAMPLES)
         if joint.opposite:
             second = second[::-1]
         worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))
-    return at_most(worst / _size(model), JOINED, f"largest distance at {len(joints.shared)} joints, of the model's size")
+    return at_most(
+        worst / _size(model), JOINED, f"largest distance at {len(joints.shared)} joints, of the model's size"
+    )
 
 
 def _size(model: Model) -> float:

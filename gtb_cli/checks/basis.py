@@ -8,7 +8,16 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.basis import partition_of_unity_coefficients
-from gtb_cli.checks.probe import ROUNDINGS, Outcome, Probe, at_most, not_applicable, number
+from gtb_cli.checks.probe import (
+    ROUNDINGS,
+    Outcome,
+    Probe,
+    at_most,
+    largest,
+    not_applicable,
+    number,
+    within_rounding,
+)
 from gtb_cli.description import description
 from gtb_cli.domain import EPS, convex_hull
 from gtb_cli.errors import DomainError
@@ -64,13 +73,13 @@ def definition(probe: Probe) -> Outcome:
 
 def nonnegativity(probe: Probe) -> Outcome:
     """No value below zero: sums and quotients of exponentials have no rounding that makes one."""
-    return at_most(float(np.maximum(-probe.basis, 0.0).max()), 0.0, "largest negative value of the basis")
+    return at_most(largest(-probe.basis), 0.0, "largest negative value of the basis")
 
 
 def partition_of_unity(probe: Probe) -> Outcome:
     """Sums of the basis."""
     bound = EPS * (ROUNDINGS + len(probe.patch.knots))
-    return at_most(float(np.abs(probe.basis.sum(axis=1) - 1).max()), bound, "largest difference of the sum from 1")
+    return at_most(largest(np.abs(probe.basis.sum(axis=1) - 1)), bound, "largest difference of the sum from 1")
 
 
 def corners(probe: Probe) -> Outcome:
@@ -80,23 +89,23 @@ def corners(probe: Probe) -> Outcome:
     logs = np.where(members, patch.log_products, -np.inf)
     shares = np.exp(logs - logs.max(axis=1, keepdims=True))
     shares /= shares.sum(axis=1, keepdims=True)
-    difference = float(np.abs(patch.basis(domain.vertices) - shares).max())
+    difference = largest(np.abs(patch.basis(domain.vertices) - shares))
     distance = probe.distance(patch.evaluate(domain.vertices), shares @ patch.control_points)
     simple = bool((members.sum(axis=1) == 1).all())
     reason = "largest difference of basis or point from its control point"
     if not simple:
         reason += "; copies of a corner's knot share it in proportion c ω"
-    return at_most(max(difference, distance), 0.0 if simple else probe.distance_rounding, reason)
+    return within_rounding(max(difference, distance), 0.0 if simple else probe.distance_rounding, reason)
 
 
 def hull(probe: Probe) -> Outcome:
     """How far points are outside the convex hull of the control points."""
     control = probe.patch.control_points
-    middle = (control.min(axis=0) + control.max(axis=0)) / 2
+    middle = control.mean(axis=0)
     control, points = ((array - middle) / probe.extent for array in (control, probe.points))
     if not np.isfinite(points).all():
         return at_most(np.inf, probe.distance_rounding, "there are points that are not finite")
-    axes = np.linalg.svd(control, full_matrices=False)[2]
+    axes = np.linalg.svd(control)[2]
     control, points = control @ axes.T, points @ axes.T
     below, above = control.min(axis=0) - points, points - control.max(axis=0)
     outside = [float(below.max()), float(above.max())]
@@ -111,7 +120,9 @@ def hull(probe: Probe) -> Outcome:
 
         planes = ConvexHull(control).equations
         outside.append(float((points @ planes[:, :3].T + planes[:, 3]).max()))
-    return within_rounding(max(0.0, *outside), probe.distance_rounding, "largest distance outside the hull, of the extent")
+    return within_rounding(
+        max(0.0, *outside), probe.distance_rounding, "largest distance outside the hull, of the extent"
+    )
 
 
 def affine_invariance(probe: Probe) -> Outcome:
@@ -119,7 +130,9 @@ def affine_invariance(probe: Probe) -> Outcome:
     shift = AFFINE_SHIFT * probe.extent
     mapped = replace(probe.patch, control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
     value = probe.distance(mapped.evaluate(probe.u), probe.points @ AFFINE_MAP.T + shift)
-    return within_rounding(value, AFFINE_GAIN * probe.distance_rounding, "largest distance after a sheared map, of the extent")
+    return within_rounding(
+        value, AFFINE_GAIN * probe.distance_rounding, "largest distance after a sheared map, of the extent"
+    )
 
 
 def products(probe: Probe) -> Outcome:
@@ -136,12 +149,14 @@ def products(probe: Probe) -> Outcome:
         logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
         moved = replace(
             patch,
-            weights=None,
+            weights=None,  # type: ignore[arg-type]
             log_weights=logs + np.log(factor),
             coefficients=coefficients,
         )
     value = probe.distance(moved.evaluate(probe.u), probe.points)
-    return within_rounding(value, probe.distance_rounding, "largest distance with factors moved from c to ω, of the extent")
+    return within_rounding(
+        value, probe.distance_rounding, "largest distance with factors moved from c to ω, of the extent"
+    )
 
 
 def edge_scale(probe: Probe) -> Outcome:
@@ -151,14 +166,15 @@ def edge_scale(probe: Probe) -> Outcome:
     scaled = replace(patch, edge_scale=factors)
     u = linear_samples(probe, probe.inside)
     shares = scaled.basis(u)
+    moments = domain.center + shares @ (domain.knots - domain.center)
+    depth = (domain.heights_of_columns(moments) / domain.normal_lengths[:, None]).min(axis=0)
     steepness = _steepness(probe, shares)
-    well = steepness <= STEEPEST
+    well = (steepness <= STEEPEST) & (depth > probe.knot_rounding * domain.size)
     if not well.any():
         return not_applicable("at each sample one knot has nearly all of T: moments do not tell points apart")
-    moments = domain.center + shares[well] @ (domain.knots - domain.center)
+    moments = moments[well]
     points = patch.points_at(probe.linear.locations(moments), len(moments))
-    shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
-    error = RESIDUAL + EPS * (ROUNDINGS * shift + len(patch.knots))
+    error = RESIDUAL + probe.knot_rounding + EPS * len(patch.knots)
     bound = 2 * probe.distance_rounding + float(steepness[well].max()) * error
     value = probe.distance(scaled.evaluate(u[well]), points)
     return within_rounding(value, bound, "largest distance of points with other scales from the patch, of the extent")
@@ -202,9 +218,8 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
     images = replace(patch, control_points=knots).points_at(probe.linear.locations(p), len(p))
     expected = np.zeros_like(images)
     expected[:, : domain.dimension] = (p - domain.center) / domain.size
-    value = float(np.abs(images - expected).max())
-    shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
-    bound = RESIDUAL + EPS * (ROUNDINGS * shift + len(patch.knots))
+    value = largest(np.abs(images - expected))
+    bound = RESIDUAL + probe.knot_rounding + EPS * len(patch.knots)
     return within_rounding(value, bound, "largest |Σ T_i a_i − p| in the linear parametrization, of the hull's size")
 
 

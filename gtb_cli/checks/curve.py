@@ -9,15 +9,18 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.basis import exponents, torus_coordinates
 from gtb_cli.checks.probe import (
     ROUNDINGS,
     Outcome,
     Probe,
     at_most,
     evenly,
+    largest,
     not_applicable,
     number,
     points_at_torus,
+    within_rounding,
 )
 from gtb_cli.domain import EPS
 from gtb_cli.lifting import lifting_of_knot
@@ -40,7 +43,7 @@ GRAZING = 1e-6
 
 TURNING_POINTS = 129
 
-SHORTEST = 1e-4
+SHORTEST = 1e-3
 """Chords shorter than this fraction of the extent are joined with the next: their direction is rounding."""
 
 FLAT = 1e-12
@@ -73,7 +76,9 @@ WEIGHTS_TRIED = 16
 def total_positivity(probe: Probe) -> Outcome:
     """Minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
     smallest, bound, _ = _minors(probe)
-    return at_most(max(0.0, -smallest), bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum")
+    return within_rounding(
+        max(0.0, -smallest), bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum"
+    )
 
 
 def strict_total_positivity(probe: Probe) -> Outcome:
@@ -81,9 +86,10 @@ def strict_total_positivity(probe: Probe) -> Outcome:
     if probe.repetitions:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
     smallest, bound, undecided = _minors(probe)
-    if undecided:
-        return number(smallest, f"smallest minor: {undecided:.0%} of the sampled ones are within rounding of 0")
-    return at_most(-smallest, -bound, "negative of the smallest sampled minor, at parameters inside the domain")
+    reason = "negative of the smallest sampled minor, at parameters inside the domain"
+    if undecided and smallest >= -bound:
+        return number(-smallest, f"{reason}: {undecided:.0%} of them are within rounding of 0")
+    return at_most(-smallest, -bound, reason)
 
 
 def _minors(probe: Probe) -> tuple[float, float, float]:
@@ -98,12 +104,12 @@ def _minors(probe: Probe) -> tuple[float, float, float]:
         rows, columns = (_subsets(part, count) for part, count in ((spread[:, :order], len(u)), (spread[:, order:], n)))
         entries = basis[rows[:, :, None], columns[:, None, :]]
         for axis in (2, 1):  # rows, then columns, brought to size: their factors are those of the minor
-            entries = entries / np.maximum(entries.max(axis=axis, keepdims=True), np.finfo(float).tiny)
+            entries = entries / np.maximum(np.abs(entries).max(axis=axis, keepdims=True), np.finfo(float).tiny)
         minor, size = np.zeros(MINORS), np.zeros(MINORS)
         for permutation in permutations(range(order)):
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
             minor += _sign(permutation) * product
-            size += product
+            size += np.abs(product)
         decidable = size > 0
         ratios.append(minor[decidable] / size[decidable])
     every = np.concatenate(ratios)
@@ -125,7 +131,7 @@ def _sign(permutation: tuple[int, ...]) -> int:
 
 
 def progressive_iteration(probe: Probe) -> Outcome:
-    """Spectral radius of I − C, C the collocation matrix at the knots: the factor by which each round shrinks errors."""
+    """Spectral radius of I − C, C the collocation matrix at the knots: the factor by which a round shrinks errors."""
     patch = probe.patch
     if probe.repetitions:
         return not_applicable("repeated knots make the collocation matrix singular")
@@ -196,7 +202,7 @@ def convexity(probe: Probe) -> Outcome:
 
 
 def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
-    """Sine of the largest turn against the others of a closed polygon (None of a straight one), and the sum of turns."""
+    """Sine of a closed polygon's largest turn against the others (None of a straight one), and the sum of turns."""
     kept = [points[0]]
     for point in points[1:]:
         if np.hypot(*(point - kept[-1])) > SHORTEST * extent:
@@ -245,18 +251,22 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
         return not_applicable("the knots after the next one are so near to it that the limit is beyond floats")
     moved = replace(probe.merged, control_points=end.vectors)
     vector = points_at_torus(moved, np.array([[-end.sign * sigma]]))[0]
+    if not np.isfinite(vector).all() or not vector.any():
+        return at_most(math.inf, 0.0, "the curve does not leave its end")
     direction, expected = (v / np.abs(v).max() for v in (vector, end.step))
     length = np.sqrt((direction**2).sum() * (expected**2).sum())
     sine = float(np.sqrt((np.cross(direction, expected) ** 2).sum()) / length)
     if direction @ expected < 0:
         sine = 2.0 - sine
-    bound = 2 * neglected + ROUNDINGS * EPS * probe.largest * probe.extent / float(np.abs(end.step).max())
+    bound = 2 * neglected + ROUNDINGS * EPS * probe.reach * probe.extent / float(np.abs(end.step).max())
     return within_rounding(sine, bound, "sine of the angle to the next control point, the larger of both ends")
 
 
 def end_tangent_lengths(probe: Probe) -> Outcome:
     """Difference quotients at the ends against the paper's formula, with its k_0 and k_1."""
     ends = [_End.of(probe, end) for end in (0, 1)]
+    if ends[0].lead is None:
+        return not_applicable("all control points coincide")
     k = [1 / end.places[1] for end in ends]
     worst = Outcome("holds", 0.0, 0.0, "")
     for end, near, far in ((ends[0], k[0], k[1]), (ends[1], k[1], k[0])):
@@ -270,8 +280,8 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
         quotient = moved.evaluate(np.array([u]))[0] / abs(u - end.at)
         scale = np.exp(log_length) * float(np.abs(end.vectors).max())
         expected = np.exp(log_length) * end.vectors[end.next_row]
-        value = float(np.abs(quotient - expected).max() / scale)
-        found = at_most(value, best, "difference from the formula, of its length; k_0 and k_1 as it demands")
+        value = largest(np.abs(quotient - expected) / scale)
+        found = within_rounding(value, best, "difference from the formula, of its length; k_0 and k_1 as it demands")
         if found.status != "holds":
             return found
         if (found.value or 0.0) >= (worst.value or 0.0):
@@ -323,18 +333,19 @@ class _End:
 
     @classmethod
     def of(cls, probe: Probe, end: int) -> _End:
-        return cls(probe.merged, end, 8 * EPS * probe.largest * probe.extent)
+        return cls(probe.merged, end, 8 * EPS * probe.reach * probe.extent)
 
 
 def one_weight(probe: Probe) -> Outcome:
     """With a weight that outgrows all others, every point inside Δ goes to that knot's control point."""
     patch = probe.patch
     u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
-    logs = np.log(np.maximum(patch.basis(u), np.finfo(float).tiny))
+    s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u))
+    logs = exponents(patch.knots - patch.domain.center, patch.log_products, s)
     worst = 0.0
     n = len(patch.knots)
     for k in np.unique(np.linspace(0, n - 1, min(n, WEIGHTS_TRIED)).astype(np.int64)).tolist():
-        growth = INFINITE + float((logs.max(axis=1) - logs[:, k]).max())
+        growth = INFINITE + float((logs.max(axis=0) - logs[k]).max())
         heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
         worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
     return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")

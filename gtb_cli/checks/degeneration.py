@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable
-from gtb_cli.errors import DomainError
+from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
 from gtb_cli.lifting import regular_decomposition
 from gtb_cli.limits import cells_of, degenerate
 from gtb_cli.moment import LinearParametrization
@@ -41,7 +40,9 @@ def multiple_knots(probe: Probe) -> Outcome:
     if not probe.repetitions:
         return not_applicable("no knot is repeated")
     value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
-    return within_rounding(value, probe.distance_rounding, "largest distance from the patch of merged knots, of the extent")
+    return within_rounding(
+        value, probe.distance_rounding, "largest distance from the patch of merged knots, of the extent"
+    )
 
 
 def toric_degeneration(probe: Probe) -> Outcome:
@@ -73,4 +74,5 @@ def toric_degeneration(probe: Probe) -> Outcome:
     value = probe.distance(far.points_at(there, len(places)), np.concatenate(expected))
     what = "curve" if patch.dimension == 1 else "surface"
     power = f"x^λ, log x = {exponent:.3g}"
-    return at_most(value, CONVERGED, f"largest distance from the regular control {what} at {power}, of the extent")
+    bound = CONVERGED + probe.distance_rounding
+    return within_rounding(value, bound, f"largest distance from the regular control {what} at {power}, of the extent")

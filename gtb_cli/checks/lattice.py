@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.binomial import binomial_coefficients
-from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable
+from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
 from gtb_cli.domain import EPS
 from gtb_cli.errors import DomainError
 
@@ -47,8 +47,8 @@ def classical_bezier(probe: Probe) -> Outcome:
     largest = max(float(np.abs(steps @ s).max()) for _, _, steps in factors)
     bound = probe.distance_rounding + 4 * EPS * degrees**2 + 2 * off * largest
     kind = {2: "curve", 3: "triangle", 4: "tensor product patch"}[len(domain.vertices)]
-    degree = " × ".join(str(degree) for degree, _, _ in factors)
-    return within_rounding(value, bound, f"largest distance from the Bézier {kind} of degree {degree}, of the extent")
+    numbers = " × ".join(str(degree) for degree, _, _ in factors)
+    return within_rounding(value, bound, f"largest distance from the Bézier {kind} of degree {numbers}, of the extent")
 
 
 def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
@@ -70,15 +70,13 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
     ``B^k_α = Σ_j λ_j B^{k−1}_{α − e_j}``, de Casteljau's recurrence: only products and sums of nonnegative numbers.
     """
     first, *others = barycentric
-    shape = (len(first), *(degree + 1 for _ in others))
-    column = (slice(None), *(None for _ in others))
-    values = np.zeros(shape)
-    values[(slice(None), *(0 for _ in others))] = 1.0
+    column = (len(first), *(1 for _ in others))
+    values = np.zeros((len(first), *(degree + 1 for _ in others)))
+    values.reshape(len(first), -1)[:, 0] = 1.0
     for _ in range(degree):
-        raised = first[column] * values
+        raised = first.reshape(column) * values
         for axis, share in enumerate(others, 1):
-            shifted = np.roll(values, 1, axis=axis)
-            raised += share[column] * shifted
+            raised += share.reshape(column) * np.roll(values, 1, axis=axis)
         values = raised
     return values
 

@@ -94,6 +94,12 @@ def not_applicable(condition: str) -> Outcome:
     return Outcome("not applicable", None, None, condition)
 
 
+def largest(values: FloatArray) -> float:
+    """The largest of some violations: 0 of none, infinite if one is not a number."""
+    worst = float(values.max(initial=0.0))
+    return math.inf if math.isnan(worst) else worst
+
+
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
 
 
@@ -121,7 +127,8 @@ class Probe:
             uniform = triangulation(domain, max(2, min(FINEST, finest))).parameters
         heights = domain.heights_of_columns(uniform)
         outer = uniform[(heights == 0).any(axis=0)]
-        near = [outer + fraction * (domain.center - outer) for fraction in NEAR_BOUNDARY]
+        fractions = [fraction for fraction in NEAR_BOUNDARY if fraction > self.knot_rounding]
+        near = [outer + fraction * (domain.center - outer) for fraction in fractions]
         return np.concatenate([uniform, *near])[: 4 * most]
 
     @cached_property
@@ -150,12 +157,18 @@ class Probe:
         return self.patch.evaluate(self.u)
 
     @cached_property
+    def knot_rounding(self) -> float:
+        """What rounding of knots' coordinates may do to places in Δ, as a fraction of its size."""
+        domain = self.patch.domain
+        return EPS * ROUNDINGS * max(1.0, float(np.abs(domain.knots).max()) / domain.size)
+
+    @cached_property
     def extent(self) -> float:
         """Largest extent of the control points along an axis, in which distances are measured; 1 where it is 0."""
         return float(np.ptp(self.patch.control_points, axis=0).max()) or 1.0
 
     @cached_property
-    def largest(self) -> float:
+    def reach(self) -> float:
         """Largest coordinate of a control point, as a multiple of `extent`, and at least 1."""
         return max(1.0, float(np.abs(self.patch.control_points).max()) / self.extent)
 
@@ -175,11 +188,11 @@ class Probe:
     @cached_property
     def distance_rounding(self) -> float:
         """Error of a point as a fraction of `extent`: of the basis, and of sums of control points."""
-        return self.rounding + EPS * (ROUNDINGS + len(self.patch.knots)) * self.largest
+        return self.rounding + EPS * (ROUNDINGS + len(self.patch.knots)) * self.reach
 
     def distance(self, first: FloatArray, second: FloatArray) -> float:
-        """Return the largest distance of (m, 3) points from others, as a fraction of `extent`; 0 of none."""
-        return float(np.sqrt((((first - second) / self.extent) ** 2).sum(axis=1)).max(initial=0.0))
+        """Return the largest distance of (m, 3) points from others, as a fraction of `extent`."""
+        return largest(np.sqrt((((first - second) / self.extent) ** 2).sum(axis=1)))
 
     @cached_property
     def linear(self) -> LinearParametrization:

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.basis import torus_coordinates
-from gtb_cli.checks.probe import Outcome, Probe, at_most, not_applicable, points_at_torus
+from gtb_cli.checks.probe import Outcome, Probe, largest, not_applicable, points_at_torus, within_rounding
 from gtb_cli.patch import Patch
 
 ON_EDGE = 15
@@ -31,7 +31,7 @@ def boundaries(probe: Probe) -> Outcome:
     for edge in edges:
         start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
         u = start + fractions * (end - start)
-        worst = max(worst, float(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]]).max(initial=0.0)))
+        worst = max(worst, largest(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]])))
         heights = domain.heights_of_columns(u, 0, np.full(len(u), 1 + edge))
         heights[edge] = 1.0
         sigma = (domain.direction(edge) @ torus_coordinates(domain, heights))[None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Callable, Iterator
 from itertools import chain
@@ -124,7 +125,8 @@ def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
     first, lines, rest = 1, [], b""
     each = 1 if file.isatty() else LINES
     read = file.readline if file.isatty() else file.read
-    while chunk := read(CHUNK):
+    chunk = read(CHUNK).removeprefix(codecs.BOM_UTF8)
+    while chunk:
         pieces = (rest + chunk).split(b"\n")
         rest = pieces.pop()
         lines += pieces
@@ -133,6 +135,7 @@ def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
         while len(lines) >= each:
             yield first, lines[:each]
             first, lines = first + each, lines[each:]
+        chunk = read(CHUNK)
     yield first, [*lines, rest]
 
 

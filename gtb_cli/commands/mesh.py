@@ -20,7 +20,7 @@ from gtb_cli.commands.meshing import (
     report,
     summary,
 )
-from gtb_cli.commands.options import console_option, mesh_options, output_option, spec_format_option
+from gtb_cli.commands.options import console_option, file_names, mesh_options, output_option, spec_format_option
 from gtb_cli.commands.processes import MAX_JOBS, in_processes
 from gtb_cli.errors import GtbError
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @click.command
-@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=file_names)
 @output_option
 @mesh_options
 @click.option(
@@ -148,11 +148,11 @@ def _encoded(task: Task) -> Encoded | GtbError:
     spec, path, options, kind = task
     try:
         with about(shown_input(path)):
-            mesh = options.mesh(spec)
+            mesh, remarks = options.mesh_with_remarks(spec)
             blocks = options.encoded(mesh, kind)
     except GtbError as error:
         return error
-    return Encoded(blocks, summary(mesh), options.warnings(mesh, kind), expected_bytes(mesh))
+    return Encoded(blocks, summary(mesh), [*remarks, *options.warnings(mesh, kind)], expected_bytes(mesh))
 
 
 def _encoded_whole(task: Task) -> Encoded | GtbError:

@@ -13,12 +13,16 @@ from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_block
 from gtb_cli.errors import ExportError, GtbError, ToleranceError
 
 if TYPE_CHECKING:
+    from gtb_cli.arrays import IntArray
     from gtb_cli.complex import Parametrization
     from gtb_cli.mesh import Mesh
     from gtb_cli.patch import Model, Patch
 
 FORMATS = ("obj", "ply", "stl", "glb")
 """As `gtb_cli.export.FORMATS`, which costs an import of numpy."""
+
+ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
+"""As `gtb_cli.curvature.ATTRIBUTES`, likewise."""
 
 RESOLUTION = 32
 MAX_FACES = 5_000_000
@@ -31,6 +35,10 @@ BOUNDS_RESOLUTION = 16
 
 UNSAFE = '/\\:*?"<>|'
 """Characters that some file system does not take in a name."""
+
+TUBE_SHARE = 1 / 3
+"""How near the middle line of a tube, and the polygon of its rings, must be, as a fraction of the tolerance: on the
+outside of a bend as sharp as the tube allows, what the middle line misses counts twice."""
 
 MAX_STEM = 200
 """Longest stem of a file name, in bytes: with a suffix every file system takes it."""
@@ -54,6 +62,12 @@ class MeshOptions:
     normals, uv, ascii : bool
     max_faces : int
         More are refused.
+    radius : float or None
+        That of a tube around a curve.
+    thickness : float or None
+        That of a solid beside a surface.
+    attributes : tuple of str
+        Of `ATTRIBUTES`.
     """
 
     resolution: int = RESOLUTION
@@ -64,16 +78,57 @@ class MeshOptions:
     uv: bool = False
     ascii: bool = False
     max_faces: int = MAX_FACES
+    radius: float | None = None
+    thickness: float | None = None
+    attributes: tuple[str, ...] = ()
 
     def mesh(self, spec: Patch | Model) -> Mesh:
         """Make the mesh of a spec."""
+        return self.mesh_with_remarks(spec)[0]
+
+    def mesh_with_remarks(self, spec: Patch | Model) -> tuple[Mesh, list[str]]:
+        """Make the mesh of a spec, and say what is unusual about its shape."""
+        from gtb_cli.patch import Model
         from gtb_cli.tessellation import tessellate
 
         tolerance = self.tolerance
         if isinstance(tolerance, str):
             low, high = tessellate(spec, BOUNDS_RESOLUTION).bounds
             tolerance = float(tolerance.removesuffix("%")) / 100 * math.dist(low, high)
-        return tessellate(spec, self.resolution, tolerance, self.parametrization, max_faces=self.max_faces)
+        if tolerance is not None and self.radius is not None:
+            tolerance *= TUBE_SHARE
+        mesh = tessellate(spec, self.resolution, tolerance, self.parametrization, max_faces=self.max_faces)
+        remarks = []
+        linear = isinstance(spec, Model) or tolerance is not None
+        parametrization = self.parametrization or ("linear" if linear else "toric")
+        if self.attributes:
+            from gtb_cli.curvature import with_attributes
+
+            mesh, replaced = with_attributes(spec, mesh, self.attributes, parametrization)
+            if replaced:
+                remarks.append(
+                    f"the curvature has no finite limit at {replaced} of {len(mesh.vertices)} vertices, "
+                    "which get the mean of their neighbours'"
+                )
+        if self.radius is not None:
+            from gtb_cli.tube import curve_tangents, folded_segments, tube
+
+            single = mesh.is_curve and not isinstance(spec, Model)
+            tangents = curve_tangents(spec, mesh, parametrization) if single else None
+            folded = folded_segments(mesh, self.radius, tangents=tangents)
+            if len(folded):
+                remarks.append(
+                    f"a radius of {self.radius:g} is more than that of the curve's bends: {_where(mesh, folded)}"
+                )
+            mesh = tube(mesh, self.radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces)
+        elif self.thickness is not None:
+            from gtb_cli.solid import folded_faces, thicken
+
+            folded = folded_faces(mesh, self.thickness)
+            if len(folded):
+                remarks.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
+            mesh = thicken(mesh, self.thickness)
+        return mesh, remarks
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""
@@ -85,7 +140,10 @@ class MeshOptions:
         """What the user should know of such a file."""
         from gtb_cli.export import warnings_for
 
-        return warnings_for(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
+        messages = warnings_for(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
+        if self.attributes and kind != "ply":
+            messages.append(f"{kind.upper()}: holds no attributes, none are written; PLY does")
+        return messages
 
     def format_for(self, output: str) -> str:
         """Format for an output: what -f says, or the suffix of a file; OBJ for a folder or a stream.
@@ -114,7 +172,15 @@ class MeshOptions:
         from gtb_cli.triangulation import cell_count
 
         patches = spec.patches if isinstance(spec, Model) else (spec,)
-        return sum(cell_count(patch.domain, self.resolution) for patch in patches)
+        cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
+        if self.radius is not None:
+            from gtb_cli.tube import SIDES
+
+            return 2 * SIDES * cells
+        if self.thickness is not None:
+            rim = sum(len(patch.domain.vertices) for patch in patches) * self.resolution
+            return 2 * (cells + rim)
+        return cells
 
     def check_size(self, spec: Patch | Model) -> None:
         """Refuse more faces than are allowed.
@@ -147,11 +213,11 @@ class MeshOptions:
             progress.label = source
             with about(source):
                 self.check_size(spec)
-                mesh = self.mesh(spec)
+                mesh, remarks = self.mesh_with_remarks(spec)
                 blocks = self.encoded(mesh, kind)
             progress.advance(faces)
             write_blocks(output, progress.over(blocks, faces, expected_bytes(mesh)))
-        report(console, output, summary(mesh), self.warnings(mesh, kind))
+        report(console, output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
 
 
 @contextmanager
@@ -161,6 +227,13 @@ def about(source: str) -> Iterator[None]:
         yield
     except GtbError as error:
         raise type(error)("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
+
+
+def _where(mesh: Mesh, cells: IntArray) -> str:
+    """How many cells, and where the first of them is."""
+    what = "segments" if mesh.is_curve else "faces"
+    place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[cells[0]]].mean(axis=0))
+    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near ({place})"
 
 
 def summary(mesh: Mesh) -> str:

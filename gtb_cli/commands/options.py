@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import FORMATS, MAX_FACES, RESOLUTION, MeshOptions
+from gtb_cli.commands.meshing import ATTRIBUTES, FORMATS, MAX_FACES, RESOLUTION, MeshOptions
 from gtb_cli.errors import SpecError
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from gtb_cli.complex import Parametrization
 
 Function: TypeAlias = Callable[..., object]
@@ -48,7 +50,31 @@ def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
         raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
 
 
-spec_argument = click.argument("spec", metavar="SPEC")
+def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
+    """Read a number other than zero, or a number expression as in a spec."""
+    if value is None:
+        return None
+    from gtb_cli.expression import evaluate_expression
+
+    try:
+        number = evaluate_expression(value.strip())
+    except SpecError as error:
+        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+    if number == 0:
+        raise click.BadParameter(f"{value!r} is zero", ctx, param)
+    return number
+
+
+
+
+def file_names(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Let the shell complete names of files."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
+
+
+spec_argument = click.argument("spec", metavar="SPEC", shell_complete=file_names)
 
 spec_format_option = click.option(
     "--spec-format",
@@ -61,6 +87,7 @@ output_option = click.option(
     "--output",
     metavar="OUT",
     default=STANDARD,
+    shell_complete=file_names,
     help="Write to this file. Without it, or with -, to standard output.",
 )
 
@@ -124,6 +151,25 @@ def mesh_options(function: Function) -> Function:
         default=MAX_FACES,
         help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
     )
+    @click.option(
+        "--radius",
+        callback=length_of,
+        metavar="R",
+        help="Make a tube of this radius around a curve.",
+    )
+    @click.option(
+        "--thickness",
+        callback=length_of,
+        metavar="D",
+        help="Make a solid of this thickness out of a surface: on the side of its normals, or the other if negative.",
+    )
+    @click.option(
+        "--attribute",
+        "attributes",
+        type=click.Choice(ATTRIBUTES),
+        multiple=True,
+        help="Write this scalar at each vertex of a PLY file. May be given several times.",
+    )
     @functools.wraps(function)
     def command(
         *args: Any,
@@ -135,12 +181,29 @@ def mesh_options(function: Function) -> Function:
         uv: bool,
         ascii: bool,
         max_faces: int,
+        radius: float | None,
+        thickness: float | None,
+        attributes: tuple[str, ...],
         **values: Any,
     ) -> object:
         if resolution is not None and tolerance is not None:
             raise click.UsageError("-n and --tolerance exclude each other")
+        if radius is not None and thickness is not None:
+            raise click.UsageError("--radius is for curves and --thickness for surfaces, they exclude each other")
+        if radius is not None and radius < 0:
+            raise click.UsageError(f"--radius must be positive, got {radius:g}")
         options = MeshOptions(
-            resolution or RESOLUTION, tolerance, parametrization, format, normals, uv, ascii, max_faces
+            resolution or RESOLUTION,
+            tolerance,
+            parametrization,
+            format,
+            normals,
+            uv,
+            ascii,
+            max_faces,
+            radius,
+            thickness,
+            attributes,
         )
         return function(*args, options=options, **values)
 

@@ -1,0 +1,122 @@
+"""`gtb check`: the paper's properties, measured."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gtb_cli.commands.console import Console, is_terminal, read_spec, shown_input, write_text
+from gtb_cli.commands.meshing import about
+from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
+
+if TYPE_CHECKING:
+    from gtb_cli.checks import Finding, ModelReport, Report
+
+FAILED = 1
+"""Exit status of a check that says no."""
+
+COLOURS = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
+
+NAME_WIDTH = 40
+FIGURES_WIDTH = 20
+
+
+@click.command
+@spec_argument
+@json_option
+@output_option
+@spec_format_option
+@console_option
+def check(spec: str, as_json: bool, output: str, spec_format: str | None, console: Console) -> None:
+    """\b
+    Example: gtb check specs/pentagon.toml
+
+    Measure every property that the paper proves, on this patch.
+
+    A line for each: whether it holds, the largest violation and what rounding allows (relative to sizes), where the
+    paper states it, and what was measured. A property that is claimed under conditions only is "not applicable" where
+    they are not fulfilled, and a number without a verdict is "measured". Of a model each patch is checked, and the
+    joints between patches; what fails is listed, and --json has the rest. Exit status 1 if a property fails.
+    """
+    from gtb_cli.checks import Report
+    from gtb_cli.checks import check as measure
+
+    loaded = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        report = measure(loaded)
+    if as_json:
+        text = json.dumps(_patch_data(report) if isinstance(report, Report) else _model_data(report)) + "\n"
+    else:
+        colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+        text = _table(report.findings, colours) if isinstance(report, Report) else _model_text(report, colours)
+    write_text(output, text)
+    if not report.holds:
+        raise click.exceptions.Exit(FAILED)
+
+
+def _patch_data(report: Report) -> dict[str, Any]:
+    return {"name": report.name, "holds": report.holds, "properties": [_data(found) for found in report.findings]}
+
+
+def _model_data(report: ModelReport) -> dict[str, Any]:
+    return {
+        "name": report.name,
+        "holds": report.holds,
+        "patches": [_patch_data(part) for part in report.patches],
+        "joints": [_data(found) for found in report.joints],
+    }
+
+
+def _data(found: Finding) -> dict[str, Any]:
+    """Plain data; what is not finite is null, as JSON has no other word for it."""
+    figures = {key: x if x is not None and math.isfinite(x) else None for key, x in _figures(found).items()}
+    return {
+        "name": found.name,
+        "reference": found.reference,
+        "status": found.status,
+        **figures,
+        "reason": found.reason,
+    }
+
+
+def _figures(found: Finding) -> dict[str, float | None]:
+    return {"value": found.value, "bound": found.bound}
+
+
+def _table(findings: tuple[Finding, ...], colours: bool) -> str:
+    lines = []
+    for found in findings:
+        value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
+        figures = f"{value} <= {bound}" if bound else value
+        if found.status == "fails" and found.value is not None:
+            figures = f"{value} > {bound}"
+        status = f"{found.status:14}"
+        if colours:
+            status = click.style(status, fg=COLOURS[found.status])
+        text = f"{found.reference}: {found.reason}"
+        lines.append(f"{status}  {found.name:{NAME_WIDTH}}  {figures:{FIGURES_WIDTH}}  {text}\n")
+    return "".join(lines) + f"{_summary(findings)}\n"
+
+
+def _summary(findings: tuple[Finding, ...]) -> str:
+    count = Counter(found.status for found in findings)
+    return (
+        f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured, "
+        f"{count['not applicable']} not applicable"
+    )
+
+
+def _model_text(report: ModelReport, colours: bool) -> str:
+    text = _table(report.joints, colours)
+    for index, part in enumerate(report.patches):
+        failing = tuple(found for found in part.findings if found.status == "fails")
+        name = f"patch {index}" + (f" ({part.name})" if part.name else "")
+        text += f"{name}: {_summary(part.findings)}\n" + (
+            _table(failing, colours).rpartition("\n")[0] if failing else ""
+        )
+    return text

@@ -1,0 +1,40 @@
+"""`gtb completion`: names and options completed by the shell."""
+
+from __future__ import annotations
+
+import click
+
+from gtb_cli.commands.console import Console, write_text
+from gtb_cli.commands.options import console_option, output_option
+
+SHELLS = ("bash", "zsh", "fish")
+
+VARIABLE = "_GTB_COMPLETE"
+"""Environment variable by which the shell asks `gtb` for completions."""
+
+
+@click.command
+@click.argument("shell", metavar="SHELL", type=click.Choice(SHELLS))
+@output_option
+@console_option
+def completion(shell: str, output: str, console: Console) -> None:
+    """\b
+    Example: gtb completion bash
+
+    Print a script that makes a shell complete commands, options and file names after gtb. SHELL is bash, zsh or fish.
+
+    \b
+    For every new shell:
+      bash   echo 'eval "$(gtb completion bash)"' >> ~/.bashrc
+      zsh    echo 'eval "$(gtb completion zsh)"' >> ~/.zshrc
+      fish   gtb completion fish > ~/.config/fish/completions/gtb.fish
+    """
+    from click.shell_completion import get_completion_class
+
+    from gtb_cli.cli import gtb
+
+    kind = get_completion_class(shell)
+    assert kind is not None
+    script = kind(gtb, {}, "gtb", VARIABLE)
+    # Its method source() would first run the shell, to ask for its version.
+    write_text(output, script.source_template % script.source_vars())

@@ -1,0 +1,37 @@
+"""`gtb new`: a starter spec."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, write_text
+from gtb_cli.commands.options import console_option, output_option
+
+TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
+"""As `gtb_cli.templates.TEMPLATES`, which are text enough to be read when they are needed."""
+
+
+@click.command
+@click.argument("template", metavar="TEMPLATE", type=click.Choice(TEMPLATES))
+@click.argument("sides", metavar="[N]", type=int, required=False)
+@output_option
+@console_option
+def new(template: str, sides: int | None, output: str, console: Console) -> None:
+    """\b
+    Example: gtb new pentagon -o mine.toml
+
+    Print a spec with comments, to start from; it can be meshed as it is.
+
+    TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
+    several patches). A file that is there already is not overwritten.
+    """
+    from gtb_cli import templates
+
+    text = templates.template(template, sides)
+    if output != STANDARD and os.path.isfile(output):
+        raise click.UsageError(f"{output} is there already, and would be overwritten")
+    write_text(output, text)
+    if output != STANDARD:
+        console.note(f"{output}: gtb mesh {output} -o {os.path.splitext(output)[0]}.obj meshes it")

@@ -1,0 +1,22 @@
+"""`Patch`: the laws, values, derivatives, normals, boundary curves, errors."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+
+from tests.laws import LAWS
+from tests.patches import NAMES, any_patch, named
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_named_patch_obeys(name, law):
+    law(named(name))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+@settings(max_examples=15)
+@given(patch=any_patch())
+def test_any_patch_obeys(law, patch):
+    law(patch)

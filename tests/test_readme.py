@@ -1,0 +1,61 @@
+"""What the README shows runs, and what there is stands in it."""
+
+import re
+
+import pytest
+
+from gtb_cli.cli import COMMANDS
+from tests.shell import REPOSITORY, SPECS, process, shell
+
+README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def workplace(tmp_path):
+    """A folder with `specs/` and the README's own spec."""
+    (tmp_path / "specs").symlink_to(SPECS)
+    for text in blocks("toml"):
+        name = re.match(r"# (\S+\.toml)\n", text)[1]
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_a_section(name):
+    section = re.search(rf"^### gtb {name}\n(.*?)^##", README, re.MULTILINE | re.DOTALL)
+    assert section, f"README.md has no section '### gtb {name}'"
+    assert f"gtb {name} " in section[1]
+
+
+@pytest.mark.parametrize("block", blocks("sh"))
+def test_its_commands_run(block, workplace):
+    result = shell(f"set -e\n{block}", workplace)
+    assert result.status == 0, result.err
+    assert "error" not in result.err
+
+
+@pytest.mark.parametrize("block", blocks("python"))
+def test_its_python_runs(block, workplace, monkeypatch):
+    monkeypatch.chdir(workplace)
+    exec(compile(block, "README.md", "exec"), {})
+
+
+def test_its_links_lead_somewhere():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (REPOSITORY / target).exists()
+
+
+def test_its_targets_of_make_are_there():
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"^    make ([a-z]+)", README, re.MULTILINE)
+    assert {"mesh", "test"} <= set(targets)
+    for target in targets:
+        assert re.search(rf"^{target}:.*## ", makefile, re.MULTILINE), target
+
+
+def test_its_first_spec_has_five_sides(workplace):
+    assert '"hull_vertices": [[0.0, 0.0], [2.0, 0.0]' in process("info", "dome.toml", "--json", folder=workplace).text
