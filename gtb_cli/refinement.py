@@ -39,6 +39,9 @@ get thinner, and refinement ends."""
 ROUGH = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
 
+HIDDEN = 5.0
+"""How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
+
 FINE_LATTICE = 12
 
 SAMPLES = 20_000
@@ -246,8 +249,8 @@ class _Refinement:
             return
         steps = 4 * int(np.clip(np.sqrt(2 * SAMPLES / len(todo)) / 4, 1, FINEST_LATTICE / 4))
         failing = np.zeros(len(self.cells), dtype=bool)
-        rough = self.sample(todo, steps, failing, marked)
-        doubtful = todo[rough] if steps < FINE_LATTICE else todo[:0]
+        doubt = self.sample(todo, steps, failing, marked)
+        doubtful = todo[doubt] if steps < FINE_LATTICE else todo[:0]
         if not failing.any() and not marked.any() and len(doubtful):
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
@@ -259,7 +262,7 @@ class _Refinement:
         self.verified[doubtful] = False
 
     def sample(self, rows: IntArray, steps: int, failing: BoolArray, marked: BoolArray) -> BoolArray:
-        """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are not quadratic."""
+        """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are in doubt."""
         chosen = np.zeros(len(self.error), dtype=bool)
         for side in self.sides.T:
             chosen[side[rows]] = True
@@ -274,21 +277,22 @@ class _Refinement:
             self.roughness[sides] = np.abs(off).max(axis=1)
             self.error[sides] = np.maximum(self.error[sides], distance.max(axis=1))
             marked[sides] = self.error[sides] > self.tolerance
-        rough = np.logical_or.reduce([self.roughness[side[rows]] > ROUGH * self.tolerance for side in self.sides.T])
-        if self.cells.shape[1] == 2:
-            return np.asarray(rough)
+        rough = np.maximum.reduce([self.roughness[side[rows]] for side in self.sides.T])
+        seen = np.maximum.reduce([self.error[side[rows]] for side in self.sides.T])
         weights = _lattice(steps if steps > LATTICE else CENTROID)
         a, b, c = weights.T
         quadratic = 4 * np.stack([a * b, b * c, c * a], axis=1)
         length = max(1, 200_000 // len(weights))
-        for begin in range(0, len(rows), length):
+        for begin in range(0, len(rows) if self.cells.shape[1] == 3 else 0, length):
             part = rows[begin : begin + length]
             u = np.einsum("wc,kcd->kwd", weights, self.corners[part]).reshape(-1, 2)
             distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
             failing[part] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(quadratic @ self.heights(part)).T
-            rough[begin : begin + length] |= np.abs(distance - expected).max(axis=1) > ROUGH * self.tolerance
-        return np.asarray(rough)
+            block = slice(begin, begin + length)
+            rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
+            seen[block] = np.maximum(seen[block], distance.max(axis=1))
+        return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
 
     def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""

@@ -20,7 +20,7 @@ from gtb_cli.triangulation import cell_count
 MAX_FACES = 5_000_000
 """Cells of a mesh that is made without being asked for more."""
 
-UNIFORM_TRIALS = 3
+UNIFORM_TRIALS = 2
 """Uniform complexes tried in place of a refined one."""
 
 COARSEST = (1, 2, 3)
