@@ -34,8 +34,8 @@ check: lint types test ## lint, types and test: all that must hold for a change
 specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 	@$(RUN) gtb_cli mesh $(SPECS) -o $(BUILD)/specs -j 2
 
-bench: $(VENV)/.development ## measure times beside floors and peers, as a table of ratios
-	@$(RUN) tests.benchmarks
+bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
+	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks
 
 clean: ## remove what was built; .venv stays
 	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -96,7 +96,7 @@ def blocks(
     if rows:
         row, heights = np.concatenate(rows), np.concatenate(kept, axis=1)
         face = domain.face_of(heights)
-        for index in np.unique(face).tolist():
+        for index in np.flatnonzero(np.bincount(face)).tolist():
             members = np.flatnonzero(face == index)
             for start in range(0, len(members), length):
                 part = members[start : start + length]

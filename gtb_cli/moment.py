@@ -60,6 +60,9 @@ PARTS = 64
 """The box around Δ is cut into this many parts each way; the first point solved in each is remembered, and what it
 added to its start serves the others."""
 
+FARTHEST = 1.0
+"""Largest exponent by which the slope of what was added may move a start: beyond, it is no guide."""
+
 POOR = 0.05
 """Residual of a start, as a fraction of the hull's size, from which the cells' limits are tried too."""
 
@@ -203,8 +206,11 @@ class MomentMap:
             first = np.full(PARTS * PARTS, -1)
             first[part] = np.arange(len(p))
             first = first[(first >= 0) & np.isnan(self._corrections[0])]
-            self._corrections[:, part[first]] = self._newton(unit[first].T, start[:, first]) - start[:, first]
-            start += self._corrections[:, part]
+            self._remember(part[first], unit[first].T, start[:, first])
+            move = unit.T - self._places[:, part]
+            slope = self._slopes[:, :, part]
+            turn = slope[:, 0] * move[0] + slope[:, 1] * move[1]
+            start += self._corrections[:, part] + np.where(np.abs(turn) < FARTHEST, turn, 0.0)
         length = block_length(len(self.knots))
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
@@ -213,8 +219,34 @@ class MomentMap:
 
     @cached_property
     def _corrections(self) -> FloatArray:
-        """(d, PARTS²): what the first point solved in each part of the hull's box added to its start; NaN: none yet."""
+        """(2, PARTS²): what the first point solved in each part of the hull's box added to its start; NaN: none yet."""
         return np.full((2, PARTS * PARTS), np.nan)
+
+    @cached_property
+    def _places(self) -> FloatArray:
+        """(2, PARTS²): where that point is."""
+        return np.zeros((2, PARTS * PARTS))
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        """(2, 2, PARTS²): derivative there of what is added: Cov⁻¹ less that of `_start`."""
+        return np.zeros((2, 2, PARTS * PARTS))
+
+    def _remember(self, part: IntArray, unit: FloatArray, start: FloatArray) -> None:
+        """Solve one point in each of some parts."""
+        if not len(part):
+            return
+        solution = self._newton(unit, start)
+        self._places[:, part] = unit
+        self._corrections[:, part] = solution - start
+        _, _, (xx, yy, xy) = self._evaluate(solution)
+        shape = self._shape
+        layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
+        heights = shape.normals @ unit - np.einsum("jk,jk->j", shape.normals, shape.vertices)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            own = np.einsum("jk,jl,jm->klm", shape.normals, shape.normals / layer[:, None], 1 / heights)
+            slope = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - own
+        self._slopes[:, :, part] = np.where(np.isfinite(slope), slope, 0.0)
 
     @cached_property
     def _extents(self) -> FloatArray:

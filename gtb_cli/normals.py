@@ -100,7 +100,7 @@ class NormalField:
         extent = np.abs(points).max()
         result = np.empty((heights.shape[1], 3))
         doubtful = np.empty(heights.shape[1], dtype=bool)
-        for k in np.unique(corner).tolist():
+        for k in np.flatnonzero(np.bincount(corner)).tolist():
             here = np.flatnonzero(corner == k)
             eta = shape.heights[:, [k - 1, k]] / shape.size
             part = t[:, here]
@@ -115,7 +115,7 @@ class NormalField:
     def _about_leaders(self, e: FloatArray) -> FloatArray:
         leader = e.argmax(axis=0)
         result = np.empty((e.shape[1], 3))
-        for k in np.unique(leader).tolist():
+        for k in np.flatnonzero(np.bincount(leader)).tolist():
             here = np.flatnonzero(leader == k)
             along, across, away = self._coordinates(k)
             deltas, part = self._deltas(k), e[:, here]
@@ -157,7 +157,7 @@ class NormalField:
         e = exponents(location.knots, self.log_weights[on_edge], location.s)
         leader = e.argmax(axis=0)
         result = np.full((e.shape[1], 3), np.nan)
-        for k in np.unique(leader).tolist():
+        for k in np.flatnonzero(np.bincount(leader)).tolist():
             rows = np.flatnonzero(leader == k)
             deltas = self._deltas(int(on_edge[k]))
             position = deltas[on_edge].T @ shares(e[:, rows])

@@ -148,10 +148,12 @@ lifting = [0, 0, 0, 0, 0, 1, 2, 2]
 """
 
 MODEL = """\
-# A model of several patches: a closed body, a tetrahedron blown up. Mesh it with: gtb mesh
-# model.toml -o model.obj Patches are joined along edges that have the same control points, weights
-# and spacing of knots, and the mesh is closed where every edge has its neighbour. Here each edge
-# has three knots, and its middle control point is written twice.
+# A model of several patches: a closed body, a tetrahedron blown up.
+# Mesh it with: gtb mesh model.toml -o model.obj
+#
+# Patches are joined along edges that have the same control points, weights and spacing of knots,
+# and the mesh is closed where every edge has its neighbour. Here each edge has three knots, and its
+# middle control point is written twice.
 name = "model"
 
 # The four corners of the body are (1, 1, 1), (1, -1, -1), (-1, 1, -1) and (-1, -1, 1); the knots of

@@ -228,7 +228,7 @@ def any_patch(draw: st.DrawFn, dimension: int | None = None) -> Patch:
     d = draw(st.sampled_from([1, 2, 2])) if dimension is None else dimension
     n = draw(st.integers(d + 1, 12))
     knots = np.array(draw(st.lists(st.tuples(*[COORDINATES] * d), min_size=n, max_size=n)))
-    knots = knots * draw(st.sampled_from([1, 1, 1e-9, 1e-3, 20, 1e9])) + draw(st.sampled_from([0, 0, 0, 100]))
+    knots = (knots + draw(st.sampled_from([0, 0, 0, 100]))) * draw(st.sampled_from([1, 1, 1e-9, 1e-3, 20, 1e9]))
     points = np.array(draw(st.lists(st.tuples(*[st.integers(-9, 9)] * 3), min_size=n, max_size=n)), dtype=float)
     exponents = st.lists(st.floats(-12, 12), min_size=n, max_size=n)
     weights = 10.0 ** np.array(draw(exponents)) if draw(st.booleans()) else None

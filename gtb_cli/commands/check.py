@@ -89,6 +89,10 @@ def _figures(found: Finding) -> dict[str, float | None]:
 
 
 def _table(findings: tuple[Finding, ...], colours: bool) -> str:
+    return f"{_rows(findings, colours)}{_summary(findings)}\n"
+
+
+def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
@@ -100,7 +104,7 @@ def _table(findings: tuple[Finding, ...], colours: bool) -> str:
             status = click.style(status, fg=COLOURS[found.status])
         text = f"{found.reference}: {found.reason}"
         lines.append(f"{status}  {found.name:{NAME_WIDTH}}  {figures:{FIGURES_WIDTH}}  {text}\n")
-    return "".join(lines) + f"{_summary(findings)}\n"
+    return "".join(lines)
 
 
 def _summary(findings: tuple[Finding, ...]) -> str:
@@ -116,7 +120,5 @@ def _model_text(report: ModelReport, colours: bool) -> str:
     for index, part in enumerate(report.patches):
         failing = tuple(found for found in part.findings if found.status == "fails")
         name = f"patch {index}" + (f" ({part.name})" if part.name else "")
-        text += f"{name}: {_summary(part.findings)}\n" + (
-            _table(failing, colours).rpartition("\n")[0] if failing else ""
-        )
+        text += f"{name}: {_summary(part.findings)}\n{_rows(failing, colours)}"
     return text

@@ -113,8 +113,9 @@ class MeshOptions:
         if self.radius is not None:
             from gtb_cli.tube import curve_tangents, folded_segments, tube
 
-            single = mesh.is_curve and not isinstance(spec, Model)
-            tangents = curve_tangents(spec, mesh, parametrization) if single else None
+            tangents = None
+            if mesh.is_curve and not isinstance(spec, Model):
+                tangents = curve_tangents(spec, mesh, parametrization)
             folded = folded_segments(mesh, self.radius, tangents=tangents)
             if len(folded):
                 remarks.append(

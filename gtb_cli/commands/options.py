@@ -65,8 +65,6 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return number
 
 
-
-
 def file_names(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Let the shell complete names of files."""
     from click.shell_completion import CompletionItem

@@ -1,0 +1,62 @@
+"""`gtb coefficients`: a basis that adds up to 1."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import click
+
+from gtb_cli.commands.console import Console, read_spec, shown_input, write_text
+from gtb_cli.commands.meshing import about
+from gtb_cli.commands.options import (
+    console_option,
+    numbers_of,
+    output_option,
+    spec_argument,
+    spec_format_option,
+)
+from gtb_cli.errors import SpecError
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--at",
+    callback=numbers_of,
+    metavar="T,…",
+    help="As many parameters as knots; for a surface u,v,u,v,… Without it, some that are spread over the domain.",
+)
+@output_option
+@spec_format_option
+@console_option
+def coefficients(
+    spec: str, at: tuple[float, ...] | None, output: str, spec_format: str | None, console: Console
+) -> None:
+    """\b
+    Example: gtb coefficients specs/bicubic.toml
+
+    Print the spec with coefficients for which the GT-Bernstein basis adds up to 1 at some parameters.
+
+    There is such a solution for distinct knots, but it need not be positive, and then is no basis: that is an error,
+    which says the values. For Bézier curves, triangles and tensor product patches it is that of the Bernstein basis,
+    up to a factor, and the sum is 1 everywhere.
+    """
+    import numpy as np
+
+    from gtb_cli.basis import partition_of_unity_coefficients
+    from gtb_cli.patch import Model
+    from gtb_cli.spec import dump
+
+    loaded = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        if isinstance(loaded, Model):
+            raise SpecError(f"is a model of {len(loaded.patches)} patches, and coefficients is for one")
+        if at is not None and len(at) != loaded.knots.size:
+            raise SpecError(
+                f"--at: expected {loaded.knots.size} numbers, {len(loaded.knots)} parameters, got {len(at)}"
+            )
+        places = None if at is None else np.array(at).reshape(loaded.knots.shape)
+        with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
+            c = partition_of_unity_coefficients(loaded.domain, places)
+        text = dump(replace(loaded, coefficients=c))
+    write_text(output, text)

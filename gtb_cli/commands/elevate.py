@@ -1,0 +1,47 @@
+"""`gtb elevate`: the same patch of a higher degree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import click
+
+from gtb_cli.commands.console import Console, read_spec, shown_input, write_text
+from gtb_cli.commands.meshing import about
+from gtb_cli.commands.options import console_option, output_option, spec_argument, spec_format_option
+
+MAX_TIMES = 1000
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--by",
+    type=click.IntRange(0, MAX_TIMES),
+    metavar="D",
+    default=1,
+    help="How often to elevate, for Bézier patches by how many degrees; 1 without this option.",
+)
+@output_option
+@spec_format_option
+@console_option
+def elevate(spec: str, by: int, output: str, spec_format: str | None, console: Console) -> None:
+    """\b
+    Example: gtb elevate specs/cubic-bezier.toml | gtb info -
+
+    Print the spec of the same curve or surface with more knots, weights and control points to work with.
+
+    For Bézier curves, triangles and tensor product patches this is the classical elevation of the degree. A lifting is
+    left out. Of a model, each patch is elevated.
+    """
+    from gtb_cli.elevation import elevate as elevated
+    from gtb_cli.patch import Model
+    from gtb_cli.spec import dump
+
+    loaded = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        if isinstance(loaded, Model):
+            text = dump(replace(loaded, patches=tuple(elevated(patch, by) for patch in loaded.patches)))
+        else:
+            text = dump(elevated(loaded, by))
+    write_text(output, text)
