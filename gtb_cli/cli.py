@@ -28,6 +28,7 @@ COMMANDS = {
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
     "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
+    "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
     "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
     "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
     "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),

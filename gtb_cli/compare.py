@@ -14,10 +14,10 @@ from gtb_cli.mesh import Mesh
 from gtb_cli.nearest import NearestCells, spatial_order
 
 RELATIVE = 1e-3
-"""The search for farther points between samples ends where none can be farther than this fraction beyond the farthest."""
+"""The search between samples ends where no point can be farther than the farthest one found by more than this part."""
 
 EXACT = 1e-5
-"""A sample is not looked at exactly where its distance can exceed the largest one found by no more than this fraction."""
+"""Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
 
 ROUNDING = 1e-14
 """Part of the meshes' size below which distances are rounding."""
@@ -26,7 +26,8 @@ BLOCK = 64
 """Vertices that follow each other in space, of which one is looked at first, to find the others' distances sooner."""
 
 NEAR = 16.0
-"""A block farther from the mesh than this many times its radius has nearest cells near that of its first vertex."""
+"""Farther from the other mesh than this many times their radius, a block's or cell's points have nearest cells near
+each other; nearer, the cells with the nearest centres are the better guess."""
 
 FIRST = 64
 """Points that are looked at exactly first, farthest estimate first; then four times as many, and so on."""
@@ -34,10 +35,10 @@ FIRST = 64
 CELLS = 1 << 16
 """Cells that are bounded at the same time, so that memory is."""
 
-EFFORT = 10_000
+EFFORT = 4_000
 """Cells that are cut up in the search at most; what is proved by then is the bound."""
 
-BATCH = 2_000
+BATCH = 1_000
 """Cells that are cut up at the same time."""
 
 
@@ -92,8 +93,8 @@ def surface_distance(a: Mesh, b: Mesh) -> Distance:
     function, no point of a cell is farther from the other mesh than the farthest of its corners is from any single
     cell there, nor than the farthest corner's distance plus the cell's covering radius. Cells for which both bounds
     exceed what was found by more than `RELATIVE` are cut into two or four, farthest bound first, and so on,
-    as long as `EFFORT` allows; `Distance.bound` says what is proved at the end. Where the meshes are much nearer to each
-    other than their cells are long, and the cells do not match, it stays at about the length of the cells there.
+    as long as `EFFORT` allows; `Distance.bound` says what is proved at the end. Where the meshes are much nearer to
+    each other than their cells are long, and the cells do not match, it stays at about the length of the cells there.
 
     Two similar meshes of 1 million triangles take about 15 s.
     """
@@ -138,8 +139,8 @@ def _directed(vertices: FloatArray, cells: IntArray, tree: NearestCells) -> tupl
         work = work.at(work.bounds > search.enough)
         if len(work.bounds):
             # A cell's middle is a sample, too, and its nearest cell the likeliest to bound all of it.
-            far = work.distances[:, 0] > NEAR * work.radii
-            _, likely = search.look_at(work.corners.mean(axis=1), np.where(far, work.nearest[:, 0], -1))
+            guess = np.where(work.is_far, work.nearest[:, 0], -1)
+            _, likely = search.look_at(work.corners.mean(axis=1), guess)
             work = work.bounded(tree, likely[:, None])
             kept.append(work.at(work.bounds > search.enough))
     if not kept:
@@ -186,7 +187,7 @@ class _Search:
         return upper, guess
 
     def look_at(self, points: FloatArray, guess: IntArray) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds, and the cells they are of.
+        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells.
 
         `guess` has a cell for each, or −1 where the one with the nearest centre is to be taken.
         """
@@ -233,6 +234,11 @@ class _Cells:
             np.maximum(square, np.einsum("ij,ij->i", side, side), out=square)
         return np.asarray(np.sqrt(square) / (2.0 if number == 2 else np.sqrt(3.0)))
 
+    @property
+    def is_far(self) -> BoolArray:
+        """(m,) where the cell nearest to a corner is a good guess for the whole piece."""
+        return np.asarray(self.distances[:, 0] > NEAR * self.radii)
+
     def at(self, rows: IntArray | BoolArray) -> _Cells:
         return _Cells(self.corners[rows], self.distances[rows], self.nearest[rows], self.bounds[rows])
 
@@ -259,7 +265,8 @@ class _Cells:
         number = self.corners.shape[1]
         sides = 1 if number == 2 else 3
         middles = (self.corners[:, :sides] + np.roll(self.corners, -1, axis=1)[:, :sides]) / 2
-        distances, nearest = search.look_at(middles.reshape(-1, 3), self.nearest[:, :sides].ravel())
+        guess = self.nearest[:, :sides].ravel()
+        distances, nearest = search.look_at(middles.reshape(-1, 3), np.where(np.repeat(self.is_far, sides), guess, -1))
         corners = np.concatenate([self.corners, middles], axis=1)
         every = np.concatenate([self.distances, distances.reshape(-1, sides)], axis=1)
         cells = np.concatenate([self.nearest, nearest.reshape(-1, sides)], axis=1)

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, read_only
+from gtb_cli.arrays import FloatArray, IntArray, finite
 from gtb_cli.errors import DomainError
 from gtb_cli.lifting import RegularDecomposition, regular_decomposition
 from gtb_cli.patch import Model, Patch
 
 LARGEST_LOG = 700.0
 """Weights between exp(-700) and exp(700) are ordinary floats, and so are their products with knots and points."""
-
-PARALLEL = 1e-9
-"""Speeds whose second singular value is below this fraction of the first are parallel: knots typed on one line."""
 
 
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
@@ -56,7 +52,7 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
     if patch.log_weights is None and max(np.abs(exponents).max(), np.abs(exponents + logs).max()) <= LARGEST_LOG:
         return replace(patch, weights=patch.weights * np.exp(exponents))
-    return _with_log_weights(patch, exponents + logs)
+    return replace(patch, log_weights=exponents + logs)
 
 
 def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
@@ -149,38 +145,38 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
 
     Notes
     -----
-    On the boundary of Δ the convergence may fail: see `knot_limit`.
+    On the boundary of Δ the convergence may fail: see `gtb_cli.film.knot_limit`.
 
     References
     ----------
     Thm 3.1, Cor. 3.1, Thm 4.1 (there with all c_i = 1).
     """
-    targets = _targets(patch, moves)
-    kept = np.flatnonzero(targets == np.arange(len(targets)))
-    logs = patch.log_products
-    points = patch.control_points.copy()
-    weights = patch.weights.copy()
-    log_weights = None if patch.log_weights is None else patch.log_weights.copy()
-    for q in np.unique(targets[targets != np.arange(len(targets))]).tolist():
+    targets = ends_of_moves(patch, moves)
+    stays = targets == np.arange(len(targets))
+    logs, points = patch.log_products, patch.control_points.copy()
+    weights = patch.weights.copy() if patch.log_weights is None else patch.log_weights.copy()
+    for q in np.unique(targets[~stays]).tolist():
         members = np.flatnonzero(targets == q)
+        largest = logs[members].max()
         products = (patch.coefficients * patch.weights)[members]
-        if log_weights is not None or not (np.isfinite(products.sum()) and products.min() > 0):
-            products = np.exp(logs[members] - logs[members].max())
+        if patch.log_weights is not None or not (np.isfinite(products.sum()) and products.min() > 0):
+            products = np.exp(logs[members] - largest)
         total = products.sum()
         points[q] = products @ points[members] / total
-        if log_weights is not None:
-            log_weights[q] = logs[members].max() + np.log(total) - np.log(patch.coefficients[q])
+        if patch.log_weights is not None:
+            weights[q] = largest + np.log(total) - np.log(patch.coefficients[q])
         else:
             weights[q] = total / patch.coefficients[q]
-    merged = {
-        "knots": patch.knots[kept],
-        "control_points": points[kept],
-        "coefficients": patch.coefficients[kept],
-        "lifting": None if patch.lifting is None else patch.lifting[kept],
-    }
-    if log_weights is not None:
-        return replace(patch, weights=None, log_weights=log_weights[kept], **merged)
-    return replace(patch, weights=weights[kept], **merged)
+    kept = np.flatnonzero(stays)
+    return replace(
+        patch,
+        knots=patch.knots[kept],
+        control_points=points[kept],
+        weights=weights[kept],
+        coefficients=patch.coefficients[kept],
+        lifting=None if patch.lifting is None else patch.lifting[kept],
+        log_weights=None if patch.log_weights is None else weights[kept],
+    )
 
 
 def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
@@ -209,136 +205,21 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     """
     if not 0 <= step <= 1:
         raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")
-    targets = _targets(patch, moves)
+    targets = ends_of_moves(patch, moves)
     knots = patch.knots + step * (patch.knots[targets] - patch.knots)
     if step == 1:
         knots = patch.knots[targets]
     return replace(patch, knots=knots)
 
 
-@dataclass(frozen=True, eq=False)
-class Film:
-    """What moving knots leave between the patch's boundary, which stays, and that of the merged patch.
-
-    On a facet or corner F of Δ let η_i be the speeds, over the facets that meet in F, at which the knots that end on F
-    come there (0 for those that are there). For distances ε from the end of the way, the points of the patch at
-    torus coordinates s + τ/ε outwards tend to those of the knots on F with the weights ``c_i ω_i ∏_j z_j^{η_ij}``,
-    z_j = e^{−τ_j} from 1, the merged patch's boundary, to 0, the boundary that stays.
-
-    Attributes
-    ----------
-    face : int
-        Row of `Domain.faces` of F.
-    members : (k,) int
-        The knots that end on F.
-    speeds : (k, g) float
-        η, for the g facets that meet in F, in units of the smallest positive one of each.
-    along : (k,) or None
-        Coordinates of the ends of the ways along an edge; None where F is a corner, or an end of a curve.
-    log_products : (k,) float
-        log(c_i ω_i).
-    control_points : (k, 3) float
-    """
-
-    face: int
-    members: IntArray
-    speeds: FloatArray
-    along: FloatArray | None
-    log_products: FloatArray
-    control_points: FloatArray
-
-    def section(self, z: float) -> Patch:
-        """Return the curve at level z of the film of an edge."""
-        if self.along is None:
-            raise DomainError("the film of a corner has no sections")
-        return self._curve(self._log_weights(np.array([[z]]))[0])
-
-    def points(self, z: ArrayLike) -> FloatArray:
-        """(m, 3) points at (m, g) levels z of the film of a corner or end."""
-        if self.along is not None:
-            raise DomainError("the film of an edge consists of sections")
-        logs = self._log_weights(np.asarray(z, dtype=np.float64))
-        weights = np.exp(logs - logs.max(axis=1, keepdims=True))
-        return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
-
-    def _log_weights(self, z: FloatArray) -> FloatArray:
-        """(m, k) logarithms of the weights, −inf where they vanish."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            powers = self.speeds[None] * np.log(z)[:, None, :]
-        return self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2)
-
-    def _curve(self, log_weights: FloatArray) -> Patch:
-        here = np.isfinite(log_weights)
-        assert self.along is not None
-        return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
-
-
-@dataclass(frozen=True, eq=False)
-class KnotLimit:
-    """The limit of patches whose knots move to others.
-
-    Attributes
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-    """
-
-    patch: Patch
-    moves: Mapping[int, int]
-
-    @cached_property
-    def merged(self) -> Patch:
-        """The merged patch: the limit at every point inside Δ."""
-        return merge_knots(self.patch, self.moves)
-
-    @cached_property
-    def films(self) -> tuple[Film, ...]:
-        """What the limit as a set has beside the merged patch; nothing where the convergence is uniform."""
-        return tuple(_films(self.patch, _targets(self.patch, self.moves)))
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether the patches converge to the merged patch as sets, in the Hausdorff distance."""
-        return not self.films
-
-
-def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
-    """Find what a patch tends to as knots move to the places of others, along lines and all at once.
-
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        As for `merge_knots`.
-
-    Returns
-    -------
-    KnotLimit
-        The merged patch, to which the patches converge at every point inside Δ, and the films, which the limit as a
-        set has besides.
+def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
+    """(n,) the knot at whose place each knot ends: itself, or the end of its chain.
 
     Raises
     ------
     DomainError
-        As `merge_knots`.
-
-    Notes
-    -----
-    A knot that comes to a boundary from inside does not count there before it has arrived: the
-    boundary of the patches stays what it was, while inside they tend to a patch with another boundary. The Hausdorff
-    limit is the merged patch with what is stretched between the two: a segment at the end of a curve (a curve where
-    several knots arrive there), a membrane at an edge.
-
-    References
-    ----------
-    Thm 3.1, Thm 4.1, which claim the merged patch alone; Ex. 4.2.
+        Indices that are none, cycles, or a move that would change the hull.
     """
-    _targets(patch, moves)
-    return KnotLimit(patch, dict(moves))
-
-
-def _targets(patch: Patch, moves: Mapping[int, int]) -> IntArray:
-    """(n,) where each knot ends: itself, or the end of its chain. Refuses what `merge_knots` refuses."""
     n = len(patch.knots)
     if not moves:
         raise DomainError("moves: expected at least one knot to move")
@@ -372,40 +253,3 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
             raise DomainError(
                 f"moves: knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
             )
-
-
-def _films(patch: Patch, targets: IntArray) -> list[Film]:
-    shape = patch.domain
-    r = len(shape.vertices)
-    moved = targets != np.arange(len(targets))
-    films = []
-    for face, ends_on in enumerate(shape.faces[:, targets]):
-        facets = np.flatnonzero(shape.vanishing[face])
-        members = np.flatnonzero(ends_on)
-        speeds = np.where(moved[members, None], shape.heights[members][:, facets], 0.0)
-        if face == 0 or not speeds.any():
-            continue
-        along = None
-        if shape.dimension == 2 and face <= r:
-            along = shape.along(face - 1, patch.knots[targets[members]])
-        elif shape.dimension == 2:
-            # Where all come on one line, the film of the corner is a border of its edges' films.
-            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=np.finfo(float).tiny), compute_uv=False)
-            if len(values) < 2 or values[1] <= PARALLEL * values[0]:
-                continue
-        units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
-        films.append(
-            Film(
-                face,
-                members,
-                read_only(speeds / np.array(units)),
-                along,
-                patch.log_products[members],
-                patch.control_points[members],
-            )
-        )
-    return films
-
-
-def _with_log_weights(patch: Patch, log_weights: FloatArray) -> Patch:
-    return replace(patch, weights=None, log_weights=log_weights)

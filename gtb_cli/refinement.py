@@ -7,8 +7,6 @@ hold, every cell that was not sampled yet is sampled densely, and cells that fai
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
@@ -16,6 +14,7 @@ from gtb_cli.complex import Complex, Sampler
 from gtb_cli.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.domain import EPS
 from gtb_cli.errors import ToleranceError
+from gtb_cli.splitting import Cells, Edges, divide_segments, divide_triangles, sides_of
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
@@ -48,32 +47,6 @@ SAMPLES = 20_000
 """A coarse mesh is verified on a finer lattice: at least about this many points in all."""
 
 FINEST_LATTICE = 32
-
-
-@dataclass(frozen=True, eq=False)
-class _Edges:
-    """Sides of cells. `face` is that of the middle: where the edge lies on the boundary of its patch, that edge."""
-
-    ends: IntArray
-    patch: IntArray
-    parameters: FloatArray
-    face: IntArray
-
-    def __getitem__(self, rows: IntArray) -> _Edges:
-        return _Edges(self.ends[rows], self.patch[rows], self.parameters[rows], self.face[rows])
-
-    def followed_by(self, *others: _Edges) -> _Edges:
-        every = (self, *others)
-        return _Edges(
-            np.concatenate([edges.ends for edges in every]),
-            np.concatenate([edges.patch for edges in every]),
-            np.concatenate([edges.parameters for edges in every]),
-            np.concatenate([edges.face for edges in every]),
-        )
-
-    @property
-    def middles(self) -> FloatArray:
-        return np.asarray(self.parameters.mean(axis=1))
 
 
 def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
@@ -138,7 +111,7 @@ class _Refinement:
                 f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
                 f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
             )
-        edges, self.sides = _sides(start, sampler)
+        edges, self.sides = sides_of(start, sampler.patches)
         self.edges = edges
         self.middle = np.empty((0, 3))
         self.error = np.empty(0)
@@ -318,8 +291,7 @@ class _Refinement:
     def split(self, marked: BoolArray) -> int:
         """Split marked edges in the middle, and the cells beside them by pattern; the number of cells that stay."""
         chosen = np.flatnonzero(marked)
-        marks = marked[self.sides]
-        count = len(self.cells) + int(marks.sum())
+        count = len(self.cells) + int(marked[self.sides].sum())
         reached = float(self.error[self.sides].max())
         if count > self.max_cells:
             raise ToleranceError(
@@ -343,7 +315,7 @@ class _Refinement:
         child = np.full((len(marked), 2), -1)
         child[chosen] = len(marked) + np.arange(2 * len(chosen)).reshape(2, -1).T
         halves = [
-            _Edges(
+            Edges(
                 np.stack([old.ends[:, end], vertex[chosen]], axis=1),
                 old.patch,
                 np.stack([old.parameters[:, end], middles], axis=1),
@@ -352,8 +324,9 @@ class _Refinement:
             for end in (0, 1)
         ]
         self.edges = self.edges.followed_by(*halves)
-        divide = _divide_segments if self.cells.shape[1] == 2 else _divide_triangles
-        pieces, made = divide(self, marks, vertex, child, len(self.edges.ends))
+        divide = divide_segments if self.cells.shape[1] == 2 else divide_triangles
+        whole = Cells(self.cells, self.sides, self.corners, self.cell_patch)
+        pieces, made = divide(whole, self.edges, self.points, vertex, child)
         keep = ~self.has_mark(marked, slice(None))
         self.edges = self.edges.followed_by(made)
         self.cells = np.concatenate([self.cells[keep], *(piece.cells for piece in pieces)])
@@ -378,129 +351,6 @@ class _Refinement:
             self.collapsed,
         )
         return refined, self.points
-
-
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """Some cells with their sides: side i runs from vertex i to the next."""
-
-    cells: IntArray
-    sides: IntArray
-    corners: FloatArray
-    patch: IntArray
-
-
-def _divide_segments(
-    work: _Refinement, marks: BoolArray, vertex: IntArray, child: IntArray, first_edge: int
-) -> tuple[list[_Cells], _Edges]:
-    rows = np.flatnonzero(marks[:, 0])
-    cells, sides, corners, patch = work.cells[rows], work.sides[rows, 0], work.corners[rows], work.cell_patch[rows]
-    middle, center = vertex[sides], corners.mean(axis=1)
-    pieces = []
-    for end in (0, 1):
-        half = cells.copy()
-        half[:, 1 - end] = middle
-        ends = corners.copy()
-        ends[:, 1 - end] = center
-        pieces.append(_Cells(half, _half(work.edges, child, sides, cells[:, end])[:, None], ends, patch))
-    return pieces, work.edges[np.empty(0, dtype=np.int64)]
-
-
-def _divide_triangles(
-    work: _Refinement, marks: BoolArray, vertex: IntArray, child: IntArray, first_edge: int
-) -> tuple[list[_Cells], _Edges]:
-    """Split triangles with one, two or three marked sides into two, three or four."""
-    pieces: list[_Cells] = []
-    made: list[_Edges] = []
-    count = marks.sum(axis=1)
-    next_edge = first_edge
-    for number in (1, 2, 3):
-        rows = np.flatnonzero(count == number)
-        if not len(rows):
-            continue
-        # Turned so that the marked sides come first.
-        turn = marks[rows].argmax(axis=1)
-        if number == 2:
-            turn = (np.argmin(marks[rows], axis=1) + 1) % 3
-        order = (np.arange(3) + turn[:, None]) % 3
-        v, e = np.take_along_axis(work.cells[rows], order, 1), np.take_along_axis(work.sides[rows], order, 1)
-        p = np.take_along_axis(work.corners[rows], order[:, :, None], 1)
-        patch = work.cell_patch[rows]
-        # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
-        points = np.concatenate([v, vertex[e]], axis=1)
-        places = np.concatenate([p, (p + np.roll(p, -1, axis=1)) / 2], axis=1)
-        halves = {
-            (side, end): _half(work.edges, child, e[:, side], v[:, end])
-            for side in range(number)
-            for end in (side, (side + 1) % 3)
-        }
-        patterns = [(np.arange(len(rows)), _PATTERNS[number])]
-        if number == 2:
-            xyz = work.points[points]
-            other = np.linalg.norm(xyz[:, 4] - xyz[:, 0], axis=1) > np.linalg.norm(xyz[:, 3] - xyz[:, 2], axis=1)
-            patterns = [(np.flatnonzero(~other), _PATTERNS[2]), (np.flatnonzero(other), _OTHER_DIAGONAL)]
-        for chosen, (triangles, new_edges) in patterns:
-            edge_of: dict[tuple[int, int], IntArray] = {}
-            for a, b in new_edges:
-                edge_of[a, b] = edge_of[b, a] = next_edge + np.arange(len(chosen))
-                next_edge += len(chosen)
-                made.append(
-                    _Edges(points[chosen][:, [a, b]], patch[chosen], places[chosen][:, [a, b]], np.zeros_like(chosen))
-                )
-            for side in range(3):
-                near, far = side, (side + 1) % 3
-                if side < number:
-                    for end in (near, far):
-                        edge_of[end, 3 + side] = edge_of[3 + side, end] = halves[side, end][chosen]
-                else:
-                    edge_of[near, far] = e[chosen, side]
-            for triangle in triangles:
-                sides = [edge_of[triangle[i], triangle[(i + 1) % 3]] for i in range(3)]
-                pieces.append(
-                    _Cells(
-                        points[chosen][:, triangle], np.stack(sides, axis=1), places[chosen][:, triangle], patch[chosen]
-                    )
-                )
-    return pieces, work.edges[np.empty(0, dtype=np.int64)].followed_by(*made)
-
-
-_Pattern = tuple[tuple[tuple[int, int, int], ...], tuple[tuple[int, int], ...]]
-
-_PATTERNS: dict[int, _Pattern] = {
-    1: (((0, 3, 2), (3, 1, 2)), ((3, 2),)),
-    2: (((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4))),
-    3: (((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5))),
-}
-"""Triangles and new edges by number of marked sides; corners are 0 … 2, the middle of side i is 3 + i."""
-
-_OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-"""For two marked sides, the quadrilateral that remains cut the other way."""
-
-
-def _half(edges: _Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
-    """The half of each split edge that ends at the given vertex."""
-    return np.asarray(np.where(edges.ends[split, 0] == vertex, child[split, 0], child[split, 1]))
-
-
-def _sides(start: Complex, sampler: Sampler) -> tuple[_Edges, IntArray]:
-    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
-    k = start.cells.shape[1]
-    if k == 2:
-        edges = _Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
-        return edges, np.arange(len(start.cells))[:, None]
-    following = [1, 2, 0]
-    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
-    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
-    patch = np.repeat(start.cell_patch, 3)
-    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
-    # A side lies on an edge of its domain if both ends do.
-    face = np.zeros(len(first), dtype=np.int64)
-    for index, domain in enumerate(shape.domain for shape in sampler.patches):
-        rows = np.flatnonzero(patch[first] == index)
-        zero = [domain.heights_of_columns(places[first[rows], end]) == 0 for end in (0, 1)]
-        both = zero[0] & zero[1]
-        face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
-    return _Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
 
 
 def _lattice(steps: int) -> FloatArray:

@@ -214,9 +214,12 @@ def _displacements(mesh: Mesh) -> FloatArray:
     # Directions in which the normals hardly differ are left alone.
     inverse = np.where(values > 2 * (1 - SMOOTH), 1 / np.maximum(values, 1 - SMOOTH), 0.0)
     w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
+    # At the edge of a blade no direction is left but the one between its sides.
+    blade = np.linalg.norm(w, axis=1) < SMOOTH
+    w[blade] = MITRE * _unit(right[blade])
     length = np.linalg.norm(w, axis=1, keepdims=True)
     result = mesh.normals.copy()
-    result[wrong] = np.where(length > SMOOTH, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), mesh.normals[wrong])
+    result[wrong] = np.where(length > 0, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), result[wrong])
     return result
 
 

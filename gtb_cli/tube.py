@@ -224,7 +224,8 @@ def _paths(mesh: Mesh, tangents: FloatArray | None) -> Iterator[_Path]:
             given = np.where(backwards[long, None, None], -given[:, ::-1], given)
             along = np.einsum("sij,sj->si", given, chords)
             directions = np.where((along > TRANSVERSE)[:, :, None], given, directions)
-        closed = len(segments) > 1 and bool(np.abs(points[0] - points[-1]).max() <= SAME * size)
+        # Two segments that end where they begin are no ring, but the same way there and back.
+        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= SAME * size)
         yield _Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
 
 

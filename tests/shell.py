@@ -42,7 +42,9 @@ def gtb(*arguments: object, stdin: bytes = b"") -> Result:
 
 
 def environment(**variables: str) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(REPOSITORY), **variables}
+    """This process's environment, without what would hide how streams are buffered."""
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return inherited | {"PYTHONPATH": str(REPOSITORY), **variables}
 
 
 def command(*arguments: object) -> list[str]:

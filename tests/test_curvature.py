@@ -1,6 +1,7 @@
 """Curvature against 50-digit arithmetic, difference quotients and surfaces whose curvature is known."""
 
 import io
+import math
 
 import numpy as np
 import plyfile
@@ -188,6 +189,40 @@ def test_extreme_weights(power):
             expected = by_moments(heavy, u)
         # Exponents of up to 276 have that many times the rounding of 1, and T with them.
         assert_same(curvature(heavy, u[None]), expected, (1 + 7 * power) * DIGITS)
+
+
+def test_knots_close_to_a_slanted_edge():
+    """Their distances are exact, however small they are."""
+    knots = [[0, 0], [3, 1], [2, 4], [-1, 2], [1.5 - 1e-8, 0.5 + 3e-8], [1, 2], [2.6, 2.2]]
+    random = np.random.default_rng(3)
+    patch = Patch(knots, random.uniform(-1, 1, (7, 3)))
+    assert 0 < patch.domain.heights[4, 0] < 1e-6
+    for u in inside(patch, 6, seed=4, depth=0.1):
+        assert_same(curvature(patch, u[None]), by_moments(patch, u))
+
+
+def test_collinear_knots_inside_are_collinear_to_rounding():
+    """Beside a heavy line nearly all of T is on it; an irrational map of the knots changes nothing."""
+    knots = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [1, 1.5], [2, 2], [3, 2.5]])
+    points = np.column_stack([knots, np.sin(3 * np.arange(7))])
+    logs = np.array([0, 0, 0, 0, 60.0, 60, 60])
+    turn = np.array([[math.cos(1), math.sin(1)], [-math.sin(1), math.cos(1)]]) / 7
+    plain, turned = Patch(knots, points, log_weights=logs), Patch(knots @ turn, points, log_weights=logs)
+    p = np.array([[1.4, 1.7], [2.2, 2.1], [2.9, 2.45]]) + np.array([-1, 2]) * np.array([[1e-3], [1e-5], [1e-6]])
+    # Rounding of p itself, 1e-16, is 1e-10 of its distance from the line.
+    for there, here in zip(curvature(turned, p @ turn, "linear"), curvature(plain, p, "linear"), strict=True):
+        np.testing.assert_allclose(there, here, rtol=1e-7)
+
+
+def test_a_pole_of_points_that_are_equal_within_rounding():
+    patch = octant()
+    points = patch.control_points.copy()
+    points[6:, 2] = [1 - 2**-53, 1.0, 1 + 2**-52]
+    rounded = Patch(patch.knots, points, patch.weights, patch.coefficients)
+    h = 10.0 ** -np.arange(1.0, 14.0)
+    gaussian, mean = curvature(rounded, np.column_stack([np.full(13, 1.2), 2 - h]))
+    np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
+    np.testing.assert_allclose(mean, 1, rtol=1e-7)
 
 
 # --- limits on the boundary

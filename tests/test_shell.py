@@ -30,7 +30,7 @@ from tests.shell import (
 SOON = 10.0
 """Seconds within which what should end at once has ended, on a busy machine."""
 
-LARGE = ["-n", "200", "-f", "stl", "--ascii", "-q"]
+LARGE = ["-n", "150", "-f", "stl", "--ascii", "-q"]
 """Options of a mesh whose writing takes about a second, and much longer than making it."""
 
 
@@ -289,7 +289,7 @@ def group_is_gone(group: int) -> bool:
 
 
 def start_batch(start, folder: Path) -> subprocess.Popen:
-    specs = [SPECS / f"{name}.toml" for name in ("pentagon", "bicubic", "hexagon", "trapezoid")]
+    specs = [SPECS / f"{name}.toml" for name in ("bicubic", "pentagon", "hexagon", "nonagon")]
     child = start("mesh", *specs, "-j", 2, "-o", folder, *LARGE, stderr=subprocess.PIPE, start_new_session=True)
     wait_for(lambda: len(Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()) == 2, "workers")
     wait_for(lambda: any(name.startswith(".gtb-") for name in names(folder)), "a temporary file")

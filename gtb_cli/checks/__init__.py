@@ -10,7 +10,7 @@ import numpy as np
 
 from gtb_cli.checks import basis, curve, degeneration, lattice, surface
 from gtb_cli.checks.probe import Measure, Outcome, Probe, Status, at_most, not_applicable, number
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.joints import SAME, SAMPLES, Joints, edge_points, find_joints
 from gtb_cli.patch import Model, Patch
 
@@ -180,9 +180,15 @@ def check_model(model: Model) -> ModelReport:
 
 
 def _measured(measure: Measure, probe: Probe) -> Outcome:
-    """Measure a property; a patch that cannot be evaluated has none."""
+    """Measure a property; a patch that cannot be evaluated has none.
+
+    Where the linear parametrisation, by which some properties are measured, is not found, that is no fault of theirs:
+    it is a property of its own.
+    """
     try:
         return measure(probe)
+    except ToleranceError as error:
+        return not_applicable(f"could not be measured: {error}")
     except GtbError as error:
         return Outcome("fails", None, None, f"could not be measured: {error}")
 

@@ -20,7 +20,7 @@ from gtb_cli.checks.probe import (
 )
 from gtb_cli.description import description
 from gtb_cli.domain import EPS, convex_hull
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.moment import RESIDUAL
 
 THIN = 1e-9
@@ -215,7 +215,10 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
     knots = np.zeros((len(patch.knots), 3))
     knots[:, : domain.dimension] = (domain.knots - domain.center) / domain.size
     p = linear_samples(probe, np.arange(len(probe.u)))
-    images = replace(patch, control_points=knots).points_at(probe.linear.locations(p), len(p))
+    try:
+        images = replace(patch, control_points=knots).points_at(probe.linear.locations(p), len(p))
+    except ToleranceError as error:
+        return Outcome("fails", None, None, str(error))
     expected = np.zeros_like(images)
     expected[:, : domain.dimension] = (p - domain.center) / domain.size
     value = largest(np.abs(images - expected))

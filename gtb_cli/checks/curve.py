@@ -30,6 +30,8 @@ from gtb_cli.patch import Patch
 ORDERS = 4
 """Minors of up to this many rows are sampled: each is a sum of at most 24 products."""
 
+UNDERFLOWN = "in each sampled minor there are values of the basis below the range of floats"
+
 MINORS = 400
 """Minors of each order."""
 
@@ -75,25 +77,30 @@ WEIGHTS_TRIED = 16
 
 def total_positivity(probe: Probe) -> Outcome:
     """Minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
-    smallest, bound, _ = _minors(probe)
-    return within_rounding(
-        max(0.0, -smallest), bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum"
-    )
+    minors, bound = _minors(probe)
+    if not len(minors):
+        return not_applicable(UNDERFLOWN)
+    value = max(0.0, -float(minors.min()))
+    return within_rounding(value, bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum")
 
 
 def strict_total_positivity(probe: Probe) -> Outcome:
     """The same minors, which at parameters inside Δ and for distinct knots are positive."""
     if probe.repetitions:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
-    smallest, bound, undecided = _minors(probe)
+    minors, bound = _minors(probe)
+    if not len(minors):
+        return not_applicable(UNDERFLOWN)
+    smallest = float(minors.min())
+    undecided = float((np.abs(minors) <= bound).mean())
     reason = "negative of the smallest sampled minor, at parameters inside the domain"
     if undecided and smallest >= -bound:
         return number(-smallest, f"{reason}: {undecided:.0%} of them are within rounding of 0")
     return at_most(-smallest, -bound, reason)
 
 
-def _minors(probe: Probe) -> tuple[float, float, float]:
-    """The smallest relative minor, what rounding may do to one, and the share that rounding decides."""
+def _minors(probe: Probe) -> tuple[FloatArray, float]:
+    """Sampled minors, relative to the sums of their products' sizes, and what rounding may do to one."""
     n = len(probe.patch.knots)
     u = np.sort(probe.u[probe.inside, 0])
     basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
@@ -110,13 +117,11 @@ def _minors(probe: Probe) -> tuple[float, float, float]:
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
             minor += _sign(permutation) * product
             size += np.abs(product)
-        decidable = size > 0
+        # Inside Δ there are no zeros but those of values below the range of floats.
+        decidable = (size != 0) & (entries != 0).all(axis=(1, 2))
         ratios.append(minor[decidable] / size[decidable])
-    every = np.concatenate(ratios)
     bound = 2 * orders * probe.rounding + EPS * math.factorial(orders)
-    if not np.isfinite(probe.basis).all():
-        return -np.inf, bound, 0.0
-    return float(every.min()), bound, float((np.abs(every) <= bound).mean())
+    return np.nan_to_num(np.concatenate(ratios), nan=-np.inf), bound
 
 
 def _subsets(spread: FloatArray, count: int) -> IntArray:
@@ -304,7 +309,7 @@ def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[f
         shares = np.exp(np.clip(end.logs - end.logs[0] + slope * end.places, -DEEPEST, DEEPEST))
         others = float((shares[2:] * vectors[2:]).sum() / shares[1])
         error = others + float(shares[1:].sum()) + 2 * far / near * delta / length
-        error += EPS * ROUNDINGS * (1 + float(np.abs(end.logs).max())) * (1 + length / delta * EPS)
+        error += EPS * ROUNDINGS * (1 + float(np.abs(end.logs).max()) + abs(slope) * length)
         if error < best:
             best, step = error, fraction
     return 2 * best, step

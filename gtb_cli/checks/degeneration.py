@@ -57,8 +57,10 @@ def toric_degeneration(probe: Probe) -> Outcome:
     # With no gap the lifting is affine, and any power moves points along the patch.
     exponent = 1.0 / max(float(np.ptp(patch.lifting)), np.finfo(float).tiny)
     if np.isfinite(smallest):
-        exponent = min(FADED / smallest, LARGEST_LOG * exponent)
-        if exponent * smallest < ENOUGH:
+        # A knot has to fade however large its weight is.
+        weights = float(np.ptp(patch.log_products))
+        exponent = min((FADED + weights) / smallest, LARGEST_LOG * exponent)
+        if exponent * smallest < ENOUGH + weights:
             return not_applicable("a knot is so near to its cell's plane that it does not fade within floats")
     far = degenerate(patch, math.e, exponent * (patch.lifting - patch.lifting.max()))
     p, expected = [], []

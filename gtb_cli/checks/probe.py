@@ -158,9 +158,10 @@ class Probe:
 
     @cached_property
     def knot_rounding(self) -> float:
-        """What rounding of knots' coordinates may do to places in Δ, as a fraction of its size."""
+        """What rounding of knots' coordinates may do to places in Δ, of its size: more where it is thin."""
         domain = self.patch.domain
-        return EPS * ROUNDINGS * max(1.0, float(np.abs(domain.knots).max()) / domain.size)
+        width = float((domain.heights.max(axis=0) / domain.normal_lengths).min())
+        return EPS * ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
 
     @cached_property
     def extent(self) -> float:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, TextIO
 
 from gtb_cli.errors import ExportError, SpecError
 
@@ -40,9 +40,11 @@ def complain(message: str) -> None:
 def say(line: str) -> None:
     """Write to standard error, if anybody is there."""
     if sys.stderr is not None:
-        with suppress(OSError):
+        try:
             sys.stderr.write(f"{line}\n")
             sys.stderr.flush()
+        except OSError:
+            _abandon(sys.stderr)
 
 
 class Console:
@@ -236,7 +238,11 @@ def is_terminal(output: str) -> bool:
 def abandon_stdout() -> None:
     """Send what standard output still holds nowhere, so that the end of the process does not fail on it again."""
     if sys.stdout is not None:
-        with suppress(OSError, ValueError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, sys.stdout.fileno())
-            os.close(nowhere)
+        _abandon(sys.stdout)
+
+
+def _abandon(stream: TextIO) -> None:
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from itertools import groupby
 from operator import itemgetter
 
@@ -12,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.meshfiles.content import Content, joined, largest_coordinates, triangles
-from gtb_cli.meshfiles.text import SAMPLE, floats, half_step, integers, lines_of, shown
+from gtb_cli.meshfiles.text import SAMPLE, floats, half_step, integers, lines_of, shown, table
 
 IGNORED = set(
     b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
@@ -22,7 +21,10 @@ IGNORED = set(
 FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
 """Keywords of curves and surfaces that are no meshes."""
 
-_SLASHES = re.compile(rb"/\S*")
+_TABLES = {b"v ": 3, b"f ": 3, b"l ": 2}
+"""How lines start that are read many at once, and how many words such a line has at least."""
+
+_SLASHES = re.compile(rb"/[^ \n]*")
 
 
 def read_obj(data: bytes) -> Content:
@@ -43,22 +45,9 @@ def read_obj(data: bytes) -> Content:
         number = start
         for _, run in groupby(lines, key=itemgetter(slice(0, 2))):
             rows = list(run)
-            try:
-                reader.read(rows)
-            except GtbError as error:
-                raise GtbError(f"line {_line_of(reader, rows, number)}: {error}") from None
+            reader.read(rows, number + 1)
             number += len(rows)
     return reader.content()
-
-
-def _line_of(reader: _Reader, rows: list[bytes], first: int) -> int:
-    """Number of the first line with an error, found by reading them one by one."""
-    for number, row in enumerate(rows):
-        try:
-            reader.read([row])
-        except GtbError:
-            return first + number + 1
-    return first + len(rows)
 
 
 class _Reader:
@@ -73,77 +62,78 @@ class _Reader:
         self.names: list[tuple[str, int]] = []
         self.cells = 0
 
-    def read(self, rows: list[bytes]) -> None:
-        """Read lines with the same first two characters."""
-        text = b" \n".join(rows)
-        words = text.split()
-        if not words or rows[0].lstrip()[:1] == b"#":
-            if len(rows) > 1 and rows[0][:1] != b"#":  # blanks, and then different things
-                for row in rows:
-                    self.read([row])
+    def read(self, rows: list[bytes], number: int) -> None:
+        """Read lines with the same first two characters; `number` is that of the first, for errors."""
+        start = rows[0][:2]
+        if start in (b"vn", b"vt") or (start in _TABLES and self._read_table(start, rows)):
             return
-        keyword = words[0]
-        take = self._takers.get(keyword)
-        if take is not None:
-            width = _width(words, len(rows), keyword)
-            if width:
-                take(self, [word for k in range(1, width) for word in words[k::width]], width - 1)
-                return
-            if len(rows) == 1:
-                take(self, words[1:], len(words) - 1)
-                return
-        elif len(rows) == 1:
+        for place, row in enumerate(rows, number):
+            words = row.split()
+            if words and not words[0].startswith(b"#"):
+                try:
+                    self._read_line(words[0], words[1:])
+                except GtbError as error:
+                    raise GtbError(f"line {place}: {error}") from None
+
+    def _read_table(self, start: bytes, rows: list[bytes]) -> bool:
+        """Read lines that are alike, all at once; say whether they are."""
+        text = b"\n" + b"\n".join(rows)
+        plain = text.replace(b"\n" + start, b"\n ")[1:]
+        if start == b"v ":
+            coordinates = table(plain, len(rows))
+            if coordinates is None or coordinates.shape[1] < 3:
+                return False
+            self._add_vertices(coordinates)
+            self._sample(plain[: 20 * SAMPLE].split()[:SAMPLE])
+            return True
+        numbers = table(_SLASHES.sub(b"", plain) if b"/" in plain else plain, len(rows), whole=True)
+        if numbers is None or numbers.shape[1] < _TABLES[start] or not numbers.all():
+            return False
+        self._add_cells(start, numbers)
+        return True
+
+    def _read_line(self, keyword: bytes, words: list[bytes]) -> None:
+        if keyword == b"v":
+            if len(words) < 3:
+                raise GtbError(f"a vertex has 3 coordinates, got {len(words)}")
+            self._add_vertices(floats(words)[None, :])
+            self._sample(words[:3])
+        elif keyword in (b"f", b"l"):
+            least = _TABLES[keyword + b" "]
+            if len(words) < least:
+                raise GtbError(f"{shown(keyword)} has at least {least} vertices, got {len(words)}")
+            self._add_cells(keyword, integers([word.partition(b"/")[0] for word in words])[None, :])
+        else:
             self._other(keyword, words)
-            return
-        for row in rows:
-            self.read([row])
 
-    def _vertex(self, words: list[bytes], width: int) -> None:
-        if width < 3:
-            raise GtbError(f"a vertex has 3 coordinates, got {width}")
-        rows = len(words) // width
-        coordinates = words[: 3 * rows]
-        self.vertices.append(floats(coordinates).reshape(3, rows).T)
-        self.count += rows
-        self.words += coordinates[: max(0, SAMPLE - len(self.words))]
+    def _sample(self, words: list[bytes]) -> None:
+        if len(self.words) < SAMPLE:
+            self.words += words
 
-    def _face(self, words: list[bytes], width: int) -> None:
-        if width < 3:
-            raise GtbError(f"a face has at least 3 corners, got {width}")
-        corners = triangles(self._references(words, width))
-        self.faces.append(corners)
-        self.cells += len(corners)
+    def _add_vertices(self, coordinates: FloatArray) -> None:
+        self.vertices.append(coordinates[:, :3])
+        self.count += len(coordinates)
 
-    def _line(self, words: list[bytes], width: int) -> None:
-        if width < 2:
-            raise GtbError(f"a line has at least 2 points, got {width}")
-        points = self._references(words, width)
-        pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2)
-        self.segments.append(pairs)
-        self.cells += len(pairs)
-
-    def _references(self, words: list[bytes], width: int) -> IntArray:
-        """Indices of vertices, (lines, width), from words that are ordered by columns."""
-        text = b" ".join(words)
-        if b"/" in text:
-            words = _SLASHES.sub(b"", text).split()
-            if len(words) * 1 != text.count(b" ") + 1:
-                raise GtbError("a reference without the number of a vertex")
-        numbers = integers(words).reshape(width, -1).T
-        if (numbers == 0).any():
+    def _add_cells(self, keyword: bytes, numbers: IntArray) -> None:
+        """Add faces or polylines, (rows, corners), whose vertices count from 1, or back from the last one so far."""
+        if not numbers.all():
             raise GtbError("vertices are counted from 1, got 0")
-        return np.where(numbers < 0, numbers + self.count, numbers - 1)
+        indices = np.where(numbers < 0, numbers + self.count, numbers - 1)
+        if keyword[:1] == b"f":
+            cells = triangles(indices)
+            self.faces.append(cells)
+        else:
+            cells = np.stack([indices[:, :-1], indices[:, 1:]], axis=2).reshape(-1, 2)
+            self.segments.append(cells)
+        self.cells += len(cells)
 
     def _other(self, keyword: bytes, words: list[bytes]) -> None:
         if keyword in (b"g", b"o"):
-            name = b" ".join(words[1:]).decode("utf-8", "replace")
-            self.names.append((name, self.cells))
+            self.names.append((b" ".join(words).decode("utf-8", "replace"), self.cells))
         elif keyword in FREE_FORM:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are no mesh")
         elif keyword not in IGNORED:
             raise GtbError(f"unknown keyword {shown(keyword)}")
-
-    _takers: dict[bytes, Callable[[_Reader, list[bytes], int], None]] = {b"v": _vertex, b"f": _face, b"l": _line}
 
     def content(self) -> Content:
         """All of it."""
@@ -161,10 +151,3 @@ class _Reader:
             np.full(3, half),
             tuple(groups),
         )
-
-
-def _width(words: list[bytes], rows: int, keyword: bytes) -> int:
-    """Number of words on each line, if it is the same and all begin with the keyword, else 0."""
-    width, rest = divmod(len(words), rows)
-    same = not rest and words[0::width].count(keyword) == rows
-    return width if same else 0

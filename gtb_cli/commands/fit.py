@@ -1,0 +1,78 @@
+"""`gtb fit`: a curve through points."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, read_bytes, shown_input, write_text
+from gtb_cli.commands.meshing import about, file_stem
+from gtb_cli.commands.options import console_option, file_names, numbers_of, output_option
+from gtb_cli.errors import SpecError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MAX_BYTES = 1_000_000
+"""Of a file of points: a hundred lines are far less."""
+
+
+@click.command
+@click.argument("points", metavar="[POINTS]", default=STANDARD, shell_complete=file_names)
+@click.option(
+    "--knots",
+    callback=numbers_of,
+    metavar="A,…",
+    help="An ascending knot for each point. Without it, the length of the polygon up to the point.",
+)
+@output_option
+@console_option
+def fit(points: str, knots: tuple[float, ...] | None, output: str, console: Console) -> None:
+    """\b
+    Example: printf '0 0\\n1 2\\n3 1\\n4 3\\n' | gtb fit
+
+    Print the spec of a curve through points, found by progressive iterative approximation.
+
+    POINTS is a file, or standard input: on each line a point, "x y" or "x y z", separated by blanks, tabs or a comma,
+    2 to 100 of them. Empty lines and what follows a # are skipped. The curve begins in the first point and ends in the
+    last, and misses none by more than 1e-12 of the largest coordinate.
+    """
+    from gtb_cli.fitting import fit as fitted
+
+    places = _points(points)
+    with about(shown_input(points)):
+        found = fitted(places, knots)
+    name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
+    from gtb_cli.spec import dump
+
+    write_text(output, dump(replace(found.curve, name=name)))
+    console.note(f"{len(places)} points, {found.rounds} rounds, {found.distance:.2g} left")
+
+
+def _points(path: str) -> Sequence[Sequence[float]]:
+    """Read points, a line each."""
+    source = shown_input(path)
+    data = read_bytes(path, MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise SpecError(f"{source}: more than {MAX_BYTES} bytes")
+    rows: list[list[float]] = []
+    for number, line in enumerate(data.decode("utf-8-sig", "backslashreplace").splitlines(), 1):
+        words = line.partition("#")[0].replace(",", " ").split()
+        if not words:
+            continue
+        if len(words) not in (2, 3) or (rows and len(words) != len(rows[0])):
+            expected = "two or three" if not rows else str(len(rows[0]))
+            raise SpecError(f"{source}:{number}: expected {expected} coordinates, got {len(words)}")
+        row = []
+        for word in words:
+            try:
+                row.append(float(word))
+            except ValueError:
+                raise SpecError(f"{source}:{number}: {word[:60]!r} is not a number") from None
+        rows.append(row)
+    if not rows:
+        raise SpecError(f"{source}: has no points")
+    return rows

@@ -1,0 +1,195 @@
+"""Families of patches that tend to a limit, on one complex: the triangulation is that of the limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.complex import Complex, Sampler, joined_complex
+from gtb_cli.domain import Domain, knot_tolerance
+from gtb_cli.errors import DomainError
+from gtb_cli.joints import EdgeRef, Joint, Joints
+from gtb_cli.lifting import RegularDecomposition
+from gtb_cli.limits import cells_of
+from gtb_cli.patch import Patch
+from gtb_cli.refinement import refine
+from gtb_cli.tessellation import COARSEST
+from gtb_cli.triangulation import cell_count
+
+STRAIGHT = 4.0
+"""Multiple of `knot_tolerance` by which the corners of a cell and of its own hull may differ: the same knots."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Patches with the same Δ in their linear parametrisations, and their limit.
+
+    Attributes
+    ----------
+    samplers : tuple of Sampler
+        One for each patch, the limit last. All take a parameter by the patch of the limit that it lies in, and the
+        face of that patch's domain.
+    joints : Joints or None
+        How the patches of the limit are joined; None for a single one.
+    """
+
+    samplers: tuple[Sampler, ...]
+    joints: Joints | None
+
+    @property
+    def limit(self) -> Sampler:
+        """The last sampler."""
+        return self.samplers[-1]
+
+    @property
+    def dimension(self) -> int:
+        """1 for curves, 2 for surfaces."""
+        return self.limit.patches[0].dimension
+
+    def cell_count(self, resolution: int) -> int:
+        """Number of cells of `uniform`, without making it."""
+        return sum(cell_count(patch.domain, resolution) for patch in self.limit.patches)
+
+    def uniform(self, resolution: int) -> Complex:
+        """The complex with `resolution` cells along each edge of each patch of the limit."""
+        return joined_complex(self.limit.patches, self.joints, resolution)
+
+    def refined(self, tolerance: float, max_cells: int) -> Complex:
+        """Refine the coarsest complex until it is within a tolerance of every member.
+
+        Raises
+        ------
+        ToleranceError
+            More than `max_cells` cells would be needed.
+        """
+        for resolution in COARSEST:
+            mosaic = self.uniform(resolution)
+            if mosaic.is_simplicial:
+                break
+        count = 0
+        while len(mosaic.cells) > count:
+            count = len(mosaic.cells)
+            for sampler in reversed(self.samplers):
+                mosaic, _ = refine(mosaic, sampler, tolerance, max_cells)
+        return _in_order(mosaic)
+
+
+def approaching(patches: Sequence[Patch], limit: Patch) -> Family:
+    """Patches with one Δ, and a patch with the same as their limit."""
+    return Family((*(_linear(patch) for patch in patches), _linear(limit)), None)
+
+
+def degenerating(patches: Sequence[Patch], patch: Patch, decomposition: RegularDecomposition) -> Family:
+    """Patches with the knots of `patch` and weights x^λ ω, and the regular control surface of λ.
+
+    Raises
+    ------
+    DomainError
+        The decomposition has a corner that is straight to rounding.
+    """
+    order = _left_to_right(decomposition)
+    limit = cells_of(patch, decomposition).patches
+    cells = [limit[k] for k in order]
+    joints = _joints(decomposition, order, cells)
+    faces = _outer_faces(patch.domain, decomposition, order)
+    members = [_Whole(cells, "linear", True, whole=_linear(member), faces=faces) for member in patches]
+    return Family((*members, Sampler(cells, "linear", True)), joints)
+
+
+def _linear(patch: Patch) -> Sampler:
+    return Sampler((patch,), "linear", False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Whole(Sampler):
+    """One patch, at parameters that are known by the cell of its limit they lie in, and the face of that cell."""
+
+    whole: Sampler = field(kw_only=True)
+    faces: IntArray = field(kw_only=True)
+
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        return self.whole.points(np.zeros_like(patch), parameters, self.faces[patch, face])
+
+    def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        return self.whole.normals(np.zeros_like(patch), parameters, self.faces[patch, face])
+
+
+def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
+    """Cells in the order of meshing: as they are, but those of a curve along it."""
+    cells = range(len(decomposition.cells))
+    if decomposition.dimension == 2:
+        return list(cells)
+    return sorted(cells, key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
+
+
+def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """The knots at the ends of each edge of a polygon; of a segment, each end."""
+    if len(polygon) == 2:
+        return [(polygon[0],), (polygon[1],)]
+    return list(zip(polygon, (*polygon[1:], polygon[0]), strict=True))
+
+
+def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:
+    """How the cells are joined: by the knots they share, not by the shape of their edges."""
+    shared: list[Joint] = []
+    seen: dict[tuple[int, ...], EdgeRef] = {}
+    for index, k in enumerate(order):
+        polygon = decomposition.polygons[k]
+        corners, found = decomposition.knots[list(polygon)], cells[index].domain.vertices
+        tolerance = STRAIGHT * knot_tolerance(decomposition.knots)
+        if found.shape != corners.shape or np.abs(found - corners).max() > tolerance:
+            raise DomainError(
+                f"lifting: cell {k} has a corner that is straight to rounding: knots that are meant to lie on a line, "
+                "or their lifting values, are too inexact for a mesh that follows the cells"
+            )
+        for edge, knots in enumerate(_sides(polygon)):
+            first = seen.setdefault(tuple(sorted(knots)), (index, edge))
+            if first != (index, edge):
+                shared.append(Joint(first, (index, edge), opposite=decomposition.dimension == 2))
+    inner = {joint.first for joint in shared}
+    return Joints(
+        shared=tuple(shared),
+        open=tuple(ref for ref in seen.values() if ref not in inner),
+        collapsed=(),
+        crowded=(),
+        almost=(),
+        flipped=(False,) * len(cells),
+        one_sided=(),
+    )
+
+
+def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> IntArray:
+    """(cells, faces) row of Δ's faces that holds each face of each cell; 0 where that is inside Δ."""
+    sides = [_sides(decomposition.polygons[k]) for k in order]
+    r = len(shape.vertices)
+    table = np.zeros((len(sides), 1 + 2 * max(map(len, sides))), dtype=np.int64)
+    for cell, edges in enumerate(sides):
+        parts = edges if shape.dimension == 1 else [*edges, *((start,) for start, _ in edges)]
+        for face, knots in enumerate(parts, start=1):
+            on = np.flatnonzero(shape.incidence[list(knots)].all(axis=0))
+            if len(on) == 1:
+                table[cell, face] = 1 + on[0]
+            elif len(on):
+                table[cell, face] = 1 + r + int(np.flatnonzero(shape.faces[1 + r :, knots[0]])[0])
+    return table
+
+
+def _in_order(mosaic: Complex) -> Complex:
+    """A curve's cells and vertices in their order along it, which refinement does not keep."""
+    if mosaic.cells.shape[1] == 3:
+        return mosaic
+    cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
+    vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
+    steps = np.arange(len(cells))
+    return Complex(
+        patch=mosaic.patch[vertices],
+        parameters=mosaic.parameters[vertices],
+        face=mosaic.face[vertices],
+        cells=np.stack([steps, steps + 1], axis=1),
+        cell_patch=mosaic.cell_patch[cells],
+        corners=mosaic.corners[cells],
+        collapsed=mosaic.collapsed,
+    )

@@ -1,0 +1,185 @@
+"""Cells with their sides as arrays, and how cells are split whose sides are split in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.complex import Complex
+from gtb_cli.patch import Patch
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Sides of cells. `face` is that of the middle: where the edge lies on the boundary of its patch, that edge."""
+
+    ends: IntArray
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+
+    def __getitem__(self, rows: IntArray) -> Edges:
+        return Edges(self.ends[rows], self.patch[rows], self.parameters[rows], self.face[rows])
+
+    def followed_by(self, *others: Edges) -> Edges:
+        """Concatenate, these first."""
+        every = (self, *others)
+        return Edges(
+            np.concatenate([edges.ends for edges in every]),
+            np.concatenate([edges.patch for edges in every]),
+            np.concatenate([edges.parameters for edges in every]),
+            np.concatenate([edges.face for edges in every]),
+        )
+
+    @property
+    def middles(self) -> FloatArray:
+        """(e, d) parameters halfway."""
+        return np.asarray(self.parameters.mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Some cells with their sides: side i runs from vertex i to the next."""
+
+    cells: IntArray
+    sides: IntArray
+    corners: FloatArray
+    patch: IntArray
+
+
+def divide_segments(
+    whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
+) -> tuple[list[Cells], Edges]:
+    """Cut segments in two; arguments and results as of `divide_triangles`."""
+    rows = np.flatnonzero(vertex[whole.sides[:, 0]] >= 0)
+    cells, sides, corners, patch = whole.cells[rows], whole.sides[rows, 0], whole.corners[rows], whole.patch[rows]
+    middle, center = vertex[sides], corners.mean(axis=1)
+    pieces = []
+    for end in (0, 1):
+        half = cells.copy()
+        half[:, 1 - end] = middle
+        ends = corners.copy()
+        ends[:, 1 - end] = center
+        pieces.append(Cells(half, half_at(edges, child, sides, cells[:, end])[:, None], ends, patch))
+    return pieces, edges[np.empty(0, dtype=np.int64)]
+
+
+def divide_triangles(
+    whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
+) -> tuple[list[Cells], Edges]:
+    """Cut triangles with one, two or three split sides into two, three or four.
+
+    Parameters
+    ----------
+    whole : Cells
+        All cells; those without a split side are left out.
+    edges : Edges
+        With the halves of split ones.
+    points : (v, 3) float
+        Of two diagonals the shorter is taken.
+    vertex : (e,) int
+        The vertex in the middle of a split edge, −1 for others.
+    child : (e, 2) int
+        The half of a split edge at its first and at its second end.
+
+    Returns
+    -------
+    pieces : list of Cells
+    made : Edges
+        New ones inside cells, to be numbered after `edges`.
+    """
+    marks = vertex[whole.sides] >= 0
+    pieces: list[Cells] = []
+    made: list[Edges] = []
+    count = marks.sum(axis=1)
+    next_edge = len(edges.ends)
+    for number in (1, 2, 3):
+        rows = np.flatnonzero(count == number)
+        if not len(rows):
+            continue
+        # Turned so that the marked sides come first.
+        turn = marks[rows].argmax(axis=1)
+        if number == 2:
+            turn = (np.argmin(marks[rows], axis=1) + 1) % 3
+        order = (np.arange(3) + turn[:, None]) % 3
+        v, e = np.take_along_axis(whole.cells[rows], order, 1), np.take_along_axis(whole.sides[rows], order, 1)
+        p = np.take_along_axis(whole.corners[rows], order[:, :, None], 1)
+        patch = whole.patch[rows]
+        # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
+        around = np.concatenate([v, vertex[e]], axis=1)
+        places = np.concatenate([p, (p + np.roll(p, -1, axis=1)) / 2], axis=1)
+        halves = {
+            (side, end): half_at(edges, child, e[:, side], v[:, end])
+            for side in range(number)
+            for end in (side, (side + 1) % 3)
+        }
+        patterns = [(np.arange(len(rows)), _PATTERNS[number])]
+        if number == 2:
+            xyz = points[around]
+            other = np.linalg.norm(xyz[:, 4] - xyz[:, 0], axis=1) > np.linalg.norm(xyz[:, 3] - xyz[:, 2], axis=1)
+            patterns = [(np.flatnonzero(~other), _PATTERNS[2]), (np.flatnonzero(other), _OTHER_DIAGONAL)]
+        for chosen, (triangles, new_edges) in patterns:
+            edge_of: dict[tuple[int, int], IntArray] = {}
+            for a, b in new_edges:
+                edge_of[a, b] = edge_of[b, a] = next_edge + np.arange(len(chosen))
+                next_edge += len(chosen)
+                made.append(
+                    Edges(around[chosen][:, [a, b]], patch[chosen], places[chosen][:, [a, b]], np.zeros_like(chosen))
+                )
+            for side in range(3):
+                near, far = side, (side + 1) % 3
+                if side < number:
+                    for end in (near, far):
+                        edge_of[end, 3 + side] = edge_of[3 + side, end] = halves[side, end][chosen]
+                else:
+                    edge_of[near, far] = e[chosen, side]
+            for triangle in triangles:
+                sides = [edge_of[triangle[i], triangle[(i + 1) % 3]] for i in range(3)]
+                pieces.append(
+                    Cells(
+                        around[chosen][:, triangle], np.stack(sides, axis=1), places[chosen][:, triangle], patch[chosen]
+                    )
+                )
+    return pieces, edges[np.empty(0, dtype=np.int64)].followed_by(*made)
+
+
+_Pattern = tuple[tuple[tuple[int, int, int], ...], tuple[tuple[int, int], ...]]
+
+_PATTERNS: dict[int, _Pattern] = {
+    1: (((0, 3, 2), (3, 1, 2)), ((3, 2),)),
+    2: (((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4))),
+    3: (((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5))),
+}
+"""Triangles and new edges by number of marked sides; corners are 0 … 2, the middle of side i is 3 + i."""
+
+_OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+"""For two marked sides, the quadrilateral that remains cut the other way."""
+
+
+def half_at(edges: Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
+    """The half of each split edge that ends at the given vertex."""
+    return np.asarray(np.where(edges.ends[split, 0] == vertex, child[split, 0], child[split, 1]))
+
+
+def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
+    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
+    k = start.cells.shape[1]
+    if k == 2:
+        edges = Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
+        return edges, np.arange(len(start.cells))[:, None]
+    following = [1, 2, 0]
+    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
+    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
+    patch = np.repeat(start.cell_patch, 3)
+    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
+    # A side lies on an edge of its domain if both ends do.
+    face = np.zeros(len(first), dtype=np.int64)
+    for index, domain in enumerate(shape.domain for shape in patches):
+        rows = np.flatnonzero(patch[first] == index)
+        zero = [domain.heights_of_columns(places[first[rows], end]) == 0 for end in (0, 1)]
+        both = zero[0] & zero[1]
+        face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
+    return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
