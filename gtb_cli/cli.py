@@ -11,13 +11,13 @@ import click
 
 from gtb_cli import __version__
 from gtb_cli.commands.console import abandon_stdout, complain, say
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, RequirementError
 
 AS_JSON = "gtb_cli.as_json"
 """Key of what the context of `gtb` knows: whether --json is among its own options."""
 
-DONE, FAILED = 0, 2
-"""Exit statuses; 1, a comparison that says no, is raised by its command as `click.exceptions.Exit`."""
+DONE, REFUSED, FAILED = 0, 1, 2
+"""Exit statuses; a comparison that says no ends with `click.exceptions.Exit`, a requirement with its error."""
 
 COMMANDS = {
     "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
@@ -132,6 +132,7 @@ def run(arguments: Sequence[str]) -> int:
     got what it wanted.
     """
     errors: list[str] = []
+    status = FAILED
     try:
         if "_GTB_COMPLETE" in os.environ:
             gtb.main(list(arguments), prog_name="gtb", complete_var="_GTB_COMPLETE", standalone_mode=False)
@@ -150,6 +151,7 @@ def run(arguments: Sequence[str]) -> int:
         errors.append(error.format_message())
     except GtbError as error:
         errors += str(error).splitlines()
+        status = REFUSED if isinstance(error, RequirementError) else FAILED
     except BrokenPipeError:
         abandon_stdout()
         return DONE
@@ -169,11 +171,11 @@ def run(arguments: Sequence[str]) -> int:
     if "--json" in arguments and errors:
         import json
 
-        say(json.dumps({"errors": errors, "status": FAILED}, ensure_ascii=False))
+        say(json.dumps({"errors": errors, "status": status}, ensure_ascii=False))
     else:
         for line in errors:
             complain(line)
-    return FAILED
+    return status
 
 
 def _usage_text(error: click.UsageError) -> str:

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.basis import Location, toric_locations
 from gtb_cli.errors import DomainError
-from gtb_cli.joints import Joints
-from gtb_cli.moment import LinearParametrization
 from gtb_cli.patch import Patch
 from gtb_cli.triangulation import Triangulation, central_triangulation, triangulation
+
+if TYPE_CHECKING:
+    from gtb_cli.joints import Joints
+    from gtb_cli.moment import LinearParametrization
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
@@ -211,6 +213,8 @@ class Sampler:
 
     @cached_property
     def _linear(self) -> list[LinearParametrization]:
+        from gtb_cli.moment import LinearParametrization  # a small toric mesh is made without it
+
         return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
 
     def _locations(self, index: int, u: FloatArray, face: IntArray) -> Iterator[Location]:

@@ -352,6 +352,7 @@ def convex_hull(points: FloatArray) -> IntArray:
         return hull
 
     hull = chain(order)[:-1] + chain(order[::-1])[:-1]
+
     # The strict hull still has corners that stick out by rounding only: drop the flattest while there is one.
     def flatness(k: int) -> float:
         a, b, c = hull[k - 1], hull[k], hull[(k + 1) % len(hull)]

@@ -19,3 +19,7 @@ class ExportError(GtbError, RuntimeError):
 
 class ToleranceError(GtbError, RuntimeError):
     """A requested accuracy was not reached within the limits given."""
+
+
+class RequirementError(GtbError, RuntimeError):
+    """What was made is right, but does not have a property that was required of it."""

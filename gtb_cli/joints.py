@@ -152,6 +152,30 @@ def find_joints(patches: Sequence[Patch]) -> Joints:
     )
 
 
+def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
+    """Name an edge for people, as ``lid edge 2``."""
+    index, edge = ref
+    return f"{patches[index].name or f'patches[{index}]'} edge {edge}"
+
+
+def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
+    """Say, edge by edge, what keeps a model from being closed; empty where it is."""
+    near: dict[EdgeRef, list[str]] = {}
+    for first, second, distance in joints.almost:
+        for one, other in ((first, second), (second, first)):
+            near.setdefault(one, []).append(f"{distance:.3g} from {edge_name(patches, other)}")
+    lines = []
+    for ref in joints.open:
+        hint = f" (but only {', '.join(near[ref])})" if ref in near else ""
+        lines.append(f"{edge_name(patches, ref)} is open{hint}")
+    for refs in joints.crowded:
+        lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
+    for joint in joints.one_sided:
+        ends = " and ".join(edge_name(patches, ref) for ref in (joint.first, joint.second))
+        lines.append(f"{ends} cannot be given the same orientation")
+    return lines
+
+
 def _edge_curve(patch: Patch, edge: int) -> _Curve:
     members = patch.domain.edge_knots(edge)
     weights, points = patch.log_products[members], patch.control_points[members]

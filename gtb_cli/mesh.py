@@ -78,6 +78,21 @@ class Mesh:
         return np.unique(pairs, axis=0)
 
     @property
+    def open_sides(self) -> IntArray:
+        """(k, 2) sides of triangles that no other triangle runs through in the opposite direction, or several do.
+
+        A mesh without open sides is closed and consistently oriented.
+        """
+        directed = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        count = len(self.vertices)
+        forward, backward = directed @ np.array([count, 1]), directed @ np.array([1, count])
+        codes, uses = np.unique(forward, return_counts=True)
+        place = np.minimum(np.searchsorted(codes, backward), len(codes) - 1)
+        met = (codes[place] == backward) & (uses[place] == 1)
+        single = uses[np.searchsorted(codes, forward)] == 1
+        return np.asarray(directed[~(met & single)])
+
+    @property
     def bounds(self) -> FloatArray:
         """(2, 3): the lowest and highest coordinates."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

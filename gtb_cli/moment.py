@@ -31,6 +31,9 @@ from gtb_cli.lifting import regular_decomposition
 RESIDUAL = 1e-12
 """Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
 
+ACCEPTED = RESIDUAL / 2
+"""The same in the coordinates in which a point is solved, whose axes may be longer and turned."""
+
 TARGET = 1e-14
 """Residual at which a point is done at once; where rounding keeps it above, `REFUSALS` steps in a row end it."""
 
@@ -360,7 +363,7 @@ class MomentMap:
         refusals = np.zeros(s.shape[1], dtype=np.int64)
         for _ in range(ITERATIONS):
             residual = _size(gradient)
-            going = (residual > TARGET) & ((refusals < REFUSALS) | (residual > RESIDUAL))
+            going = (residual > TARGET) & ((refusals < REFUSALS) | (residual > ACCEPTED))
             count = int(going.sum())
             if not count:
                 break
@@ -376,7 +379,7 @@ class MomentMap:
             new_gradient = mu - unit
             slope = _dot(gradient, step)
             # Below the rounding of the objective only the gradient can tell a better point.
-            rounding = -slope < 64 * EPS * (1 + np.abs(value) + _size(trial))
+            rounding = -slope < 64 * EPS * (1 + np.abs(value) + _dot(np.abs(unit), np.abs(trial)))
             lower = np.where(rounding, _size(new_gradient) < residual, new_value <= value + 1e-4 * slope)
             if lower.all():
                 s, value, gradient, hessian = trial, new_value, new_gradient, new_hessian
@@ -388,7 +391,7 @@ class MomentMap:
             sigma = np.where(lower, sigma / 16, np.minimum(sigma * 8, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         residual = _size(gradient)
-        if (residual > RESIDUAL).any():
+        if (residual > ACCEPTED).any():
             raise ToleranceError(
                 f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} steps, "
                 f"{RESIDUAL:g} is required"

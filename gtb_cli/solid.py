@@ -211,8 +211,8 @@ def _displacements(mesh: Mesh) -> FloatArray:
     normals = facets[chosen]
     right = np.add.reduceat(normals, first)
     values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
-    # Directions in which the normals hardly differ are left alone.
-    inverse = np.where(values > 2 * (1 - SMOOTH), 1 / np.maximum(values, 1 - SMOOTH), 0.0)
+    # Bounded, so that directions in which the normals hardly differ do not count.
+    inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH))
     w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
     # At the edge of a blade no direction is left but the one between its sides.
     blade = np.linalg.norm(w, axis=1) < SMOOTH

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.complex import Complex, Parametrization, Sampler, joined_complex, merged
 from gtb_cli.distance import cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.joints import Joints, find_joints
 from gtb_cli.mesh import Mesh
 from gtb_cli.patch import Model, Patch
-from gtb_cli.refinement import refine, sampled
 from gtb_cli.triangulation import cell_count
+
+if TYPE_CHECKING:
+    from gtb_cli.joints import Joints
 
 MAX_FACES = 5_000_000
 """Cells of a mesh that is made without being asked for more."""
@@ -33,6 +35,7 @@ def tessellate(
     tolerance: float | None = None,
     parametrization: Parametrization | None = None,
     *,
+    normals: bool = True,
     max_faces: int = MAX_FACES,
     joints: Joints | None = None,
 ) -> Mesh:
@@ -47,6 +50,8 @@ def tessellate(
         Largest distance from the surface to the mesh, in model units; verified by sampling.
     parametrization : {"toric", "linear"}, optional
         Where vertices are put. Default: toric, the paper's, for a patch without tolerance, else linear.
+    normals : bool
+        Whether a surface's mesh gets its unit normals, which take longer than its points.
     max_faces : int
         More cells than this are refused before they are made.
     joints : Joints, optional
@@ -55,7 +60,7 @@ def tessellate(
     Returns
     -------
     Mesh
-        With unit normals (surfaces) and, for a patch, parameters. Shared edges of a model's patches are sampled
+        With unit normals, if asked for, and, for a patch, parameters. Shared edges of a model's patches are sampled
         once, by the curve's own data, and their vertices are one.
 
     Raises
@@ -71,6 +76,8 @@ def tessellate(
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
     patches = shape.patches if isinstance(shape, Model) else (shape,)
     if isinstance(shape, Model) and joints is None:
+        from gtb_cli.joints import find_joints  # imported, like refinement, by the meshes that need it
+
         joints = find_joints(patches)
     if parametrization is None:
         parametrization = "linear" if isinstance(shape, Model) or tolerance is not None else "toric"
@@ -83,7 +90,7 @@ def tessellate(
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
         mosaic, points = fewest_cells(patches, joints, sampler, float(tolerance), max_faces)
-    return _mesh(mosaic, points, sampler, shape, joints)
+    return _mesh(mosaic, points, sampler, shape, joints, normals)
 
 
 def refuse_too_many(cells: int, max_faces: int) -> None:
@@ -99,6 +106,8 @@ def fewest_cells(
 
     Refinement halves; on a gentle surface a number of cells between its steps can be enough.
     """
+    from gtb_cli.refinement import refine, sampled
+
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
         if start.is_simplicial:
@@ -133,7 +142,14 @@ def narrowest(mosaic: Complex, patches: Sequence[Patch]) -> float:
     return float((sides / np.array([patch.domain.size for patch in patches])[mosaic.cell_patch]).min())
 
 
-def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | Model, joints: Joints | None) -> Mesh:
+def _mesh(
+    mosaic: Complex,
+    points: FloatArray,
+    sampler: Sampler,
+    shape: Patch | Model,
+    joints: Joints | None,
+    with_normals: bool,
+) -> Mesh:
     name = shape.name or ("model" if isinstance(shape, Model) else "patch")
     cells, cell_patch = mosaic.cells, mosaic.cell_patch
     used = np.arange(len(points))
@@ -148,10 +164,12 @@ def _mesh(mosaic: Complex, points: FloatArray, sampler: Sampler, shape: Patch | 
             raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     vertices = points[used]
     normals = None
-    if cells.shape[1] == 3:
-        normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
-        inward = inside_out(vertices, cells, cell_patch) if joints is not None else np.zeros(1, dtype=bool)
+    inward = np.zeros(1, dtype=bool)
+    if joints is not None and cells.shape[1] == 3:
+        inward = inside_out(vertices, cells, cell_patch)
         cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
+    if with_normals and cells.shape[1] == 3:
+        normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
         normals = np.where(inward[mosaic.patch[used], None], -normals, normals)
         normals = vertex_normals(normals, vertices, cells)
     groups: tuple[tuple[str, int, int], ...] = ()

@@ -33,9 +33,19 @@ NEAR = (1e-12, 1e-6, 1e-2)
 
 
 def size(patch: Patch) -> float:
-    """Extent of the control points, or what their rounding can hide of it."""
+    """Extent of the control points, at least what rounding leaves of it."""
     points = patch.control_points
-    return float(np.ptp(points, axis=0).max()) + 4 * EPS * float(np.abs(points).max()) + 1e-300
+    return max(float(np.ptp(points, axis=0).max()), 1e-6 * float(np.abs(points).max()), 1e-300)
+
+
+def error_of_points(patch: Patch) -> float:
+    """Bound for the rounding error of points: that of T, and of a sum of control points."""
+    return rounding(patch) * size(patch) + UNITY * float(np.abs(patch.control_points).max())
+
+
+def error_of_linear_points(patch: Patch) -> float:
+    """Bound for the error of points in the linear parametrisation."""
+    return LINEAR * size(patch) + 4 * error_of_points(patch)
 
 
 def rounding(patch: Patch) -> float:
@@ -144,9 +154,9 @@ def edges_are_curves(patch: Patch) -> None:
         along = patch.domain.along(edge, patch.knots)
         mu = patch.basis(u) @ along
         low, high = curve.domain.vertices[:, 0]
-        close(linear_points(curve, np.clip(mu, low, high)[:, None]), patch.evaluate(u), LINEAR * size(patch))
+        close(linear_points(curve, np.clip(mu, low, high)[:, None]), patch.evaluate(u), error_of_linear_points(patch))
         position = np.clip(patch.domain.along(edge, u), low, high)
-        close(linear_points(curve, position[:, None]), linear_points(patch, u), LINEAR * size(patch))
+        close(linear_points(curve, position[:, None]), linear_points(patch, u), error_of_linear_points(patch))
 
 
 def points_are_in_the_convex_hull(patch: Patch) -> None:
@@ -161,8 +171,7 @@ def points_are_in_the_convex_hull(patch: Patch) -> None:
 def points_are_combinations_of_control_points(patch: Patch) -> None:
     """Eq. (301), eq. (401)."""
     u = parameters(patch)
-    scale = np.abs(patch.control_points).max()
-    close(patch.evaluate(u), patch.basis(u) @ patch.control_points, (UNITY + rounding(patch)) * scale)
+    close(patch.evaluate(u), patch.basis(u) @ patch.control_points, error_of_points(patch))
 
 
 def affine_maps_commute(patch: Patch) -> None:
@@ -170,8 +179,7 @@ def affine_maps_commute(patch: Patch) -> None:
     matrix, shift = np.array([[2, 1, 0], [0, -1, 3], [1, 0, 0.5]]), size(patch) * np.array([1, -2, 3])
     moved = replace(patch, control_points=patch.control_points @ matrix.T + shift)
     u = parameters(patch)
-    scale = np.abs(moved.control_points).max()
-    close(moved.evaluate(u), patch.evaluate(u) @ matrix.T + shift, (UNITY + rounding(patch)) * scale)
+    close(moved.evaluate(u), patch.evaluate(u) @ matrix.T + shift, error_of_points(moved))
 
 
 def weights_and_coefficients_act_as_a_product(patch: Patch) -> None:
@@ -181,7 +189,7 @@ def weights_and_coefficients_act_as_a_product(patch: Patch) -> None:
     other = replace(patch, coefficients=factor, log_weights=log_weights)
     u = parameters(patch)
     # Logarithms that are rounded differently: each as often as its size says.
-    tolerance = (rounding(patch) + 8 * EPS * np.abs(log_weights).max()) * size(patch)
+    tolerance = error_of_points(patch) + 8 * EPS * np.abs(log_weights).max() * size(patch)
     close(other.evaluate(u), patch.evaluate(u), tolerance)
 
 
@@ -193,7 +201,7 @@ def edge_scale_changes_no_image(patch: Patch) -> None:
     where = [Location(slice(0, len(u)), 0, centred(patch), same_torus_coordinates(patch, u), np.empty((0, len(u))))]
     assert (other.points_at(where, len(u)) == patch.points_at(where, len(u))).all()
     p = clipped(patch, other.basis(u) @ patch.knots)
-    close(linear_points(patch, p), other.evaluate(u), LINEAR * size(patch))
+    close(linear_points(patch, p), other.evaluate(u), error_of_linear_points(patch))
 
 
 def affine_liftings_translate(patch: Patch) -> None:
@@ -205,9 +213,9 @@ def affine_liftings_translate(patch: Patch) -> None:
     rows = slice(0, len(u))
     here = Location(rows, 0, centred(patch), s, np.empty((0, len(u))))
     there = Location(rows, 0, centred(patch), s - slope[:, None], np.empty((0, len(u))))
-    close(lifted.points_at([there], len(u)), patch.points_at([here], len(u)), rounding(patch) * size(patch))
+    close(lifted.points_at([there], len(u)), patch.points_at([here], len(u)), error_of_points(patch))
     p = parameters(patch)
-    close(linear_points(lifted, p), linear_points(patch, p), LINEAR * size(patch))
+    close(linear_points(lifted, p), linear_points(patch, p), error_of_linear_points(patch))
 
 
 def linear_parametrization_is_linear(patch: Patch) -> None:
@@ -226,7 +234,7 @@ def linear_parametrization_is_affine_in_the_domain(patch: Patch) -> None:
     moved = replace(patch, knots=centred(patch) @ matrix.T, edge_normals="auto", edge_scale=1.0)
     u = parameters(patch)
     p = clipped(moved, (u - patch.domain.center) @ matrix.T)
-    close(linear_points(moved, p), linear_points(patch, u), LINEAR * size(patch))
+    close(linear_points(moved, p), linear_points(patch, u), error_of_linear_points(patch))
 
 
 def order_of_knots_is_free(patch: Patch) -> None:
@@ -240,9 +248,8 @@ def order_of_knots_is_free(patch: Patch) -> None:
         log_weights=patch.log_products[order],
     )
     u = parameters(patch)
-    tolerance = UNITY + rounding(patch)
-    close(other.basis(u), patch.basis(u)[:, order], tolerance)
-    close(other.evaluate(u), patch.evaluate(u), tolerance * np.abs(patch.control_points).max())
+    close(other.basis(u), patch.basis(u)[:, order], UNITY + rounding(patch))
+    close(other.evaluate(u), patch.evaluate(u), error_of_points(patch))
 
 
 def coincident_knots_merge(patch: Patch) -> None:
@@ -262,8 +269,7 @@ def coincident_knots_merge(patch: Patch) -> None:
         lifting=None,
     )
     u = parameters(patch)
-    scale = np.abs(split.control_points).max()
-    close(split.evaluate(u), patch.evaluate(u), (UNITY + 2 * rounding(patch)) * scale)
+    close(split.evaluate(u), patch.evaluate(u), 2 * error_of_points(split))
 
 
 def normals_are_unit_and_perpendicular(patch: Patch) -> None:

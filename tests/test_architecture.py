@@ -15,10 +15,11 @@ PACKAGE = Path(gtb_cli.__file__).parent
 REPOSITORY = PACKAGE.parent
 
 GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch moment"
-MESHES = "limits mesh triangulation film joints complex distance nearest splitting refinement tessellation tangents curvature"
-REPORTS = "tube solid fitting binomial description elevation fitting checks compare"
-FILES = "expression syntax reader schema spec templates welding meshfiles obj formats files export family sequence plot"
-ROOMS = " ".join([GROUND, MESHES, REPORTS, FILES]).split()
+MESHES = "limits mesh triangulation film joints complex distance nearest splitting refinement tessellation"
+SHAPES = "welding measures tangents curvature tube solid"
+REPORTS = "binomial description elevation fitting checks compare"
+FILES = "expression syntax reader schema spec templates meshfiles obj formats files export family sequence plot"
+ROOMS = " ".join([GROUND, MESHES, SHAPES, REPORTS, FILES]).split()
 """From the ground up: each imports only those before it. A new room is put where it belongs;
 of a folder the name of the folder."""
 

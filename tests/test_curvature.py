@@ -195,23 +195,40 @@ def test_knots_close_to_a_slanted_edge():
     """Their distances are exact, however small they are."""
     knots = [[0, 0], [3, 1], [2, 4], [-1, 2], [1.5 - 1e-8, 0.5 + 3e-8], [1, 2], [2.6, 2.2]]
     random = np.random.default_rng(3)
-    patch = Patch(knots, random.uniform(-1, 1, (7, 3)))
+    patch = Patch(knots, random.uniform(-1, 1, (7, 3)), [1e3, 1e3, 1, 1, 1, 1, 1])
     assert 0 < patch.domain.heights[4, 0] < 1e-6
-    for u in inside(patch, 6, seed=4, depth=0.1):
+    for u in inside(patch, 12, seed=4, depth=0.01):
         assert_same(curvature(patch, u[None]), by_moments(patch, u))
+
+
+def test_knots_typed_with_twelve_digits_are_on_their_edge():
+    """Even where the line through the two heaviest misses the third, twice as far, by more than the tolerance."""
+    exactly = np.array([[0, 0], [3, 1], [2, 4], [-1, 2], [1.5, 0.5], [1, 2], [2.6, 2.2]])
+    typed = exactly.copy()
+    typed[4] += [-1e-12, 3e-12]
+    points = np.random.default_rng(3).uniform(-1, 1, (7, 3))
+    weights = [100, 1, 1, 1, 50, 1, 1]
+    one, other = (Patch(knots, points, weights) for knots in (exactly, typed))
+    assert other.domain.incidence[4, 0]
+    u = exactly[4] + np.array([[-0.2, 0.9], [-0.4, 0.3]]) * np.array([[1e-5], [1e-6]])
+    for there, here in zip(curvature(other, u), curvature(one, u), strict=True):
+        np.testing.assert_allclose(there, here, rtol=1e-8)
 
 
 def test_collinear_knots_inside_are_collinear_to_rounding():
     """Beside a heavy line nearly all of T is on it; an irrational map of the knots changes nothing."""
-    knots = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [1, 1.5], [2, 2], [3, 2.5]])
+    knots = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [1, 2], [1.7, 2], [3, 2]])
     points = np.column_stack([knots, np.sin(3 * np.arange(7))])
     logs = np.array([0, 0, 0, 0, 60.0, 60, 60])
     turn = np.array([[math.cos(1), math.sin(1)], [-math.sin(1), math.cos(1)]]) / 7
-    plain, turned = Patch(knots, points, log_weights=logs), Patch(knots @ turn, points, log_weights=logs)
-    p = np.array([[1.4, 1.7], [2.2, 2.1], [2.9, 2.45]]) + np.array([-1, 2]) * np.array([[1e-3], [1e-5], [1e-6]])
-    # Rounding of p itself, 1e-16, is 1e-10 of its distance from the line.
-    for there, here in zip(curvature(turned, p @ turn, "linear"), curvature(plain, p, "linear"), strict=True):
-        np.testing.assert_allclose(there, here, rtol=1e-7)
+    plain = Patch(knots, points, log_weights=logs, edge_normals="unit")
+    turned = Patch(knots @ turn, points, log_weights=logs, edge_normals="unit", edge_scale=7)
+    u = inside(plain, 20, seed=5, depth=0.2)
+    basis_values = np.sort(plain.basis(u), axis=1)
+    assert (basis_values[:, -4] < 1e-15).any()
+    for there, here in zip(curvature(turned, u @ turn), curvature(plain, u), strict=True):
+        # Exponents of up to 60 have that many times the rounding of 1.
+        np.testing.assert_allclose(there, here, rtol=60 * DIGITS)
 
 
 def test_a_pole_of_points_that_are_equal_within_rounding():

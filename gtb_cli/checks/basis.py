@@ -16,6 +16,7 @@ from gtb_cli.checks.probe import (
     largest,
     not_applicable,
     number,
+    principal_axes,
     within_rounding,
 )
 from gtb_cli.description import description
@@ -105,7 +106,7 @@ def hull(probe: Probe) -> Outcome:
     control, points = ((array - middle) / probe.extent for array in (control, probe.points))
     if not np.isfinite(points).all():
         return at_most(np.inf, probe.distance_rounding, "there are points that are not finite")
-    axes = np.linalg.svd(control)[2]
+    axes = principal_axes(control)
     control, points = control @ axes.T, points @ axes.T
     below, above = control.min(axis=0) - points, points - control.max(axis=0)
     outside = [float(below.max()), float(above.max())]

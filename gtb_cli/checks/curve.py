@@ -20,6 +20,7 @@ from gtb_cli.checks.probe import (
     not_applicable,
     number,
     points_at_torus,
+    principal_axes,
     within_rounding,
 )
 from gtb_cli.domain import EPS
@@ -377,5 +378,5 @@ def _linear_points(probe: Probe, count: int) -> FloatArray:
 
 def _plane(control: FloatArray) -> tuple[FloatArray, bool]:
     """Principal axes of control points (rows), and whether they are in the plane of the first two."""
-    axes = np.linalg.svd(control - control.mean(axis=0), full_matrices=True)[2]
+    axes = principal_axes(control - control.mean(axis=0))
     return axes, bool(np.ptp(control @ axes[2]) <= FLAT + 8 * EPS * np.abs(control).max())

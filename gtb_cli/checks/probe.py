@@ -222,6 +222,12 @@ def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     return patch.points_at([where], count)
 
 
+def principal_axes(points: FloatArray) -> FloatArray:
+    """(3, 3) orthonormal axes (rows) of (m, 3) points about 0, the direction of their largest extent first."""
+    # With rows of zeros there are three axes of two points, too.
+    return np.asarray(np.linalg.svd(np.concatenate([points, np.zeros((3, 3))]), full_matrices=False)[2])
+
+
 def evenly(count: int, dimension: int) -> FloatArray:
     """(count, dimension) points spread evenly over the unit cube, always the same ones.
 

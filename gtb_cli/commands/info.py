@@ -11,7 +11,7 @@ from gtb_cli.commands.console import Console, read_spec, write_text
 from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
 
 if TYPE_CHECKING:
-    from gtb_cli.patch import Patch
+    from gtb_cli.patch import Model, Patch
 
 
 @click.command
@@ -39,11 +39,30 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
             "kind": "model",
             "dimension": patches[0]["dimension"],
             "bounding_box": _union([patch["bounding_box"] for patch in patches]),
+            **_joints(loaded),
             "patches": patches,
         }
     else:
         found = _report(loaded)
     write_text(output, json.dumps(found) + "\n" if as_json else _text(found))
+
+
+def _joints(model: Model) -> dict[str, Any]:
+    from gtb_cli.joints import edge_name, find_joints
+
+    joints = find_joints(model.patches)
+    return {
+        "closed": joints.closed,
+        "shared_edges": len(joints.shared),
+        "open_edges": [edge_name(model.patches, ref) for ref in joints.open],
+        "collapsed_edges": [edge_name(model.patches, ref) for ref in joints.collapsed],
+        "almost_shared_edges": [
+            {"edges": [edge_name(model.patches, first), edge_name(model.patches, second)], "distance": distance}
+            for first, second, distance in joints.almost
+        ],
+        "crowded_edges": [[edge_name(model.patches, ref) for ref in refs] for refs in joints.crowded],
+        "one_sided": bool(joints.one_sided),
+    }
 
 
 def _report(patch: Patch) -> dict[str, Any]:
@@ -78,7 +97,18 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
         kind += " of degree " + " × ".join(map(str, degree))
     lines = [("name", found["name"] or "(none)"), ("kind", kind)]
     if "patches" in found:
-        lines.append(("patches", str(len(found["patches"]))))
+        lines += [
+            ("patches", str(len(found["patches"]))),
+            ("closed", "yes" if found["closed"] else "no" + ", and one-sided" * found["one_sided"]),
+            ("shared edges", str(found["shared_edges"])),
+            ("open edges", "; ".join(found["open_edges"]) or "none"),
+        ]
+        if found["collapsed_edges"]:
+            lines.append(("collapsed edges", "; ".join(found["collapsed_edges"])))
+        for almost in found["almost_shared_edges"]:
+            lines.append(("almost shared", f"{' and '.join(almost['edges'])}, {almost['distance']:.3g} apart"))
+        for crowded in found["crowded_edges"]:
+            lines.append(("crowded edge", "; ".join(crowded)))
     else:
         error = found["linear_precision_error"]
         corners, edges = found["hull_vertices"], found["edges"]

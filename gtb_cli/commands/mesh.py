@@ -22,7 +22,7 @@ from gtb_cli.commands.meshing import (
 )
 from gtb_cli.commands.options import console_option, file_names, mesh_options, output_option, spec_format_option
 from gtb_cli.commands.processes import MAX_JOBS, in_processes
-from gtb_cli.errors import GtbError
+from gtb_cli.errors import GtbError, RequirementError
 
 if TYPE_CHECKING:
     from gtb_cli.patch import Model, Patch
@@ -123,7 +123,8 @@ def _write_folder(
 
 
 def _joined(errors: list[GtbError]) -> GtbError:
-    return GtbError("\n".join(map(str, errors)))
+    text = "\n".join(map(str, errors))
+    return RequirementError(text) if all(isinstance(error, RequirementError) for error in errors) else GtbError(text)
 
 
 class Task(NamedTuple):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_blocks
-from gtb_cli.errors import ExportError, GtbError, ToleranceError
+from gtb_cli.errors import ExportError, GtbError, RequirementError, ToleranceError
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import IntArray
@@ -81,6 +81,7 @@ class MeshOptions:
     radius: float | None = None
     thickness: float | None = None
     attributes: tuple[str, ...] = ()
+    require: str | None = None
 
     def mesh(self, spec: Patch | Model) -> Mesh:
         """Make the mesh of a spec."""
@@ -93,11 +94,14 @@ class MeshOptions:
 
         tolerance = self.tolerance
         if isinstance(tolerance, str):
-            low, high = tessellate(spec, BOUNDS_RESOLUTION).bounds
+            low, high = tessellate(spec, BOUNDS_RESOLUTION, normals=False).bounds
             tolerance = float(tolerance.removesuffix("%")) / 100 * math.dist(low, high)
         if tolerance is not None and self.radius is not None:
             tolerance *= TUBE_SHARE
-        mesh = tessellate(spec, self.resolution, tolerance, self.parametrization, max_faces=self.max_faces)
+        normals = self.normals or self.thickness is not None
+        mesh = tessellate(
+            spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
+        )
         remarks = []
         linear = isinstance(spec, Model) or tolerance is not None
         parametrization = self.parametrization or ("linear" if linear else "toric")
@@ -129,6 +133,8 @@ class MeshOptions:
             if len(folded):
                 remarks.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
             mesh = thicken(mesh, self.thickness)
+        if self.require == "watertight":
+            require_watertight(spec, mesh)
         return mesh, remarks
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
@@ -219,6 +225,21 @@ class MeshOptions:
             progress.advance(faces)
             write_blocks(output, progress.over(blocks, faces, expected_bytes(mesh)))
         report(console, output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
+
+
+def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
+    """Raise `RequirementError`, with the open edges, for a mesh that is not closed."""
+    if mesh.is_curve:
+        raise RequirementError("not watertight: a curve has no inside (--radius R makes a tube)")
+    count = len(mesh.open_sides)
+    if not count:
+        return
+    from gtb_cli.joints import find_joints, obstacles
+    from gtb_cli.patch import Model
+
+    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    lines = obstacles(find_joints(patches), patches) or [f"{count} sides of triangles are open"]
+    raise RequirementError("\n".join(f"not watertight: {line}" for line in lines))
 
 
 @contextmanager

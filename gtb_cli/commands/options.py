@@ -168,6 +168,11 @@ def mesh_options(function: Function) -> Function:
         multiple=True,
         help="Write this scalar at each vertex of a PLY file. May be given several times.",
     )
+    @click.option(
+        "--require",
+        type=click.Choice(["watertight"]),
+        help="Write nothing and exit with status 1, naming the open edges, unless the mesh is closed.",
+    )
     @functools.wraps(function)
     def command(
         *args: Any,
@@ -182,6 +187,7 @@ def mesh_options(function: Function) -> Function:
         radius: float | None,
         thickness: float | None,
         attributes: tuple[str, ...],
+        require: str | None,
         **values: Any,
     ) -> object:
         if resolution is not None and tolerance is not None:
@@ -202,6 +208,7 @@ def mesh_options(function: Function) -> Function:
             radius,
             thickness,
             attributes,
+            require,
         )
         return function(*args, options=options, **values)
 

@@ -157,7 +157,9 @@ def _check(content: Content) -> None:
     if low < 0 or high >= len(vertices):
         cell = int(np.flatnonzero(((cells < 0) | (cells >= len(vertices))).any(axis=1))[0])
         what = "segment" if cells.shape[1] == 2 else "face"
-        raise GtbError(f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}")
+        raise GtbError(
+            f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
+        )
     with np.errstate(invalid="ignore"):
         wrong = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
     if len(wrong):

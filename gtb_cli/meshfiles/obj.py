@@ -13,9 +13,7 @@ from gtb_cli.errors import GtbError
 from gtb_cli.meshfiles.content import Content, joined, largest_coordinates, triangles
 from gtb_cli.meshfiles.text import SAMPLE, floats, half_step, integers, lines_of, shown, table
 
-IGNORED = set(
-    b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
-)
+IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
 """Keywords of what is no geometry, and of single points."""
 
 FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
@@ -142,7 +140,9 @@ class _Reader:
         vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
         starts = [start for _, start in self.names] + [self.cells]
         groups = [
-            (name, start, stop) for (name, start), stop in zip(self.names, starts[1:], strict=True) if name and stop > start
+            (name, start, stop)
+            for (name, start), stop in zip(self.names, starts[1:], strict=True)
+            if name and stop > start
         ]
         half = half_step(self.words, float(largest_coordinates(vertices).max()))
         return Content(

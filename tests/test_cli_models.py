@@ -1,0 +1,62 @@
+"""Models on the command line: what is open is named, and what is closed says so."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.mesh import Mesh
+from tests.shell import gtb
+
+SPECS = Path(__file__).parents[1] / "specs"
+TEAPOT, CLOSED = SPECS / "teapot.toml", SPECS / "hebesphenorotunda.toml"
+
+
+@pytest.mark.parametrize("size", [("-n", "5"), ("--tolerance", "1%")])
+def test_a_closed_model_passes(size, tmp_path):
+    target = tmp_path / "closed.stl"
+    result = gtb("mesh", str(CLOSED), *size, "--require", "watertight", "-o", str(target))
+    assert result.status == 0
+    assert target.exists()
+
+
+def test_the_teapots_openings_are_named_and_nothing_is_written(tmp_path):
+    target = tmp_path / "teapot.stl"
+    target.write_bytes(b"old")
+    result = gtb("mesh", str(TEAPOT), "-n", "2", "--require", "watertight", "-o", str(target))
+    assert result.status == 1
+    lines = result.err.splitlines()
+    assert len(lines) == 16
+    assert f"gtb: error: {TEAPOT}: not watertight: lid-1 edge 2 is open" in lines
+    assert target.read_bytes() == b"old"
+
+
+def test_a_single_patch_is_open_and_its_solid_is_not(tmp_path):
+    spec = str(SPECS / "pentagon.toml")
+    assert gtb("mesh", spec, "-n", "3", "--require", "watertight").status == 1
+    solid = gtb("mesh", spec, "-n", "3", "--thickness", "0.1", "--require", "watertight", "-o", str(tmp_path / "s.stl"))
+    assert solid.status == 0
+
+
+def test_info_says_what_is_shared_and_what_is_open():
+    closed = json.loads(gtb("info", str(CLOSED), "--json").out)
+    assert closed["closed"] is True
+    assert closed["open_edges"] == []
+    teapot = json.loads(gtb("info", str(TEAPOT), "--json").out)
+    assert (teapot["closed"], teapot["shared_edges"], len(teapot["open_edges"])) == (False, 52, 16)
+    assert len(teapot["collapsed_edges"]) == 8
+    assert "open edges        rim-1 edge 0; " in gtb("info", str(TEAPOT)).out.decode()
+
+
+def test_open_sides_are_those_without_one_opposite():
+    corners = np.eye(4, 3)
+    closed = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    assert len(Mesh(corners, closed).open_sides) == 0
+    assert sorted(map(tuple, Mesh(corners, closed[1:]).open_sides.tolist())) == [(0, 1), (1, 2), (2, 0)]
+    turned = closed.copy()
+    turned[0] = turned[0, ::-1]
+    assert len(Mesh(corners, turned).open_sides) == 6
+    assert len(Mesh(corners, np.vstack([closed, [[0, 1, 2]]])).open_sides) > 0
