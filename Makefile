@@ -20,7 +20,7 @@ mesh: $(VENV)/.installed ## mesh specs/pentagon.toml, and say where the mesh is
 	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
 
 test: $(VENV)/.development ## run all tests
-	@$(RUN) pytest
+	@$(RUN) pytest -n auto
 
 lint: $(VENV)/.development ## check style and format
 	@$(RUN) ruff check $(SOURCES)

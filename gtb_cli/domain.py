@@ -286,7 +286,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
         raise DomainError(f"knots: a hull smaller than {low:g} is not supported, got {size:g}")
     scale = positive("edge_scale", edge_scale)
     if not ((scale >= low) & (scale <= high)).all():
-        raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale}")
+        raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
     if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
         raise DomainError(f"edge_scale: expected one number or {len(vertices)}, one per edge, got shape {scale.shape}")
     scaled = normals * (scale[:, None] if scale.ndim else scale)

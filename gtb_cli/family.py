@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -17,7 +18,10 @@ from gtb_cli.limits import cells_of
 from gtb_cli.patch import Patch
 from gtb_cli.refinement import refine
 from gtb_cli.tessellation import COARSEST
-from gtb_cli.triangulation import cell_count
+from gtb_cli.triangulation import cell_count, central_triangulation, triangulation
+
+LAYERS = 4.0
+"""Cells across the layer along the boundary in which a member differs from what it is inside."""
 
 STRAIGHT = 4.0
 """Multiple of `knot_tolerance` by which the corners of a cell and of its own hull may differ: the same knots."""
@@ -34,10 +38,14 @@ class Family:
         face of that patch's domain.
     joints : Joints or None
         How the patches of the limit are joined; None for a single one.
+    thickness : tuple of float
+        For each member, as a fraction of Δ's size, how near to the boundary it differs from what it is inside; empty
+        where none does.
     """
 
     samplers: tuple[Sampler, ...]
     joints: Joints | None
+    thickness: tuple[float, ...] = ()
 
     @property
     def limit(self) -> Sampler:
@@ -56,6 +64,12 @@ class Family:
     def uniform(self, resolution: int) -> Complex:
         """The complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
+
+    def graded(self, resolution: int, member: int) -> Complex:
+        """As `uniform`, but with cells towards the boundary as small as a member needs them."""
+        if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
+            return self.uniform(resolution)
+        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYERS)
 
     def refined(self, tolerance: float, max_cells: int) -> Complex:
         """Refine the coarsest complex until it is within a tolerance of every member.
@@ -77,9 +91,11 @@ class Family:
         return _in_order(mosaic)
 
 
-def approaching(patches: Sequence[Patch], limit: Patch) -> Family:
-    """Patches with one Δ, and a patch with the same as their limit."""
-    return Family((*(_linear(patch) for patch in patches), _linear(limit)), None)
+def approaching(patches: Sequence[Patch], limit: Patch, thickness: Sequence[float] = ()) -> Family:
+    """Patches with one Δ, and a patch with the same as their limit; `thickness` is that of all but the limit."""
+    return Family(
+        (*(_linear(patch) for patch in patches), _linear(limit)), None, (*thickness, 0.0) if thickness else ()
+    )
 
 
 def degenerating(patches: Sequence[Patch], patch: Patch, decomposition: RegularDecomposition) -> Family:
@@ -175,6 +191,73 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
             elif len(on):
                 table[cell, face] = 1 + r + int(np.flatnonzero(shape.faces[1 + r :, knots[0]])[0])
     return table
+
+
+def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
+    """Cut Δ around its centre into cells that become smaller towards its edges and corners.
+
+    Parameters
+    ----------
+    shape : Domain
+    resolution : int
+        Cells along each edge.
+    finest : float
+        Width of the outermost cells, as a fraction of Δ's size; less than 1 / `resolution`.
+    """
+    part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
+    r, v = len(shape.vertices), shape.vertices
+    steepness = 1.0
+    for _ in range(50):
+        steepness = math.log1p(steepness / (resolution * finest))
+    if shape.dimension == 1:
+        share = (part.parameters - v[0]) / (v[1] - v[0])
+        u = v[0] + _both_ways(share, steepness) * (v[1] - v[0])
+        u[part.boundary] = v[:, None]
+    else:
+        u = _towards_edges(v, part.parameters, steepness)
+        sides = np.roll(v, -1, axis=0) - v
+        share = _both_ways(np.arange(resolution) / resolution, steepness)
+        u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
+    face = np.zeros(len(u), dtype=np.int64)
+    face[part.boundary] = 1 + np.arange(r)[:, None]
+    if shape.dimension == 2:
+        face[part.boundary[:, 0]] = 1 + r + np.arange(r)
+    return Complex(
+        patch=np.zeros_like(face),
+        parameters=u,
+        face=face,
+        cells=part.cells,
+        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
+        corners=u[part.cells],
+        collapsed=np.empty((0, 2), dtype=np.int64),
+    )
+
+
+def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:
+    """Move (m, 2) points of a polygon along the rays from its centre, and these towards its corners."""
+    center = v.mean(axis=0)
+    sides = np.roll(v, -1, axis=0) - v
+    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+    # Shares of the way out to each edge's line; the largest says which edge the ray meets.
+    shares = (u - center) @ (normals / ((v - center) * normals).sum(axis=1)[:, None]).T
+    edge = shares.argmax(axis=1)
+    ring = np.clip(shares.max(axis=1), 0.0, 1.0)
+    side = sides[edge]
+    outer = center + (u - center) / np.where(ring > 0, ring, 1.0)[:, None] - v[edge]
+    place = np.clip((outer * side).sum(axis=1) / (side**2).sum(axis=1), 0.0, 1.0)
+    target = v[edge] + _both_ways(place, steepness)[:, None] * side
+    return np.asarray(center + (1 - _from_end(1 - ring, steepness))[:, None] * (target - center))
+
+
+def _from_end(share: FloatArray, steepness: float) -> FloatArray:
+    """Map [0, 1] to itself, with small steps near 0."""
+    return np.asarray(np.expm1(steepness * share) / math.expm1(steepness))
+
+
+def _both_ways(share: FloatArray, steepness: float) -> FloatArray:
+    """Map [0, 1] to itself, with small steps near both ends."""
+    half = _from_end(1 - np.abs(2 * share - 1), steepness) / 2
+    return np.where(share < 0.5, half, 1 - half)
 
 
 def _in_order(mosaic: Complex) -> Complex:

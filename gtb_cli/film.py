@@ -105,6 +105,14 @@ class KnotLimit:
         """What the limit as a set has beside the merged patch; nothing where the convergence is uniform."""
         return tuple(_films(self.patch, ends_of_moves(self.patch, self.moves)))
 
+    def nearness(self, step: float) -> float:
+        """Smallest distance, at a step, of a knot from a facet that it comes to, as a fraction of Δ's size."""
+        shape = self.patch.domain
+        ends = ends_of_moves(self.patch, self.moves)
+        comes = shape.incidence[ends] & ~shape.incidence
+        least = (shape.heights / shape.normal_lengths).min(where=comes, initial=np.inf)
+        return float(least) * (1 - step) / shape.size
+
     @property
     def is_uniform(self) -> bool:
         """Whether the patches converge to the merged patch as sets, in the Hausdorff distance."""

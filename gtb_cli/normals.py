@@ -148,7 +148,7 @@ class NormalField:
         """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding."""
         deltas = self.control_points - self.control_points[k]
         deltas[np.abs(deltas) <= COINCIDENT_ULPS * EPS * np.abs(self.control_points).max()] = 0.0
-        return deltas
+        return np.asarray(deltas)
 
     def _on_edge(self, location: Location) -> FloatArray:
         edge = location.face - 1
@@ -202,7 +202,7 @@ def shares(e: FloatArray) -> FloatArray:
     np.maximum(t, UNDERFLOW, out=t)
     np.exp(t, out=t)
     t /= t.sum(axis=0)
-    return t
+    return np.asarray(t)
 
 
 def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:

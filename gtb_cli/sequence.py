@@ -192,7 +192,8 @@ def knot_sequence(
     """
     limit = knot_limit(patch, moves)
     values = sorted({float(step) for step in steps} - {1.0})
-    family = approaching([move_knots(patch, moves, step) for step in values], limit.merged)
+    thickness = [limit.nearness(step) for step in values] if limit.films else []
+    family = approaching([move_knots(patch, moves, step) for step in values], limit.merged, thickness)
     film = film_mesh(limit) if limit.films else None
     return _sequence(patch.name or "patch", "step", [*values, 1.0], family, resolution, tolerance, max_faces, film)
 
@@ -219,8 +220,8 @@ def _sequence(
     meshes = tuple(_mesh(mosaic, sampler, name) for sampler in family.samplers)
     measurement = _Measurement(family, film)
     distances, film_distances, doubts = [], [], []
-    for value, sampler in zip(values, family.samplers, strict=True):
-        plain, filmed, doubt = measurement.distances(sampler)
+    for member, value in enumerate(values):
+        plain, filmed, doubt = measurement.distances(member)
         distances.append(plain)
         film_distances.append(filmed)
         doubts += [(value, doubt)] if doubt else []
@@ -267,22 +268,25 @@ class _Measurement:
     """
 
     def __init__(self, family: Family, film: Mesh | None) -> None:
-        self.limit, self.film = family.limit, film
+        self.family, self.film = family, film
         share = MEASURED_CELLS[family.dimension] / family.cell_count(1)
-        start = family.uniform(max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension))))
-        points = self.limit.points(start.patch, start.parameters, start.face)
+        self.resolution = max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension)))
+        start = family.uniform(self.resolution)
+        points = family.limit.points(start.patch, start.parameters, start.face)
         if film is not None:
             points = np.concatenate([points, film.vertices])
         self.tolerance = MEASURED[family.dimension] * float(np.linalg.norm(np.ptp(points, axis=0)))
-        self.start, self.doubt = self.refined(start, self.limit)
 
-    def distances(self, sampler: Sampler) -> tuple[float, float, str]:
-        """A surface's distance from the limit, from the limit with its film, and what is doubtful about them."""
-        mosaic, doubt = self.refined(self.start, sampler)
-        surface, limit = self.sampled(mosaic, sampler), self.sampled(mosaic, self.limit)
-        plain = 0.0 if sampler is self.limit else surface_distance(surface, limit).value
-        filmed = plain if self.film is None else surface_distance(surface, _union(limit, self.film)).value
-        return plain, filmed, self.doubt or doubt
+    def distances(self, member: int) -> tuple[float, float, str]:
+        """A member's distance from the limit, from the limit with its film, and what is doubtful about them."""
+        limit, sampler = self.family.limit, self.family.samplers[member]
+        mosaic, doubt = self.refined(self.family.graded(self.resolution, member), limit)
+        mosaic, other_doubt = self.refined(mosaic, sampler)
+        ends = self.sampled(mosaic, limit)
+        surface = ends if sampler is limit else self.sampled(mosaic, sampler)
+        plain = 0.0 if sampler is limit else surface_distance(surface, ends).value
+        filmed = plain if self.film is None else surface_distance(surface, _union(ends, self.film)).value
+        return plain, filmed, doubt or other_doubt
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
         """The complex fine enough for a surface, or else as it is, and why."""

@@ -228,18 +228,18 @@ def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> FloatArray:
 
     Weighted by the angle at the corner, so that the way a surface is cut does not count.
     """
-    corners = mesh.vertices[mesh.cells]
+    a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
+    sides = [_unit(side) for side in (b - a, c - b, a - c)]
+    normals = _unit(cross(sides[0], sides[1]))
     sums = np.zeros((count, 3))
     for k in range(3):
-        first, second = (_unit(corners[:, (k + step) % 3] - corners[:, k]) for step in (1, 2))
-        across = cross(first, second)
-        weighted = _unit(across) * np.arctan2(np.linalg.norm(across, axis=1), dot(first, second))[:, None]
+        angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))
         for axis in range(3):
-            sums[:, axis] += np.bincount(place[:, k], weighted[:, axis], count)
+            sums[:, axis] += np.bincount(place[:, k], angle * normals[:, axis], count)
     return _unit(sums)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
     """(m, 3) unit vectors; 0 stays."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    length = np.sqrt(dot(vectors, vectors))[:, None]
     return np.asarray(vectors / np.where(length > 0, length, 1.0))

@@ -196,6 +196,8 @@ def mesh_options(function: Function) -> Function:
             raise click.UsageError("--radius is for curves and --thickness for surfaces, they exclude each other")
         if radius is not None and radius < 0:
             raise click.UsageError(f"--radius must be positive, got {radius:g}")
+        if radius is not None and uv:
+            raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
         options = MeshOptions(
             resolution or RESOLUTION,
             tolerance,
