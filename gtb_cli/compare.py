@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.mesh import Mesh
 from gtb_cli.nearest import NearestCells, spatial_order
+from gtb_cli.overlay import Pieces
 
 RELATIVE = 1e-3
-"""The search between samples ends where no point can be farther than the farthest one found by more than this part."""
+"""The search for farther points between samples ends where none can be farther than this fraction beyond the farthest."""
 
 EXACT = 1e-5
 """Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
@@ -26,7 +25,7 @@ BLOCK = 64
 """Vertices that follow each other in space, of which one is looked at first, to find the others' distances sooner."""
 
 NEAR = 16.0
-"""Farther from the other mesh than this many times their radius, a block's or cell's points have nearest cells near
+"""Farther from the other mesh than this many times their radius, a block's or piece's points have nearest cells near
 each other; nearer, the cells with the nearest centres are the better guess."""
 
 FIRST = 64
@@ -35,11 +34,23 @@ FIRST = 64
 CELLS = 1 << 16
 """Cells that are bounded at the same time, so that memory is."""
 
-EFFORT = 4_000
-"""Cells that are cut up in the search at most; what is proved by then is the bound."""
+EFFORT = 250_000
+"""Pieces that are cut in the search at most; what is proved by then is the bound."""
 
-BATCH = 1_000
-"""Cells that are cut up at the same time."""
+FIRST_LOOK = 4
+"""Cells that cost as much, without being cut, as one that is; a large mesh leaves less for cuts."""
+
+LEAST_EFFORT = 40_000
+"""Pieces that are cut of a large mesh."""
+
+BATCH = 20_000
+"""Pieces that are cut at the same time."""
+
+TRIED = 64
+"""Corners of the pieces with the largest bounds whose distances are found exactly, each time."""
+
+LARGE = 100_000
+"""Cells of a mesh from which on the two directions are measured at the same time."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +80,16 @@ class Distance:
         return max(self.forward, self.backward)
 
 
-def surface_distance(a: Mesh, b: Mesh) -> Distance:
+def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
     Parameters
     ----------
     a, b : Mesh
         Triangles or segments; vertices that belong to none do not count.
+    accuracy : float
+        An error of the distance that does not matter, in model units: the search ends there, or at a thousandth of
+        the distance, whichever is more.
 
     Returns
     -------
@@ -90,13 +104,12 @@ def surface_distance(a: Mesh, b: Mesh) -> Distance:
     -----
     The distance from a point to a mesh is that to its exactly nearest cell (`NearestCells`). Its maximum over a cell is
     at a corner or between them. The corners are looked at first. Then, as the distance to one cell is a convex
-    function, no point of a cell is farther from the other mesh than the farthest of its corners is from any single
-    cell there, nor than the farthest corner's distance plus the cell's covering radius. Cells for which both bounds
-    exceed what was found by more than `RELATIVE` are cut into two or four, farthest bound first, and so on,
-    as long as `EFFORT` allows; `Distance.bound` says what is proved at the end. Where the meshes are much nearer to
-    each other than their cells are long, and the cells do not match, it stays at about the length of the cells there.
-
-    Two similar meshes of 1 million triangles take about 15 s.
+    function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from
+    any single cell there. Pieces for which this bound exceeds what was found are cut where they leave the prism over the cell below
+    them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that there is. This
+    ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says what is proved then:
+    of meshes of up to some ten thousand cells the distance itself, of a million cells each that do not match, only
+    about the length of the cells.
     """
     for mesh in (a, b):
         if not len(mesh.cells):
@@ -108,70 +121,112 @@ def surface_distance(a: Mesh, b: Mesh) -> Distance:
     high = np.maximum(a.vertices[a.cells].max(axis=(0, 1)), b.vertices[b.cells].max(axis=(0, 1)))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
-    trees = NearestCells(first[a.cells]), NearestCells(second[b.cells])
-    forward, forward_at, one = _directed(first, a.cells, trees[1])
-    backward, backward_at, other = _directed(second, b.cells, trees[0])
+    allowed = float(np.ldexp(accuracy, -exponent))
+    directions = [(first, a.cells, second[b.cells]), (second, b.cells, first[a.cells])]
+    forward, backward = _both(directions, allowed)
 
     def place(point: FloatArray) -> tuple[float, float, float]:
         x, y, z = (np.ldexp(point, exponent) + origin).tolist()
         return x, y, z
 
     return Distance(
-        forward=float(np.ldexp(forward, exponent)),
-        backward=float(np.ldexp(backward, exponent)),
-        forward_at=place(forward_at),
-        backward_at=place(backward_at),
-        bound=float(np.ldexp(max(one, other), exponent)),
+        forward=float(np.ldexp(forward.found, exponent)),
+        backward=float(np.ldexp(backward.found, exponent)),
+        forward_at=place(forward.place),
+        backward_at=place(backward.place),
+        bound=float(np.ldexp(max(forward.bound, backward.bound), exponent)),
     )
 
 
-def _directed(vertices: FloatArray, cells: IntArray, tree: NearestCells) -> tuple[float, FloatArray, float]:
-    """Largest distance from the tree's cells of a point of the cells given, where that is, and a bound for it."""
+def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: float) -> list[_Search]:
+    """Search in both directions: of large meshes at the same time, as numpy and scipy let each other run."""
+    if max(len(cells) for _, cells, _ in directions) < LARGE:
+        return [_directed(*direction, accuracy) for direction in directions]
+    import threading
+
+    results: list[_Search | BaseException] = []
+
+    def run() -> None:
+        try:
+            results.append(_directed(*directions[1], accuracy))
+        except BaseException as error:  # noqa: BLE001 -- it is raised again where it is waited for
+            results.append(error)
+
+    # A daemon: Ctrl-C ends the process and does not wait for it.
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    forward = _directed(*directions[0], accuracy)
+    thread.join()
+    if isinstance(results[0], BaseException):
+        raise results[0]
+    return [forward, results[0]]
+
+
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _Search:
+    """Search the cells given for the point that is farthest from the cells with the corners `other`."""
+    search = _Search(NearestCells(other), accuracy)
     used = np.flatnonzero(np.bincount(cells.ravel(), minlength=len(vertices)))
     used = used[spatial_order(vertices[used])]
-    search = _Search(tree)
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
-    kept = []
+    kept = [Pieces.none(cells.shape[1])]
     for begin in range(0, len(cells), CELLS):
         rows = cells[begin : begin + CELLS]
-        work = _Cells(vertices[rows], distances[rows], nearest[rows], np.full(len(rows), np.inf))
-        work = work.at(work.bounds > search.enough)
-        if len(work.bounds):
-            # A cell's middle is a sample, too, and its nearest cell the likeliest to bound all of it.
-            guess = np.where(work.is_far, work.nearest[:, 0], -1)
-            _, likely = search.look_at(work.corners.mean(axis=1), guess)
-            work = work.bounded(tree, likely[:, None])
-            kept.append(work.at(work.bounds > search.enough))
-    if not kept:
-        return search.found, search.place, search.found
-    work, effort, left = _Cells.together(kept), EFFORT, 0.0
+        block = Pieces.of(vertices[rows], distances[rows], nearest[rows])
+        kept.append(search.bounded(block.at(block.bounds > search.enough)))
+    pieces = Pieces.together(kept)
+    effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
+    by_sample = False
     while True:
-        work = work.at(work.bounds > search.enough)
-        if not len(work.bounds) or effort <= 0:
+        search.try_corners(pieces)
+        pieces = pieces.at(pieces.bounds > search.enough)
+        if not len(pieces.bounds) or effort <= 0:
             break
-        order = np.argsort(-work.bounds, kind="stable")
-        # More than can be cut up will not be needed.
-        left = max(left, float(work.bounds[order[effort:]].max(initial=0.0)))
-        chosen = work.at(order[:BATCH]).bounded(tree)
-        chosen = chosen.at(chosen.bounds > search.enough)
-        work = _Cells.together([work.at(order[BATCH:effort]), chosen.cut(search)])
-        effort -= max(len(chosen.bounds), 1)
-    return search.found, search.place, max(search.found, left, float(work.bounds.max(initial=0.0)))
+        # In turn those that may be farthest, so that the bound falls, and those that probably are.
+        order = np.argsort(-(pieces.samples if by_sample else pieces.bounds), kind="stable")
+        by_sample = not by_sample
+        number = min(BATCH, effort, len(order))
+        effort -= number
+        parts = search.bounded_well(search.bounded(pieces.at(order[:number]).cut(search.tree)))
+        pieces = Pieces.together([pieces.at(order[number:]), parts])
+    search.bound = max(search.found, float(pieces.bounds.max(initial=0.0)))
+    return search
 
 
 class _Search:
     """The farthest point found so far."""
 
-    def __init__(self, tree: NearestCells) -> None:
+    def __init__(self, tree: NearestCells, accuracy: float) -> None:
         self.tree = tree
+        self.accuracy = accuracy
         self.found = -1.0
         self.place: FloatArray = np.zeros(3)
+        self.bound = np.inf
 
     @property
     def enough(self) -> float:
         """What a bound need not go below."""
-        return self.found * (1 + RELATIVE) + ROUNDING
+        return self.found + max(self.found * RELATIVE, self.accuracy, ROUNDING)
+
+    def bounded(self, pieces: Pieces) -> Pieces:
+        """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
+        if not len(pieces.bounds):
+            return pieces
+        samples, likely = self.look_at(pieces.middles, np.where(pieces.are_far(NEAR), pieces.likely, -1))
+        pieces = pieces.bounded(self.tree, likely, samples)
+        return pieces.at(pieces.bounds > self.enough)
+
+    def bounded_well(self, pieces: Pieces) -> Pieces:
+        """As `bounded`, by the cells that are nearest to the middles."""
+        if not pieces.are_far(NEAR).all():
+            samples, likely = self.tree.nearby(pieces.middles, pieces.samples, pieces.likely)
+            pieces = pieces.bounded(self.tree, likely, samples)
+            pieces = pieces.at(pieces.bounds > self.enough)
+        if len(pieces.bounds):
+            samples, likely = self.tree.search(pieces.middles, pieces.samples, pieces.likely)
+            self.note(pieces.middles, samples)
+            pieces = pieces.bounded(self.tree, likely, samples)
+        return pieces.at(pieces.bounds > self.enough)
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """As `look_at`, for (m, 3) points of which those that follow each other are near each other."""
@@ -199,81 +254,30 @@ class _Search:
         order = np.argsort(-distances, kind="stable")
         begin, length = 0, FIRST
         while begin < len(order):
-            chosen = order[begin : begin + length]
-            chosen = chosen[distances[chosen] > self.found * (1 + EXACT) + ROUNDING]
+            chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
                 break
-            distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
-            farthest = chosen[distances[chosen].argmax()]
-            if distances[farthest] > self.found:
-                self.found, self.place = float(distances[farthest]), points[farthest]
+            # One of some cells nearby is mostly the nearest, and found sooner than by a search.
+            near = chosen[blank[chosen]]
+            distances[near], cells[near] = self.tree.nearby(points[near], distances[near], cells[near])
+            chosen = self._open(chosen, distances)
+            if len(chosen):
+                distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
+                self.note(points[chosen], distances[chosen])
             begin, length = begin + length, length * 4
         return distances, cells
 
+    def _open(self, chosen: IntArray, distances: FloatArray) -> IntArray:
+        return chosen[distances[chosen] > self.found * (1 + EXACT) + ROUNDING]
 
-@dataclass(frozen=True, eq=False)
-class _Cells:
-    """Pieces of the cells of a mesh: corners, their distances from the other mesh, and bounds for all their points."""
+    def note(self, points: FloatArray, distances: FloatArray) -> None:
+        """Keep the farthest of points whose distances are exact."""
+        farthest = int(distances.argmax())
+        if distances[farthest] > self.found:
+            self.found, self.place = float(distances[farthest]), points[farthest]
 
-    corners: FloatArray
-    distances: FloatArray
-    nearest: IntArray
-    bounds: FloatArray
-
-    def __post_init__(self) -> None:
-        crude = self.distances.max(axis=1, initial=0.0) + self.radii
-        object.__setattr__(self, "bounds", np.minimum(self.bounds, crude))
-
-    @cached_property
-    def radii(self) -> FloatArray:
-        """(m,) no point is farther from all corners: 1/sqrt(3) of a triangle's longest side, 1/2 of a segment."""
-        number = self.corners.shape[1]
-        square = np.zeros(len(self.corners))
-        for k in range(number):
-            side = self.corners[:, k] - self.corners[:, k - 1]
-            np.maximum(square, np.einsum("ij,ij->i", side, side), out=square)
-        return np.asarray(np.sqrt(square) / (2.0 if number == 2 else np.sqrt(3.0)))
-
-    @property
-    def is_far(self) -> BoolArray:
-        """(m,) where the cell nearest to a corner is a good guess for the whole piece."""
-        return np.asarray(self.distances[:, 0] > NEAR * self.radii)
-
-    def at(self, rows: IntArray | BoolArray) -> _Cells:
-        return _Cells(self.corners[rows], self.distances[rows], self.nearest[rows], self.bounds[rows])
-
-    @staticmethod
-    def together(parts: Sequence[_Cells]) -> _Cells:
-        return _Cells(
-            np.concatenate([part.corners for part in parts]),
-            np.concatenate([part.distances for part in parts]),
-            np.concatenate([part.nearest for part in parts]),
-            np.concatenate([part.bounds for part in parts]),
-        )
-
-    def bounded(self, tree: NearestCells, candidates: IntArray | None = None) -> _Cells:
-        """Bound each piece by its corners' distances from single cells: (m, j) `candidates`, or the corners' own."""
-        count, number = self.distances.shape
-        bounds = self.bounds
-        for candidate in (self.nearest if candidates is None else candidates).T:
-            distances = tree.distances(self.corners.reshape(-1, 3), np.repeat(candidate, number))
-            bounds = np.minimum(bounds, distances.reshape(count, number).max(axis=1))
-        return _Cells(self.corners, self.distances, self.nearest, bounds)
-
-    def cut(self, search: _Search) -> _Cells:
-        """Cut each piece at the middles of its sides, into two or four."""
-        number = self.corners.shape[1]
-        sides = 1 if number == 2 else 3
-        middles = (self.corners[:, :sides] + np.roll(self.corners, -1, axis=1)[:, :sides]) / 2
-        guess = self.nearest[:, :sides].ravel()
-        distances, nearest = search.look_at(middles.reshape(-1, 3), np.where(np.repeat(self.is_far, sides), guess, -1))
-        corners = np.concatenate([self.corners, middles], axis=1)
-        every = np.concatenate([self.distances, distances.reshape(-1, sides)], axis=1)
-        cells = np.concatenate([self.nearest, nearest.reshape(-1, sides)], axis=1)
-        pieces = np.array([[0, 2], [2, 1]] if number == 2 else [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-        return _Cells(
-            corners[:, pieces].reshape(-1, number, 3),
-            every[:, pieces].reshape(-1, number),
-            cells[:, pieces].reshape(-1, number),
-            np.repeat(self.bounds, len(pieces)),
-        )
+    def try_corners(self, pieces: Pieces) -> None:
+        """Look at the worst corners of the pieces with the largest bounds."""
+        if len(pieces.bounds):
+            worst = np.argsort(-pieces.bounds, kind="stable")[:TRIED]
+            self.look_at(pieces.corners[worst, pieces.worst[worst]], pieces.likely[worst])

@@ -20,6 +20,9 @@ BRANCHES = 8
 PAIRS = 1 << 18
 """Pairs of a point and a box that are looked at together; more are cut in half, so that memory is bounded."""
 
+NEARBY = 8
+"""Cells that are tried before a search."""
+
 MORTON_BITS = 20
 """Bits of each coordinate in the key by which cells and points are brought into an order that keeps neighbours near."""
 
@@ -46,6 +49,20 @@ class NearestCells:
         """(m,) distances of (m, 3) points from the cells with the nearest centres, upper bounds, and those cells."""
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
+
+    def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
+        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres."""
+        bounds, cells = bounds.copy(), cells.copy()
+        number = min(NEARBY, len(self.corners))
+        for begin, end in _ranges(len(points), PAIRS):
+            part = slice(begin, end)
+            _, candidates = self._centres.query(points[part], k=[*range(1, number + 1)])
+            for candidate in candidates.T:
+                distance = self.distances(points[part], candidate)
+                better = distance < bounds[part]
+                bounds[part][better] = distance[better]
+                cells[part][better] = candidate[better]
+        return bounds, cells
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""

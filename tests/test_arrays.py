@@ -1,0 +1,62 @@
+"""The door at which arrays are checked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtb_cli.arrays import finite, positive, read_only
+from gtb_cli.errors import DomainError
+
+
+def test_a_read_only_array_is_a_copy_of_float64_in_row_order():
+    source = np.asfortranarray(np.arange(6, dtype=np.float32).reshape(2, 3))
+    array = read_only(source)
+    source[0, 0] = 9
+    assert array.dtype == np.float64
+    assert array.flags.c_contiguous
+    assert array.tolist() == [[0, 1, 2], [3, 4, 5]]
+    with pytest.raises(ValueError, match="read-only"):
+        array[0, 0] = 1
+
+
+def test_finite_takes_lists_of_any_depth():
+    assert finite("knots", [1, 2]).tolist() == [1, 2]
+    assert finite("knots", [[1, 2.5]]).tolist() == [[1, 2.5]]
+    assert finite("knots", []).shape == (0,)
+    assert finite("scale", 3).shape == ()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([1.0, float("nan")], r"weights\[1\]: must be finite, got nan"),
+        ([[1.0, 2.0], [float("inf"), 0.0]], r"weights\[1\]\[0\]: must be finite, got inf"),
+        (float("-inf"), "weights: must be finite, got -inf"),
+        ([[1.0], [1.0, 2.0]], "weights: not a regular array of numbers"),
+        (["a"], "weights: not a regular array of numbers"),
+        ([None], r"weights\[0\]: must be finite, got nan"),
+        ([1j], "weights: not a regular array of numbers"),
+    ],
+)
+def test_finite_names_the_field_and_the_first_bad_entry(values, message):
+    with pytest.raises(DomainError, match=f"^{message}"):
+        finite("weights", values)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([1.0, 0.0], r"weights\[1\]: must be positive, got 0"),
+        ([[1.0], [-2.5]], r"weights\[1\]\[0\]: must be positive, got -2.5"),
+        (-1, "weights: must be positive, got -1"),
+        ([1.0, float("nan")], r"weights\[1\]: must be finite, got nan"),
+    ],
+)
+def test_positive_names_the_field_and_the_first_bad_entry(values, message):
+    with pytest.raises(DomainError, match=f"^{message}$"):
+        positive("weights", values)
+
+
+def test_the_smallest_float_is_positive():
+    assert positive("weights", [5e-324]).tolist() == [5e-324]
