@@ -7,7 +7,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test lint types check specs bench clean
+.PHONY: help setup mesh test lint types check specs bench fuzz clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,6 +36,9 @@ specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
 	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks
+
+fuzz: $(VENV)/.development ## 20,000 mutated specs, and 200 processes of each format killed while they write
+	@$(RUN) tests.fuzz
 
 clean: ## remove what was built; .venv stays
 	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -24,6 +24,8 @@ COMMANDS = {
     "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
     "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
     "decompose": ("gtb_cli.commands.decompose:decompose", "Print the regular decomposition that a lifting induces."),
+    "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
+    "knot-limit": ("gtb_cli.commands.knot_limit:knot_limit", "Mesh a patch whose knots move to others, and the limit."),
     "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),

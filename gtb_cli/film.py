@@ -105,6 +105,15 @@ class KnotLimit:
         """What the limit as a set has beside the merged patch; nothing where the convergence is uniform."""
         return tuple(_films(self.patch, ends_of_moves(self.patch, self.moves)))
 
+    @cached_property
+    def arrivals(self) -> Mapping[int, int]:
+        """For each knot that comes to an end, corner or edge on which it is not: that row of `Domain.faces`."""
+        shape, ends = self.patch.domain, ends_of_moves(self.patch, self.moves)
+        comes = shape.incidence[ends] & ~shape.incidence
+        # Rows go from Δ over edges to corners: the last that holds the end of the way is the smallest.
+        smallest = len(shape.faces) - 1 - shape.faces[::-1, ends].argmax(axis=0)
+        return {k: int(smallest[k]) for k in np.flatnonzero(comes.any(axis=1)).tolist()}
+
     def nearness(self, step: float) -> float:
         """Smallest distance, at a step, of a knot from a facet that it comes to, as a fraction of Δ's size."""
         shape = self.patch.domain

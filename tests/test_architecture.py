@@ -18,7 +18,7 @@ GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch m
 MESHES = "limits mesh triangulation film joints complex distance nearest splitting refinement tessellation"
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"
-FILES = "expression syntax reader schema spec templates meshfiles obj formats files export family sequence plot"
+FILES = "expression syntax reader schema spec templates meshfiles obj formats files export family morph sequence plot"
 ROOMS = " ".join([GROUND, MESHES, SHAPES, REPORTS, FILES]).split()
 """From the ground up: each imports only those before it. A new room is put where it belongs;
 of a folder the name of the folder."""
@@ -26,7 +26,7 @@ of a folder the name of the folder."""
 READS_MESHES = {"mesh", "export", "compare"}
 """Rooms that may import trimesh, inside functions."""
 
-SHELL = {"console", "processes", "meshing", "options"}
+SHELL = {"console", "processes", "meshing", "options", "sequences"}
 """Modules of `commands` that commands may import."""
 
 

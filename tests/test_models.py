@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gtb_cli.complex import joined_complex
+from gtb_cli.errors import DomainError
 from gtb_cli.joints import Joint, edge_points, find_joints
 from gtb_cli.mesh import Mesh
 from gtb_cli.moment import LinearParametrization
@@ -460,6 +461,8 @@ def test_slices_of_a_melon_have_two_edges_that_are_points(count, options):
     model = Model(tuple(slice_of(number) for number in range(count)))
     assert find_joints(model.patches).closed
     assert_closed(tessellate(model, **options))
+    with pytest.raises(DomainError, match="too low, every face is a point or a line"):
+        tessellate(model, 1)
 
 
 # Where edges do not match

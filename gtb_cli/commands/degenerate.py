@@ -1,0 +1,154 @@
+"""`gtb degenerate`: meshes of a toric degeneration and of its limit."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.commands.console import Console, shown_input
+from gtb_cli.commands.meshing import MeshOptions, about
+from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
+from gtb_cli.commands.sequences import (
+    SHORT,
+    animate_option,
+    check_options,
+    folder_option,
+    model_tolerance,
+    read_patch,
+    write_sequence,
+)
+from gtb_cli.errors import DomainError, SpecError
+
+if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
+    from gtb_cli.patch import Patch
+
+KNOT = "knot:"
+"""Before an index, in place of a lifting: 1 at that knot, else 0."""
+
+MOST = 10_000
+"""Members of a sweep."""
+
+
+def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
+    """Read x, or several: a positive number, a number expression, or inf."""
+    if value is None:
+        return None
+    if isinstance(value, tuple):
+        return tuple(x_of(ctx, param, one) for one in value)
+    from gtb_cli.expression import evaluate_expression
+
+    try:
+        x = math.inf if value.strip() == "inf" else evaluate_expression(value.strip())
+    except SpecError as error:
+        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+    if x < 0:
+        raise click.BadParameter(f"{value!r} is negative", ctx, param)
+    return x
+
+
+def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
+    """Read lifting values, or the index of a knot."""
+    text = (value or "").strip()
+    if not text.startswith(KNOT):
+        return numbers_of(ctx, param, value)
+    index = text.removeprefix(KNOT)
+    if not index.isdecimal() or not index.isascii():
+        raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
+    return int(index[:SHORT])
+
+
+@click.command
+@spec_argument
+@click.option(
+    "-x",
+    "--x",
+    "values",
+    callback=x_of,
+    multiple=True,
+    metavar="X",
+    help="Write the mesh of the patch with the weights x^λ ω. May be given several times; inf is the limit.",
+)
+@click.option("--from", "first", callback=x_of, metavar="X", help="Sweep: the first x.")
+@click.option("--to", "last", callback=x_of, metavar="X", help="Sweep: the last x.")
+@click.option(
+    "--count",
+    type=click.IntRange(2, MOST),
+    metavar="N",
+    help="Sweep: how many x from --from to --to, in equal ratios, rounded to six digits.",
+)
+@click.option(
+    "--lifting",
+    callback=lifting_of,
+    metavar="L,…",
+    help="A lifting value λ for each knot, in place of the spec's; or knot:K, for a weight of knot K that grows alone.",
+)
+@folder_option
+@animate_option
+@mesh_options
+@spec_format_option
+@console_option
+def degenerate(
+    spec: str,
+    values: tuple[float, ...],
+    first: float | None,
+    last: float | None,
+    count: int | None,
+    lifting: tuple[float, ...] | int | None,
+    folder: str | None,
+    animate: bool,
+    options: MeshOptions,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
+
+    Let the weights x^λ ω grow: one mesh for each x, and the regular control curve or surface, which is the limit.
+
+    All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
+    regular decomposition are edges of the meshes. For x from 1 down to 0 the limit is that of -λ. sequence.json lists
+    the files with their distances from the limit.
+    """
+    if folder is None:
+        raise click.UsageError("Missing option '-o' / '--output'")
+    check_options(options, folder)
+    xs = (*values, *_sweep(first, last, count))
+    patch = read_patch(spec, spec_format)
+    with about(shown_input(spec)):
+        from gtb_cli.sequence import degeneration_sequence
+
+        sequence = degeneration_sequence(
+            patch,
+            xs,
+            _values(patch, lifting),
+            options.resolution,
+            model_tolerance(options, patch),
+            max_faces=options.max_faces,
+        )
+        write_sequence(sequence, "x", folder, options, console, animate=animate)
+
+
+def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
+    if isinstance(lifting, int):
+        from gtb_cli.lifting import lifting_of_knot
+
+        return lifting_of_knot(len(patch.knots), lifting)
+    if lifting is None and patch.lifting is None:
+        raise DomainError("has no lifting: write one into the spec, or give --lifting")
+    return lifting
+
+
+def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:
+    """x in equal ratios, rounded so that the names of files tell all of it; the ends as they are."""
+    if first is None and last is None and count is None:
+        return []
+    if first is None or last is None or count is None:
+        raise click.UsageError("a sweep needs all of --from, --to and --count")
+    if not (0 < first < math.inf and 0 < last < math.inf):
+        raise click.UsageError("--from and --to must be positive and finite")
+    low, high = math.log(first), math.log(last)
+    inner = [math.exp(low + (high - low) * (k / (count - 1))) for k in range(1, count - 1)]
+    return [first, *(float(f"{x:.{SHORT}g}") for x in inner), last]

@@ -1,0 +1,133 @@
+"""`gtb knot-limit`: meshes of a patch whose knots move to others, and of what they merge into."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, shown_input, write_text
+from gtb_cli.commands.meshing import MeshOptions, about
+from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
+from gtb_cli.commands.sequences import (
+    animate_option,
+    check_options,
+    folder_option,
+    model_tolerance,
+    read_patch,
+    write_sequence,
+)
+
+if TYPE_CHECKING:
+    from gtb_cli.film import KnotLimit
+
+STEPS = "0,0.4,0.8"
+"""Those of Example 4.2 of the paper."""
+
+MERGE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
+
+
+def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
+    """Read pairs K:Q."""
+    moves: dict[int, int] = {}
+    for text in value:
+        match = MERGE.fullmatch(text)
+        if not match:
+            raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
+        k, q = int(match[1]), int(match[2])
+        if moves.setdefault(k, q) != q:
+            raise click.BadParameter(f"knot {k} cannot move to both {moves[k]} and {q}", ctx, param)
+    return moves
+
+
+@click.command("knot-limit")
+@spec_argument
+@click.option(
+    "--merge",
+    "moves",
+    callback=moves_of,
+    multiple=True,
+    required=True,
+    metavar="K:Q",
+    help="Move knot K to the place of knot Q. May be given several times; chains such as 1:2 and 2:3 end at 3.",
+)
+@click.option(
+    "--steps",
+    callback=numbers_of,
+    default=STEPS,
+    show_default=True,
+    metavar="S,…",
+    help="Write a mesh for each of these fractions of the way.",
+)
+@click.option("--emit-spec", is_flag=True, help="Print the spec of the merged patch; -o may be left out then.")
+@folder_option
+@animate_option
+@mesh_options
+@spec_format_option
+@console_option
+def knot_limit(
+    spec: str,
+    moves: dict[int, int],
+    steps: tuple[float, ...],
+    emit_spec: bool,
+    folder: str | None,
+    animate: bool,
+    options: MeshOptions,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb knot-limit specs/example-4.2.toml --merge 3:1 -o out/
+
+    Move knots to the places of others: one mesh for each step of the way, and the merged patch, which is the limit.
+
+    Knots are written by index from 0. All meshes have the same faces. sequence.json lists the files with their
+    distances from the limit. Where knots come to an end, an edge or a corner, the limit holds inside only, and as a set
+    it has a film besides: a message says so, and sequence.json has the distances from both.
+    """
+    if folder is None and not emit_spec:
+        raise click.UsageError("nothing to write: give -o DIR, --emit-spec or both")
+    if folder is not None:
+        check_options(options, folder)
+    patch = read_patch(spec, spec_format)
+    with about(shown_input(spec)):
+        from gtb_cli.film import knot_limit as limit_of
+
+        limit = limit_of(patch, moves)
+        if folder is not None:
+            from gtb_cli.sequence import knot_sequence
+
+            sequence = knot_sequence(
+                patch,
+                moves,
+                steps,
+                options.resolution,
+                model_tolerance(options, patch),
+                max_faces=options.max_faces,
+            )
+            write_sequence(sequence, "step", folder, options, console, animate=animate)
+        for message in _pointwise(limit):
+            console.warn(message)
+        if emit_spec:
+            from gtb_cli.spec import dump
+
+            write_text(STANDARD, dump(limit.merged))
+
+
+def _pointwise(limit: KnotLimit) -> list[str]:
+    """What to know where the limit is one at inner points only."""
+    shape = limit.patch.domain
+    r = len(shape.vertices)
+    messages = []
+    for k, face in limit.arrivals.items():
+        if shape.dimension == 1 or face > r:
+            corner = shape.vertices[(face - 1) % r]
+            place = f"the {'end' if shape.dimension == 1 else 'corner'} ({', '.join(f'{x:.6g}' for x in corner)})"
+        else:
+            place = f"edge {face - 1}"
+        messages.append(
+            f"knot {k} comes to {place}, where the limit is pointwise only: the boundary there stays what it was, and "
+            "as a set the limit is the merged patch with a film between the two"
+        )
+    return messages

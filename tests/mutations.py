@@ -1,0 +1,116 @@
+"""Specs with something wrong or odd about them, made from good ones by changing bytes, numbers or structure."""
+
+from __future__ import annotations
+
+import json
+import random
+import tomllib
+
+from tests.specs import GOOD_SPECS
+
+ODD_NUMBERS = [
+    "0", "-1", "1e400", "-0.0", "nan", "inf", "1e-320", "1e308", "-1e308", "true", '"sqrt(2)"', '"1/0"', '"2**9999"',
+    '"("', "9" * 400, "0x10", "1_000", '""', "[]", "{}", "null", '"nan"', '"1e9/3"', "1e7", "1e-9",
+    "0.30000000000000004",
+]  # fmt: skip
+"""Texts put in place of a number."""
+
+ODD_BYTES = [
+    b"\x00",
+    b"\xff",
+    b"\xef\xbb\xbf",
+    b"[",
+    b"]",
+    b'"',
+    b"'",
+    b"=",
+    b",",
+    b"\n",
+    b"\r",
+    b"#",
+    b"{",
+    b"}",
+    b"-",
+    b"e",
+]
+
+KEYS = [
+    "knots",
+    "weights",
+    "control_points",
+    "coefficients",
+    "lifting",
+    "edge_normals",
+    "edge_scale",
+    "name",
+    "patches",
+    "wieghts",
+]
+
+VALUES = [
+    None, True, 0, -1, 1.5, "x", "binomial", "partition-of-unity", "unit", "primitive", [], [[]], {}, [1, 2],
+    [[0, 0], [1, 1]], float("nan"), 1e300, 1e-300, "sqrt(2)/4", [[0, 0, 0, 0]],
+]  # fmt: skip
+
+
+def mutation(rng: random.Random) -> tuple[bytes, str]:
+    """A changed spec, and the suffix of its file."""
+    source = rng.choice(GOOD_SPECS[:-1]).read_bytes()
+    if len(source) > 20_000:
+        source = GOOD_SPECS[0].read_bytes()
+    if rng.random() < 0.5:
+        return _changed_bytes(rng, source), ".toml"
+    data = tomllib.loads(source.decode())
+    for _ in range(rng.randint(1, 3)):
+        _change(rng, data)
+    return json.dumps(data).encode(), ".json"
+
+
+def _changed_bytes(rng: random.Random, text: bytes) -> bytes:
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(text) + 1)
+        kind = rng.randrange(6)
+        if kind == 0:
+            text = text[:at] + rng.choice(ODD_BYTES) + text[at:]
+        elif kind == 1:
+            text = text[:at] + text[at + rng.randint(1, 30) :]
+        elif kind == 2:
+            end = min(len(text), at + rng.randint(1, 80))
+            text = text[:end] + text[at:end] + text[end:]
+        elif kind == 3:
+            text = text[:at]
+        elif kind == 4:
+            text = text[:at] + bytes([rng.randrange(256)]) + text[at + 1 :]
+        else:
+            numbers = [i for i, byte in enumerate(text) if 48 <= byte < 58]
+            if numbers:
+                start = end = rng.choice(numbers)
+                while end < len(text) and text[end : end + 1] in b"0123456789.":
+                    end += 1
+                text = text[:start] + rng.choice(ODD_NUMBERS).encode() + text[end:]
+    return text
+
+
+def _change(rng: random.Random, data: dict) -> None:
+    """Change one value somewhere inside, or the keys."""
+    place: object = data
+    path = []
+    while isinstance(place, dict | list) and place and (not path or rng.random() < 0.8):
+        key = rng.choice(list(place)) if isinstance(place, dict) else rng.randrange(len(place))
+        path.append((place, key))
+        place = place[key]  # type: ignore[index]
+    if not path:
+        data[rng.choice(KEYS)] = rng.choice(VALUES)
+        return
+    holder, key = path[-1]
+    kind = rng.randrange(5)
+    if kind == 0:
+        del holder[key]  # type: ignore[attr-defined]
+    elif kind == 1 and isinstance(holder, list):
+        holder.insert(key, rng.choice(VALUES))
+    elif kind == 2:
+        data[rng.choice(KEYS)] = rng.choice(VALUES)
+    elif kind == 3 and isinstance(place, int | float):
+        holder[key] = place * rng.choice([0, -1, 1e-9, 1e9, 1e30, 1 + 1e-15]) + rng.choice([0, 0, 1e7])  # type: ignore[index]
+    else:
+        holder[key] = rng.choice(VALUES)  # type: ignore[index]
