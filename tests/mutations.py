@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import tomllib
@@ -100,17 +101,17 @@ def _change(rng: random.Random, data: dict) -> None:
         path.append((place, key))
         place = place[key]  # type: ignore[index]
     if not path:
-        data[rng.choice(KEYS)] = rng.choice(VALUES)
+        data[rng.choice(KEYS)] = copy.deepcopy(rng.choice(VALUES))
         return
     holder, key = path[-1]
     kind = rng.randrange(5)
     if kind == 0:
         del holder[key]  # type: ignore[attr-defined]
     elif kind == 1 and isinstance(holder, list):
-        holder.insert(key, rng.choice(VALUES))
+        holder.insert(key, copy.deepcopy(rng.choice(VALUES)))
     elif kind == 2:
-        data[rng.choice(KEYS)] = rng.choice(VALUES)
+        data[rng.choice(KEYS)] = copy.deepcopy(rng.choice(VALUES))
     elif kind == 3 and isinstance(place, int | float):
         holder[key] = place * rng.choice([0, -1, 1e-9, 1e9, 1e30, 1 + 1e-15]) + rng.choice([0, 0, 1e7])  # type: ignore[index]
     else:
-        holder[key] = rng.choice(VALUES)  # type: ignore[index]
+        holder[key] = copy.deepcopy(rng.choice(VALUES))  # type: ignore[index]
