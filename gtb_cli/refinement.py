@@ -93,6 +93,25 @@ def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatAr
     return work.points, max(work.worst, float(work.error.max())) / MARGIN
 
 
+def covers(start: Complex, sampler: Sampler, tolerance: float) -> FloatArray | None:
+    """(v, 3) vertices of a complex of few cells if the surface is within the tolerance of any of them, else None.
+
+    For flat surfaces, on which a parameter may slide out of its cell: that is no error of the mesh. Edges of the
+    domain must still be followed by the complex's own.
+    """
+    work = _Refinement(start, sampler, tolerance, len(start.cells))
+    outer = np.flatnonzero(work.edges.face)
+    if (work.along(outer, FINEST_LATTICE)[1] > work.tolerance).any():
+        return None
+    cell = np.repeat(np.arange(len(start.cells)), len(_lattice(FINEST_LATTICE)))
+    u = np.einsum("wc,kcd->kwd", _lattice(FINEST_LATTICE), start.corners).reshape(-1, 2)
+    points = sampler.points(start.cell_patch[cell], u, np.zeros(len(cell), dtype=np.int64))
+    distance = np.full(len(points), np.inf)
+    for corners in work.points[start.cells]:
+        distance = np.minimum(distance, to_triangles(points, *(np.broadcast_to(c, points.shape) for c in corners)))
+    return work.points if (distance <= work.tolerance).all() else None
+
+
 class _Refinement:
     """The growing arrays of `refine`; the order of everything depends on the input alone."""
 

@@ -139,6 +139,19 @@ def test_a_flat_patch_takes_the_triangles_of_its_domain():
     assert len(tessellate(Patch(GRID, GRID), tolerance=1e-6).faces) == 2
 
 
+def test_a_flat_patch_whose_parameters_slide_takes_no_more():
+    """In the plane of the surface there is no distance, whatever the control points inside do."""
+    rng = np.random.default_rng(0)
+    inside = ((GRID > 0) & (GRID < 3)).astype(float)
+    slid = Patch(
+        GRID, np.column_stack([GRID + 0.2 * rng.normal(size=GRID.shape) * inside, GRID[:, 0]]), rng.random(16) + 0.3
+    )
+    assert len(tessellate(slid, tolerance=1e-4).faces) == 2
+    bent = GRID.copy()
+    bent[1] += [-0.3, 0]
+    assert len(tessellate(Patch(GRID, bent), tolerance=1e-2).faces) > 2
+
+
 def test_points_per_edge_do_not_depend_on_scale_or_place():
     counts = {len(tessellate(bicubic(scale), tolerance=2e-3 * scale).faces) for scale in (1e-9, 1.0, 1e9)}
     assert len(counts) == 1
