@@ -13,7 +13,7 @@ from gtb_cli.nearest import NearestCells, spatial_order
 from gtb_cli.overlay import Pieces
 
 RELATIVE = 1e-3
-"""The search for farther points between samples ends where none can be farther than this fraction beyond the farthest."""
+"""The search for farther points between samples ends where none can be farther by more than this fraction."""
 
 EXACT = 1e-5
 """Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
@@ -105,10 +105,10 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     The distance from a point to a mesh is that to its exactly nearest cell (`NearestCells`). Its maximum over a cell is
     at a corner or between them. The corners are looked at first. Then, as the distance to one cell is a convex
     function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from
-    any single cell there. Pieces for which this bound exceeds what was found are cut where they leave the prism over the cell below
-    them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that there is. This
-    ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says what is proved then:
-    of meshes of up to some ten thousand cells the distance itself, of a million cells each that do not match, only
+    any single cell there. Pieces for which this bound exceeds what was found are cut where they leave the prism over
+    the cell below them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that
+    there is. This ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says
+    what is proved then: of meshes of up to some ten thousand cells the distance itself, of a million cells each that do not match, only
     about the length of the cells.
     """
     for mesh in (a, b):

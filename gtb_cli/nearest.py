@@ -57,7 +57,7 @@ class NearestCells:
         for begin, end in _ranges(len(points), PAIRS):
             part = slice(begin, end)
             _, candidates = self._centres.query(points[part], k=[*range(1, number + 1)])
-            for candidate in candidates.T:
+            for candidate in np.asarray(candidates).T:
                 distance = self.distances(points[part], candidate)
                 better = distance < bounds[part]
                 bounds[part][better] = distance[better]

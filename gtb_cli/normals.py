@@ -57,7 +57,8 @@ class NormalField:
     that dominate near the boundary. Where that loses digits all the same (a heavy knot inside, large exponents),
     they are taken about the knot with the largest T_i, along and across the direction to the second. On an edge:
     tangent × derivative towards the nearest layer of knots that is not parallel to it; at a corner the
-    directions to the next knots along its two edges.
+    directions to the next knots along its two edges. There is no limit at a corner whose neighbours along the edges
+    are further away than knots inside: it depends on the way there.
     """
 
     domain: Domain
@@ -146,9 +147,12 @@ class NormalField:
 
     def _deltas(self, k: int) -> FloatArray:
         """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding."""
-        deltas = self.control_points - self.control_points[k]
-        deltas[np.abs(deltas) <= COINCIDENT_ULPS * EPS * np.abs(self.control_points).max()] = 0.0
-        return np.asarray(deltas)
+        return self._cleared(self.control_points - self.control_points[k])
+
+    def _cleared(self, differences: FloatArray) -> FloatArray:
+        """Differences of points, with zeros for what may be rounding."""
+        rounding = COINCIDENT_ULPS * EPS * np.abs(self.control_points).max()
+        return np.where(np.abs(differences) <= rounding, 0.0, differences)
 
     def _on_edge(self, location: Location) -> FloatArray:
         edge = location.face - 1
@@ -166,7 +170,7 @@ class NormalField:
             tangent = covariance(e[:, rows], step[:, None], deltas[on_edge], position)
             for layer in self._layers(self.domain.heights[:, edge]):
                 t = shares(exponents(along[layer, None], self.log_weights[layer], location.s[:, rows]))
-                result[rows], _ = _unit_cross(tangent, deltas[layer].T @ t - position)
+                result[rows], _ = _unit_cross(tangent, self._cleared(deltas[layer].T @ t - position))
                 todo = np.isnan(result[rows, 0])
                 rows, tangent, position = rows[todo], tangent[:, todo], position[:, todo]
                 if not len(rows):
@@ -183,7 +187,10 @@ class NormalField:
             return np.asarray(deltas[knots].T @ shares(self.log_weights[knots, None]))
 
         first, second = (
-            mean(next(self._layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))) - mean(at_corner)
+            self._cleared(
+                mean(next(self._layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0))))
+                - mean(at_corner)
+            )
             for edge, other in ((after, before), (before, after))
         )
         return _unit_cross(first, second)[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.distance import cross, dot
+from gtb_cli.distance import cross
 from gtb_cli.nearest import NearestCells
 
 PROPER = 1e-9
@@ -123,18 +123,18 @@ class Pieces:
         if number == 3:  # a cut through a corner makes two parts
             kept[:, 1] = t[:, 0] < 1
             kept[:, 2] = t[:, 1] < 1
-        kept = kept.ravel()
+        flat = kept.ravel()
         return Pieces(
-            every[:, parts].reshape(-1, number, 3)[kept],
-            np.repeat(self.bounds, len(parts))[kept],
-            np.repeat(self.likely, len(parts))[kept],
-            np.zeros(len(kept), dtype=np.int64)[kept],
-            np.repeat(self.samples, len(parts))[kept],
+            every[:, parts].reshape(-1, number, 3)[flat],
+            np.repeat(self.bounds, len(parts))[flat],
+            np.repeat(self.likely, len(parts))[flat],
+            np.zeros(len(kept), dtype=np.int64)[flat],
+            np.repeat(self.samples, len(parts))[flat],
         )
 
 
 def _radii(corners: FloatArray) -> FloatArray:
-    """(m,) no point of a triangle is farther from all corners than 1/√3 of its longest side; of a segment, half of it."""
+    """(m,) farthest that a point may be from all corners: 1/√3 of a triangle's longest side, half of a segment."""
     longest = np.sqrt(_squares(corners).max(axis=1, initial=0.0))
     return np.asarray(longest / (2.0 if corners.shape[1] == 2 else np.sqrt(3.0)))
 
@@ -152,7 +152,7 @@ def _is_proper(heights: FloatArray, size: FloatArray) -> BoolArray:
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:
-    """(m, c) how far corners are beyond one plane of the region that (m, 3) points `inside` are in: the one passed most.
+    """(m, c) how far corners are beyond that plane of the region of (m, 3) points `inside` which they pass most.
 
     The region is that of all points to which the same part of a cell is nearest.
     """

@@ -31,6 +31,9 @@ INF = math.inf
 MEASURED = {1: 1e-5, 2: 1e-3}
 """Chord error, as a fraction of the diagonal of the limit, of the meshes between which distances are measured."""
 
+FILM_ACCURACY = 0.25
+"""Error of the distance from a film beside that of the meshes, as a fraction of it."""
+
 MEASURED_CELLS = {1: 64, 2: 4096}
 """Roughly the cells that those start from."""
 
@@ -102,6 +105,7 @@ def degeneration_sequence(
     resolution: int = 32,
     tolerance: float | None = None,
     *,
+    normals: bool = True,
     max_faces: int = MAX_FACES,
 ) -> MeshSequence:
     """Mesh the patches with weights x^λ ω, and the regular control curve or surface they tend to.
@@ -119,6 +123,8 @@ def degeneration_sequence(
     tolerance : float, optional
         Largest distance from each surface, the limit included, to its mesh: one triangulation is refined until it is
         fine enough for all.
+    normals : bool
+        Give surfaces their unit normals.
     max_faces : int
         Of all meshes together.
 
@@ -150,7 +156,7 @@ def degeneration_sequence(
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
     family = degenerating([degenerate(patch, value, exponents) for value in values], patch, decomposition)
     values.append(INF if upward else 0.0)
-    return _sequence(patch.name or "patch", "x", values, family, resolution, tolerance, max_faces)
+    return _sequence(patch.name or "patch", "x", values, family, resolution, tolerance, normals, max_faces)
 
 
 def knot_sequence(
@@ -160,6 +166,7 @@ def knot_sequence(
     resolution: int = 32,
     tolerance: float | None = None,
     *,
+    normals: bool = True,
     max_faces: int = MAX_FACES,
 ) -> MeshSequence:
     """Mesh the patches whose knots are on the way to others, and the merged patch.
@@ -171,7 +178,7 @@ def knot_sequence(
         As for `merge_knots`.
     steps : iterable of float
         From 0 to 1, which means the limit. Put in order; repeated ones count once.
-    resolution, tolerance, max_faces
+    resolution, tolerance, normals, max_faces
         As for `degeneration_sequence`.
 
     Returns
@@ -195,7 +202,8 @@ def knot_sequence(
     thickness = [limit.nearness(step) for step in values] if limit.films else []
     family = approaching([move_knots(patch, moves, step) for step in values], limit.merged, thickness)
     film = film_mesh(limit) if limit.films else None
-    return _sequence(patch.name or "patch", "step", [*values, 1.0], family, resolution, tolerance, max_faces, film)
+    values.append(1.0)
+    return _sequence(patch.name or "patch", "step", values, family, resolution, tolerance, normals, max_faces, film)
 
 
 def _sequence(
@@ -205,6 +213,7 @@ def _sequence(
     family: Family,
     resolution: int,
     tolerance: float | None,
+    normals: bool,
     max_faces: int,
     film: Mesh | None = None,
 ) -> MeshSequence:
@@ -217,7 +226,7 @@ def _sequence(
         mosaic = family.uniform(resolution)
     else:
         mosaic = family.refined(tolerance, max_faces // len(values))
-    meshes = tuple(_mesh(mosaic, sampler, name) for sampler in family.samplers)
+    meshes = tuple(_mesh(mosaic, sampler, name, normals) for sampler in family.samplers)
     measurement = _Measurement(family, film)
     distances, film_distances, doubts = [], [], []
     for member, value in enumerate(values):
@@ -249,13 +258,13 @@ def _is_upward(values: Sequence[float]) -> bool:
     return not values or values[0] >= 1
 
 
-def _mesh(mosaic: Complex, sampler: Sampler, name: str) -> Mesh:
+def _mesh(mosaic: Complex, sampler: Sampler, name: str, normals: bool) -> Mesh:
     where = mosaic.patch, mosaic.parameters, mosaic.face
     vertices = sampler.points(*where)
-    normals = None
-    if mosaic.cells.shape[1] == 3:
-        normals = vertex_normals(sampler.normals(*where), vertices, mosaic.cells)
-    return Mesh(vertices, mosaic.cells, parameters=mosaic.parameters, normals=normals, name=name)
+    directions = None
+    if normals and mosaic.cells.shape[1] == 3:
+        directions = vertex_normals(sampler.normals(*where), vertices, mosaic.cells)
+    return Mesh(vertices, mosaic.cells, parameters=mosaic.parameters, normals=directions, name=name)
 
 
 class _Measurement:
@@ -269,6 +278,7 @@ class _Measurement:
 
     def __init__(self, family: Family, film: Mesh | None) -> None:
         self.family, self.film = family, film
+        self.starts: dict[float, tuple[Complex, str]] = {}
         share = MEASURED_CELLS[family.dimension] / family.cell_count(1)
         self.resolution = max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension)))
         start = family.uniform(self.resolution)
@@ -280,13 +290,24 @@ class _Measurement:
     def distances(self, member: int) -> tuple[float, float, str]:
         """A member's distance from the limit, from the limit with its film, and what is doubtful about them."""
         limit, sampler = self.family.limit, self.family.samplers[member]
-        mosaic, doubt = self.refined(self.family.graded(self.resolution, member), limit)
+        mosaic, doubt = self.fine_for_limit(member)
         mosaic, other_doubt = self.refined(mosaic, sampler)
         ends = self.sampled(mosaic, limit)
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
         plain = 0.0 if sampler is limit else surface_distance(surface, ends).value
-        filmed = plain if self.film is None else surface_distance(surface, _union(ends, self.film)).value
+        filmed = plain
+        if self.film is not None:
+            # Cells of the surface and of the film do not match, so that more would cost much.
+            filmed = surface_distance(surface, _union(ends, self.film), FILM_ACCURACY * self.tolerance).value
         return plain, filmed, doubt or other_doubt
+
+    def fine_for_limit(self, member: int) -> tuple[Complex, str]:
+        """The complex that a member's measurement starts from."""
+        thickness = self.family.thickness[member] if self.family.thickness else 0.0
+        if thickness not in self.starts:
+            start = self.family.graded(self.resolution, member)
+            self.starts[thickness] = self.refined(start, self.family.limit)
+        return self.starts[thickness]
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
         """The complex fine enough for a surface, or else as it is, and why."""

@@ -94,12 +94,15 @@ def normal(patch: Patch, u: Sequence[Any]) -> NDArray[np.float64]:
 
     By the theorem of Cauchy and Binet the cross product of the columns of ∂P/∂s = Σ T_i (b_i − P)(a_i − μ)ᵀ is
     Σ_{i<j<k} T_i T_j T_k det(a_j − a_i, a_k − a_i) (b_j − b_i) × (b_k − b_i), in which nothing cancels by itself.
+    Three knots on one edge have determinant 0, though rounding may have put them a little beside it.
     """
     t = basis(patch, u)
     knots = [numbers(a) for a in patch.knots.tolist()]
     points = [numbers(b) for b in patch.control_points.tolist()]
     total = [Number(0)] * 3
     for i, j, k in combinations(range(len(knots)), 3):
+        if patch.domain.incidence[[i, j, k]].all(axis=0).any():
+            continue
         first, second = _difference(knots[j], knots[i]), _difference(knots[k], knots[i])
         share = t[i] * t[j] * t[k] * (first[0] * second[1] - first[1] * second[0])
         (ax, ay, az), (bx, by, bz) = _difference(points[j], points[i]), _difference(points[k], points[i])

@@ -143,9 +143,8 @@ def test_a_flat_patch_whose_parameters_slide_takes_no_more():
     """In the plane of the surface there is no distance, whatever the control points inside do."""
     rng = np.random.default_rng(0)
     inside = ((GRID > 0) & (GRID < 3)).astype(float)
-    slid = Patch(
-        GRID, np.column_stack([GRID + 0.2 * rng.normal(size=GRID.shape) * inside, GRID[:, 0]]), rng.random(16) + 0.3
-    )
+    moved = GRID + 0.2 * rng.normal(size=GRID.shape) * inside
+    slid = Patch(GRID, np.column_stack([moved, moved[:, 0]]), rng.random(16) + 0.3)
     assert len(tessellate(slid, tolerance=1e-4).faces) == 2
     bent = GRID.copy()
     bent[1] += [-0.3, 0]

@@ -126,6 +126,7 @@ def degenerate(
             _values(patch, lifting),
             options.resolution,
             model_tolerance(options, patch),
+            normals=options.normals,
             max_faces=options.max_faces,
         )
         write_sequence(sequence, "x", folder, options, console, animate=animate)

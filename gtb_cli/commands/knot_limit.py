@@ -104,6 +104,7 @@ def knot_limit(
                 steps,
                 options.resolution,
                 model_tolerance(options, patch),
+                normals=options.normals,
                 max_faces=options.max_faces,
             )
             write_sequence(sequence, "step", folder, options, console, animate=animate)
