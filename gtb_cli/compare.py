@@ -13,7 +13,7 @@ from gtb_cli.nearest import NearestCells, spatial_order
 from gtb_cli.overlay import Pieces
 
 RELATIVE = 1e-3
-"""The search for farther points between samples ends where none can be farther by more than this fraction."""
+"""The search for farther points ends where none can be farther than the farthest one by more than this part."""
 
 EXACT = 1e-5
 """Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
@@ -23,10 +23,6 @@ ROUNDING = 1e-14
 
 BLOCK = 64
 """Vertices that follow each other in space, of which one is looked at first, to find the others' distances sooner."""
-
-NEAR = 16.0
-"""Farther from the other mesh than this many times their radius, a block's or piece's points have nearest cells near
-each other; nearer, the cells with the nearest centres are the better guess."""
 
 FIRST = 64
 """Points that are looked at exactly first, farthest estimate first; then four times as many, and so on."""
@@ -104,12 +100,12 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     -----
     The distance from a point to a mesh is that to its exactly nearest cell (`NearestCells`). Its maximum over a cell is
     at a corner or between them. The corners are looked at first. Then, as the distance to one cell is a convex
-    function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from
-    any single cell there. Pieces for which this bound exceeds what was found are cut where they leave the prism over
-    the cell below them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that
-    there is. This ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says
-    what is proved then: of meshes of up to some ten thousand cells the distance itself, of a million cells each that do not match, only
-    about the length of the cells.
+    function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from any
+    single cell there. Pieces for which this bound exceeds what was found are cut where they leave the region over the
+    cell below them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that there
+    is. This ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says what is
+    proved then: of meshes of up to some ten thousand cells the distance itself; of a million cells each that do not
+    match, only about the length of the cells.
     """
     for mesh in (a, b):
         if not len(mesh.cells):
@@ -212,45 +208,34 @@ class _Search:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
         if not len(pieces.bounds):
             return pieces
-        samples, likely = self.look_at(pieces.middles, np.where(pieces.are_far(NEAR), pieces.likely, -1))
+        samples, likely = self.look_at(pieces.middles)
         pieces = pieces.bounded(self.tree, likely, samples)
         return pieces.at(pieces.bounds > self.enough)
 
     def bounded_well(self, pieces: Pieces) -> Pieces:
         """As `bounded`, by the cells that are nearest to the middles."""
-        if not pieces.are_far(NEAR).all():
-            samples, likely = self.tree.nearby(pieces.middles, pieces.samples, pieces.likely)
-            pieces = pieces.bounded(self.tree, likely, samples)
-            pieces = pieces.at(pieces.bounds > self.enough)
-        if len(pieces.bounds):
-            samples, likely = self.tree.search(pieces.middles, pieces.samples, pieces.likely)
-            self.note(pieces.middles, samples)
-            pieces = pieces.bounded(self.tree, likely, samples)
-        return pieces.at(pieces.bounds > self.enough)
+        for find in (self.tree.nearby, self.tree.search):
+            if len(pieces.bounds):
+                samples, likely = find(pieces.middles, pieces.samples, pieces.likely)
+                pieces = pieces.bounded(self.tree, likely, samples)
+                pieces = pieces.at(pieces.bounds > self.enough)
+        return pieces
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """As `look_at`, for (m, 3) points of which those that follow each other are near each other."""
         block = np.arange(len(points)) // BLOCK
         first = np.arange(0, len(points), BLOCK)
-        distances, cells = self.look_at(points[first], np.full(len(first), -1))
+        distances, cells = self.look_at(points[first])
         away = np.linalg.norm(points - points[first][block], axis=1)
         radius = np.maximum.reduceat(away, first)
         upper, guess = distances[block] + away, cells[block]
         open_ = np.flatnonzero((distances + radius > self.found)[block])
-        far = (distances > NEAR * radius)[block][open_]
-        upper[open_], guess[open_] = self.look_at(points[open_], np.where(far, guess[open_], -1))
+        upper[open_], guess[open_] = self.look_at(points[open_])
         return upper, guess
 
-    def look_at(self, points: FloatArray, guess: IntArray) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells.
-
-        `guess` has a cell for each, or −1 where the one with the nearest centre is to be taken.
-        """
-        distances, cells = np.empty(len(points)), guess.copy()
-        blank = guess < 0
-        if blank.any():
-            distances[blank], cells[blank] = self.tree.start(points[blank])
-        distances[~blank] = self.tree.distances(points[~blank], cells[~blank])
+    def look_at(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells."""
+        distances, cells = self.tree.start(points)
         order = np.argsort(-distances, kind="stable")
         begin, length = 0, FIRST
         while begin < len(order):
@@ -258,8 +243,7 @@ class _Search:
             if not len(chosen):
                 break
             # One of some cells nearby is mostly the nearest, and found sooner than by a search.
-            near = chosen[blank[chosen]]
-            distances[near], cells[near] = self.tree.nearby(points[near], distances[near], cells[near])
+            distances[chosen], cells[chosen] = self.tree.nearby(points[chosen], distances[chosen], cells[chosen])
             chosen = self._open(chosen, distances)
             if len(chosen):
                 distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
@@ -280,4 +264,4 @@ class _Search:
         """Look at the worst corners of the pieces with the largest bounds."""
         if len(pieces.bounds):
             worst = np.argsort(-pieces.bounds, kind="stable")[:TRIED]
-            self.look_at(pieces.corners[worst, pieces.worst[worst]], pieces.likely[worst])
+            self.look_at(pieces.corners[worst, pieces.worst[worst]])

@@ -56,8 +56,8 @@ class NearestCells:
         number = min(NEARBY, len(self.corners))
         for begin, end in _ranges(len(points), PAIRS):
             part = slice(begin, end)
-            _, candidates = self._centres.query(points[part], k=[*range(1, number + 1)])
-            for candidate in np.asarray(candidates).T:
+            candidates = np.asarray(self._centres.query(points[part], k=[*range(1, number + 1)])[1])
+            for candidate in candidates.T:
                 distance = self.distances(points[part], candidate)
                 better = distance < bounds[part]
                 bounds[part][better] = distance[better]

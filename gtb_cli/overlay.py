@@ -12,7 +12,7 @@ from gtb_cli.distance import cross
 from gtb_cli.nearest import NearestCells
 
 PROPER = 1e-9
-"""Part of a piece's size by which corners lie on both sides of a plane that cuts it."""
+"""Part of a piece's size by which it has corners on both sides of a plane that cuts it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,6 @@ class Pieces:
         """(m, 3) means of the corners."""
         return np.asarray(self.corners.mean(axis=1))
 
-    def are_far(self, times: float) -> BoolArray:
-        """(m,) whether a piece is farther from the other mesh than so many times its radius."""
-        return self.samples > times * _radii(self.corners)
-
     def at(self, rows: IntArray | BoolArray) -> Pieces:
         """Some of the pieces."""
         return Pieces(self.corners[rows], self.bounds[rows], self.likely[rows], self.worst[rows], self.samples[rows])
@@ -90,8 +86,10 @@ class Pieces:
         )
 
     def cut(self, tree: NearestCells) -> Pieces:
-        """Cut each piece where it leaves the region over that part of the cell below it (its face, an edge or a corner)
-        that is nearest to the middle; where it does not, that nearest to its worst corner; or else at its longest side.
+        """Cut each piece in two or three.
+
+        Where it leaves the region over that part of the cell below it, its face, an edge or a corner, which is nearest
+        to the middle; where it does not leave that, the same for the worst corner; or else across its longest side.
         """
         number = self.corners.shape[1]
         rows = np.arange(len(self.bounds))
@@ -123,18 +121,18 @@ class Pieces:
         if number == 3:  # a cut through a corner makes two parts
             kept[:, 1] = t[:, 0] < 1
             kept[:, 2] = t[:, 1] < 1
-        flat = kept.ravel()
+        rows = np.flatnonzero(kept)
         return Pieces(
-            every[:, parts].reshape(-1, number, 3)[flat],
-            np.repeat(self.bounds, len(parts))[flat],
-            np.repeat(self.likely, len(parts))[flat],
-            np.zeros(len(kept), dtype=np.int64)[flat],
-            np.repeat(self.samples, len(parts))[flat],
+            every[:, parts].reshape(-1, number, 3)[rows],
+            np.repeat(self.bounds, len(parts))[rows],
+            np.repeat(self.likely, len(parts))[rows],
+            np.zeros(len(rows), dtype=np.int64),
+            np.repeat(self.samples, len(parts))[rows],
         )
 
 
 def _radii(corners: FloatArray) -> FloatArray:
-    """(m,) farthest that a point may be from all corners: 1/√3 of a triangle's longest side, half of a segment."""
+    """(m,) a triangle has no point farther from every corner than 1/√3 of its longest side; a segment, 1/2."""
     longest = np.sqrt(_squares(corners).max(axis=1, initial=0.0))
     return np.asarray(longest / (2.0 if corners.shape[1] == 2 else np.sqrt(3.0)))
 
@@ -152,7 +150,7 @@ def _is_proper(heights: FloatArray, size: FloatArray) -> BoolArray:
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:
-    """(m, c) how far corners are beyond that plane of the region of (m, 3) points `inside` which they pass most.
+    """(m, c) how far corners are beyond one plane around the region of (m, 3) points `inside`: the one passed most.
 
     The region is that of all points to which the same part of a cell is nearest.
     """
