@@ -27,6 +27,7 @@ COMMANDS = {
     "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
     "knot-limit": ("gtb_cli.commands.knot_limit:knot_limit", "Mesh a patch whose knots move to others, and the limit."),
     "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
+    "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
     "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),

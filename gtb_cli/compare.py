@@ -169,13 +169,13 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     for begin in range(0, len(cells), CELLS):
         rows = cells[begin : begin + CELLS]
         block = Pieces.of(vertices[rows], distances[rows], nearest[rows])
-        kept.append(search.bounded(block.at(block.bounds > search.enough)))
+        kept.append(search.bounded(search.needed(block)))
     pieces = Pieces.together(kept)
     effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
     by_sample = False
     while True:
         search.try_corners(pieces)
-        pieces = pieces.at(pieces.bounds > search.enough)
+        pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
         # In turn those that may be farthest, so that the bound falls, and those that probably are.
@@ -185,40 +185,44 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         effort -= number
         parts = search.bounded_well(search.bounded(pieces.at(order[:number]).cut(search.tree)))
         pieces = Pieces.together([pieces.at(order[number:]), parts])
-    search.bound = max(search.found, float(pieces.bounds.max(initial=0.0)))
+    search.bound = max(search.found, search.bound, float(pieces.bounds.max(initial=0.0)))
     return search
 
 
 class _Search:
-    """The farthest point found so far."""
+    """The farthest point found so far, and a bound for what was left out so far."""
 
     def __init__(self, tree: NearestCells, accuracy: float) -> None:
         self.tree = tree
         self.accuracy = accuracy
         self.found = -1.0
         self.place: FloatArray = np.zeros(3)
-        self.bound = np.inf
+        self.bound = 0.0
 
     @property
     def enough(self) -> float:
         """What a bound need not go below."""
         return self.found + max(self.found * RELATIVE, self.accuracy, ROUNDING)
 
+    def needed(self, pieces: Pieces) -> Pieces:
+        """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
+        low = pieces.bounds <= self.enough
+        self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
+        return pieces.at(~low)
+
     def bounded(self, pieces: Pieces) -> Pieces:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
         if not len(pieces.bounds):
             return pieces
         samples, likely = self.look_at(pieces.middles)
-        pieces = pieces.bounded(self.tree, likely, samples)
-        return pieces.at(pieces.bounds > self.enough)
+        return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: Pieces) -> Pieces:
         """As `bounded`, by the cells that are nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
             if len(pieces.bounds):
                 samples, likely = find(pieces.middles, pieces.samples, pieces.likely)
-                pieces = pieces.bounded(self.tree, likely, samples)
-                pieces = pieces.at(pieces.bounds > self.enough)
+                pieces = self.needed(pieces.bounded(self.tree, likely, samples))
         return pieces
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -123,9 +123,12 @@ class NearestCells:
         sorted_corners = self.corners[self._order]
         levels = [(sorted_corners.min(axis=1), sorted_corners.max(axis=1))]
         while len(levels[-1][0]) > BRANCHES:
-            low, high = levels[-1]
-            begin = np.arange(0, len(low), BRANCHES)
-            levels.append((np.minimum.reduceat(low, begin), np.maximum.reduceat(high, begin)))
+            low, high = (side[::BRANCHES].copy() for side in levels[-1])
+            for k in range(1, BRANCHES):  # several times faster than reduceat
+                lows, highs = (side[k::BRANCHES] for side in levels[-1])
+                np.minimum(low[: len(lows)], lows, out=low[: len(lows)])
+                np.maximum(high[: len(highs)], highs, out=high[: len(highs)])
+            levels.append((low, high))
         return levels
 
     @cached_property

@@ -18,8 +18,9 @@ GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch m
 MESHES = "limits mesh triangulation film joints complex distance nearest overlay splitting refinement tessellation"
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"
-FILES = "expression syntax reader schema spec templates meshfiles obj formats files export family morph sequence plot"
-ROOMS = " ".join([GROUND, MESHES, SHAPES, REPORTS, FILES]).split()
+FILES = "expression syntax reader schema spec templates meshfiles difference"
+WRITING = "obj formats files export family morph sequence plot"
+ROOMS = " ".join([GROUND, MESHES, SHAPES, REPORTS, FILES, WRITING]).split()
 """From the ground up: each imports only those before it. A new room is put where it belongs;
 of a folder the name of the folder."""
 

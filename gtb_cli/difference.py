@@ -1,0 +1,229 @@
+"""Whether two meshes are the same within a tolerance, and what differs where."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.compare import surface_distance
+from gtb_cli.measures import Measures, measure
+from gtb_cli.mesh import Mesh
+from gtb_cli.meshfiles import KnownMesh
+from gtb_cli.welding import weld
+
+DEFAULT_TOLERANCE = 1e-9
+"""Part of the diagonal of the bounding box. Other processors and libraries change meshes by 1e-13 of it or so; a
+control point that is moved by 1e-6 moves the surface by more than this wherever it has a thousandth of the weight."""
+
+PART = 0.1
+"""Part of the tolerance that the error of a distance between surfaces is to stay below."""
+
+Method: TypeAlias = Literal["vertices", "surface"]
+Point: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Farthest:
+    """The point of a mesh that is farthest from another mesh.
+
+    Attributes
+    ----------
+    distance : float
+    at : tuple of 3 float
+    """
+
+    distance: float
+    at: Point
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How two meshes differ. Made by `difference`.
+
+    Attributes
+    ----------
+    method : {"vertices", "surface"}
+        Whether vertices were compared one by one, as the meshes have the same cells, or the surfaces (or curves).
+    distance, bound : float
+        Largest distance found, and what it is at most: the same for vertices.
+    tolerance : float
+        What the distance may be.
+    asked : float or None
+        The tolerance that was asked for; None: the default.
+    resolution : float
+        Distance of two points with the same coordinates but for what the files cannot hold; no tolerance is below.
+    diagonal : float
+        Of the bounding box of the smaller mesh.
+    mean : float or None
+        Mean distance of vertices.
+    vertex, other_vertex : int or None
+        Indices of the vertices at the largest distance.
+    forward, backward : Farthest
+        From the first mesh to the second, and the other way.
+    group : str
+        Name of the part of the first mesh that has the farthest vertex, where it has parts.
+    first, second : Measures or None
+        Of the meshes; None where vertices were compared.
+    same_kind : bool
+        False where one is a curve and the other a surface: these are never the same.
+    """
+
+    method: Method
+    distance: float
+    bound: float
+    tolerance: float
+    asked: float | None
+    resolution: float
+    diagonal: float
+    mean: float | None
+    vertex: int | None
+    other_vertex: int | None
+    forward: Farthest
+    backward: Farthest
+    group: str
+    first: Measures | None
+    second: Measures | None
+    same_kind: bool = True
+
+    @property
+    def same(self) -> bool:
+        """Whether the meshes are the same within the tolerance."""
+        return self.same_kind and self.distance <= self.tolerance
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether what is farther apart than the tolerance, by a tenth of it, would have been found."""
+        return not self.same or self.bound <= (1 + PART) * self.tolerance
+
+
+def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None) -> Difference:
+    """Compare two meshes.
+
+    Parameters
+    ----------
+    a, b : KnownMesh
+    tolerance : float or str, optional
+        In model units, or as ``"1%"`` of the diagonal of the bounding box of the smaller mesh. By default
+        `DEFAULT_TOLERANCE` of it. In any case not less than the resolution.
+
+    Returns
+    -------
+    Difference
+
+    Notes
+    -----
+    The resolution is what rounding to the numbers that the files have can make of equal points: for each coordinate
+    half a unit of the last place in either file, at the size of the largest. Meshes have the same cells if these have
+    the same corners in the same order, where vertices with equal coordinates, as in an STL file, count as one.
+    """
+    diagonal = min(_diagonal(a.mesh), _diagonal(b.mesh))
+    steps = a.half_steps + b.half_steps
+    resolution = math.hypot(*steps.tolist())
+    asked = None
+    allowed = DEFAULT_TOLERANCE * diagonal
+    if tolerance is not None:
+        asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
+        allowed = asked
+    allowed = max(allowed, resolution)
+    pairs = _pairs(a, b)
+    if pairs is not None:
+        return _by_vertices(a.mesh, b.mesh, pairs, allowed, asked, resolution, diagonal)
+    found = surface_distance(a.mesh, b.mesh, PART * allowed)
+    return Difference(
+        method="surface",
+        distance=found.value,
+        bound=found.bound,
+        tolerance=allowed,
+        asked=asked,
+        resolution=resolution,
+        diagonal=diagonal,
+        mean=None,
+        vertex=None,
+        other_vertex=None,
+        forward=Farthest(found.forward, found.forward_at),
+        backward=Farthest(found.backward, found.backward_at),
+        group="",
+        first=measure(a.mesh),
+        second=measure(b.mesh),
+        same_kind=a.mesh.is_curve == b.mesh.is_curve,
+    )
+
+
+def _by_vertices(
+    a: Mesh,
+    b: Mesh,
+    pairs: tuple[IntArray, IntArray],
+    tolerance: float,
+    asked: float | None,
+    resolution: float,
+    diagonal: float,
+) -> Difference:
+    distances = _distances(a.vertices[pairs[0]], b.vertices[pairs[1]])
+    place = int(distances.argmax())
+    vertex, other = int(pairs[0][place]), int(pairs[1][place])
+    distance = float(distances[place])
+    return Difference(
+        method="vertices",
+        distance=distance,
+        bound=distance,
+        tolerance=tolerance,
+        asked=asked,
+        resolution=resolution,
+        diagonal=diagonal,
+        mean=float(distances.mean()),
+        vertex=vertex,
+        other_vertex=other,
+        forward=Farthest(distance, _point(a, vertex)),
+        backward=Farthest(distance, _point(b, other)),
+        group=_group(a, vertex),
+        first=None,
+        second=None,
+    )
+
+
+def _diagonal(mesh: Mesh) -> float:
+    used = mesh.vertices[mesh.cells.ravel()] if len(mesh.cells) < len(mesh.vertices) else mesh.vertices
+    half = used.max(axis=0) / 2 - used.min(axis=0) / 2
+    exponent = int(np.frexp(half.max())[1])
+    return float(np.ldexp(np.linalg.norm(np.ldexp(half, -exponent)), exponent + 1))
+
+
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) distances of points, in a unit in which squares neither over- nor underflow."""
+    apart = a - b
+    exponent = int(np.frexp(np.abs(apart).max(initial=0.0))[1])
+    apart = np.ldexp(apart, -exponent)
+    return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", apart, apart)), exponent))
+
+
+def _point(mesh: Mesh, vertex: int) -> Point:
+    x, y, z = mesh.vertices[vertex].tolist()
+    return x, y, z
+
+
+def _group(mesh: Mesh, vertex: int) -> str:
+    if len(mesh.groups) < 2:
+        return ""
+    cells = np.flatnonzero((mesh.cells == vertex).any(axis=1))
+    return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
+
+
+def _pairs(a: KnownMesh, b: KnownMesh) -> tuple[IntArray, IntArray] | None:
+    """Indices of the vertices that belong together, if both meshes have the same cells, else None."""
+    first, second = a.mesh, b.mesh
+    if first.cells.shape != second.cells.shape:
+        return None
+    if len(first.vertices) == len(second.vertices) and np.array_equal(first.cells, second.cells):
+        every = np.arange(len(first.vertices))
+        return every, every
+    for kind in (np.float64, np.float32):  # what coincides in a file of 32-bit numbers may not in another
+        with np.errstate(over="ignore", under="ignore"):
+            corners, labels = weld(first.vertices.astype(kind).astype(np.float64)[first.cells.ravel()])
+            _, other_labels = weld(second.vertices.astype(kind).astype(np.float64)[second.cells.ravel()])
+        if np.array_equal(labels, other_labels):
+            return first.cells.ravel()[corners], second.cells.ravel()[corners]
+    return None
