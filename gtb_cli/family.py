@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -98,8 +98,8 @@ def approaching(patches: Sequence[Patch], limit: Patch, thickness: Sequence[floa
     )
 
 
-def degenerating(patches: Sequence[Patch], patch: Patch, decomposition: RegularDecomposition) -> Family:
-    """Patches with the knots of `patch` and weights x^λ ω, and the regular control surface of λ.
+def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
+    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface, by the decomposition of λ.
 
     Raises
     ------
@@ -111,7 +111,13 @@ def degenerating(patches: Sequence[Patch], patch: Patch, decomposition: RegularD
     cells = [limit[k] for k in order]
     joints = _joints(decomposition, order, cells)
     faces = _outer_faces(patch.domain, decomposition, order)
-    members = [_Whole(cells, "linear", True, whole=_linear(member), faces=faces) for member in patches]
+    logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
+    gaps = [decomposition.gaps(k) for k in order]
+    members = []
+    for logarithm in logarithms:
+        # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
+        whole = [replace(patch, log_weights=logs - logarithm * gap) for gap in gaps]
+        members.append(_Whole(cells, "linear", True, whole=Sampler(whole, "linear", False), faces=faces))
     return Family((*members, Sampler(cells, "linear", True)), joints)
 
 
@@ -121,16 +127,16 @@ def _linear(patch: Patch) -> Sampler:
 
 @dataclass(frozen=True, eq=False)
 class _Whole(Sampler):
-    """One patch, at parameters that are known by the cell of its limit they lie in, and the face of that cell."""
+    """One patch, in one form for each cell of its limit, at parameters known by that cell and by the face of it."""
 
     whole: Sampler = field(kw_only=True)
     faces: IntArray = field(kw_only=True)
 
     def points(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        return self.whole.points(np.zeros_like(patch), parameters, self.faces[patch, face])
+        return self.whole.points(patch, parameters, self.faces[patch, face])
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        return self.whole.normals(np.zeros_like(patch), parameters, self.faces[patch, face])
+        return self.whole.normals(patch, parameters, self.faces[patch, face])
 
 
 def _left_to_right(decomposition: RegularDecomposition) -> list[int]:

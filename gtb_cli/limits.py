@@ -14,6 +14,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.lifting import RegularDecomposition, regular_decomposition
 from gtb_cli.patch import Model, Patch
 
+SMALLEST = float(np.finfo(np.float64).tiny)
+
 LARGEST_LOG = 700.0
 """Weights between exp(-700) and exp(700) are ordinary floats, and so are their products with knots and points."""
 
@@ -46,7 +48,8 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     """
     if not (math.isfinite(x) and x > 0):
         raise DomainError(f"x: must be finite and positive, got {x!r}")
-    exponents = lifting_of(patch, lifting) * math.log(x)
+    with np.errstate(over="ignore"):
+        exponents = lifting_of(patch, lifting) * math.log(x)
     if not np.isfinite(exponents).all():
         raise DomainError("lifting: λ log x is beyond the largest float")
     logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
@@ -153,20 +156,26 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     """
     targets = ends_of_moves(patch, moves)
     stays = targets == np.arange(len(targets))
-    logs, points = patch.log_products, patch.control_points.copy()
+    logarithmic = patch.log_weights is not None
+    points = patch.control_points.copy()
     weights = patch.weights.copy() if patch.log_weights is None else patch.log_weights.copy()
+    with np.errstate(over="ignore", under="ignore"):
+        products = patch.coefficients * patch.weights
     for q in np.unique(targets[~stays]).tolist():
         members = np.flatnonzero(targets == q)
-        largest = logs[members].max()
-        products = (patch.coefficients * patch.weights)[members]
-        if patch.log_weights is not None or not (np.isfinite(products.sum()) and products.min() > 0):
-            products = np.exp(logs[members] - largest)
-        total = products.sum()
-        points[q] = products @ points[members] / total
-        if patch.log_weights is not None:
-            weights[q] = largest + np.log(total) - np.log(patch.coefficients[q])
-        else:
+        terms = products[members]
+        with np.errstate(over="ignore"):
+            ordinary = not logarithmic and bool(np.isfinite(terms.sum()) and terms.min() >= SMALLEST)
+        largest = patch.log_products[members].max()
+        if not ordinary:
+            terms = np.exp(patch.log_products[members] - largest)
+        total = terms.sum()
+        points[q] = terms @ points[members] / total
+        if ordinary:
             weights[q] = total / patch.coefficients[q]
+        else:
+            logarithm = largest + math.log(total) - math.log(patch.coefficients[q])
+            weights[q] = logarithm if logarithmic else math.exp(logarithm)
     kept = np.flatnonzero(stays)
     return replace(
         patch,
@@ -175,7 +184,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
         weights=weights[kept],
         coefficients=patch.coefficients[kept],
         lifting=None if patch.lifting is None else patch.lifting[kept],
-        log_weights=None if patch.log_weights is None else weights[kept],
+        log_weights=weights[kept] if logarithmic else None,
     )
 
 

@@ -56,6 +56,9 @@ LAST_CORNER = 1e-6
 HALVINGS = 60
 """Largest number of times a start that is far too far out is drawn in."""
 
+WEAKEST = 1e-8
+"""Smallest regularisation, times the residual: less is lost in the rounding of the Hessian's determinant."""
+
 TINY = 1e-300
 """Smallest curvature that is divided by."""
 
@@ -127,7 +130,7 @@ class LinearParametrization:
             if index > 0:
                 points = shape.along(index - 1, p[rows])[:, None]
             elif shape.dimension == 1:
-                points = p[rows] - shape.center
+                points = p[rows] - shape.vertices[index]
             else:
                 points = self._along_and_over(index, p[rows], here[index % r])
             yield Location(rows, max(index, 0), moments.knots, moments.inverse(points), here)
@@ -137,13 +140,13 @@ class LinearParametrization:
         return {}
 
     def _moments(self, index: int) -> MomentMap:
-        """The moment map of an edge (1 … r), or of Δ in coordinates of an edge (−2r … −1)."""
+        """The moment map of an edge (1 … r), or of Δ in coordinates of an edge (−2r … −1), or from an end (−2, −1)."""
         shape = self.shape
         if index not in self._made:
             if index > 0:
                 knots, weights = face_knots(shape, index), self.log_weights[shape.faces[index]]
             elif shape.dimension == 1:
-                knots, weights = shape.knots - shape.center, self.log_weights
+                knots, weights = shape.knots - shape.vertices[index], self.log_weights
             else:
                 heights = shape.heights[:, index % len(shape.vertices)]
                 knots, weights = self._along_and_over(index, shape.knots, heights), self.log_weights
@@ -274,7 +277,9 @@ class MomentMap:
 
     @cached_property
     def _exponents(self) -> FloatArray:
-        return np.column_stack([self._unit_knots, self.log_weights])
+        """(n, d + 1): unit knots, and log weights less that of the knot nearest 0, where Σ c ω e^<a, s> is about 1."""
+        nearest = np.lexsort((-self.log_weights, np.abs(self._unit_knots).max(axis=1)))[0]
+        return np.column_stack([self._unit_knots, self.log_weights - self.log_weights[nearest]])
 
     @cached_property
     def _reach(self) -> FloatArray:
@@ -388,7 +393,7 @@ class MomentMap:
                     np.where(lower, new, old)
                     for new, old in ((trial, s), (new_value, value), (new_gradient, gradient), (new_hessian, hessian))
                 )
-            sigma = np.where(lower, sigma / 16, np.minimum(sigma * 8, 1e9))
+            sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.minimum(sigma * 8, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         residual = _size(gradient)
         if (residual > ACCEPTED).any():

@@ -20,7 +20,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.family import Family, approaching, degenerating
 from gtb_cli.film import film_mesh, knot_limit
 from gtb_cli.lifting import regular_decomposition
-from gtb_cli.limits import degenerate, lifting_of, move_knots
+from gtb_cli.limits import lifting_of, move_knots
 from gtb_cli.mesh import Mesh
 from gtb_cli.patch import Patch
 from gtb_cli.refinement import refine
@@ -154,7 +154,7 @@ def degeneration_sequence(
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
-    family = degenerating([degenerate(patch, value, exponents) for value in values], patch, decomposition)
+    family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     values.append(INF if upward else 0.0)
     return _sequence(patch.name or "patch", "x", values, family, resolution, tolerance, normals, max_faces)
 
