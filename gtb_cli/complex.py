@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
@@ -54,6 +54,20 @@ class Complex:
     corners: FloatArray
     collapsed: IntArray
     sides: int = 0
+
+    def part(self, rows: slice) -> Complex:
+        """Some of the cells, and their vertices."""
+        used, cells = np.unique(self.cells[rows], return_inverse=True)
+        return replace(
+            self,
+            patch=self.patch[used],
+            parameters=self.parameters[used],
+            face=self.face[used],
+            cells=cells.reshape(-1, self.cells.shape[1]),
+            cell_patch=self.cell_patch[rows],
+            corners=self.corners[rows],
+            collapsed=self.collapsed[:0],
+        )
 
     @property
     def is_simplicial(self) -> bool:
@@ -194,11 +208,14 @@ class Sampler:
         if self.parametrization not in get_args(Parametrization):
             raise DomainError(f"parametrization: expected toric or linear, got {self.parametrization!r}")
 
-    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces."""
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
+        """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces.
+
+        Or of parameters that are nearer than `within`, a fraction of the domain's size: linear ones are found sooner.
+        """
         result = np.empty((len(patch), 3))
         for index, rows in _groups(patch):
-            where = self._locations(index, parameters[rows], face[rows])
+            where = self._locations(index, parameters[rows], face[rows], within)
             result[rows] = self.patches[index].points_at(where, len(parameters[rows]))
         return result
 
@@ -217,9 +234,9 @@ class Sampler:
 
         return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
 
-    def _locations(self, index: int, u: FloatArray, face: IntArray) -> Iterator[Location]:
+    def _locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         if self.parametrization == "linear":
-            yield from self._linear[index].locations(u, face)
+            yield from self._linear[index].locations(u, face, within)
             return
         yield from toric_locations(self.patches[index].domain, u, face)
         if self.shared_edges and face.any():

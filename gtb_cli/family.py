@@ -132,8 +132,8 @@ class _Whole(Sampler):
     whole: Sampler = field(kw_only=True)
     faces: IntArray = field(kw_only=True)
 
-    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        return self.whole.points(patch, parameters, self.faces[patch, face])
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
+        return self.whole.points(patch, parameters, self.faces[patch, face], within)
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
         return self.whole.normals(patch, parameters, self.faces[patch, face])

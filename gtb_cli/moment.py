@@ -35,7 +35,8 @@ ACCEPTED = RESIDUAL / 2
 """The same in the coordinates in which a point is solved, whose axes may be longer and turned."""
 
 TARGET = 1e-14
-"""Residual at which a point is done at once; where rounding keeps it above, `REFUSALS` steps in a row end it."""
+"""Residual at which a point is done at once if all digits are asked for; where rounding keeps it above, `REFUSALS`
+steps in a row end it."""
 
 REFUSALS = 4
 ITERATIONS = 300
@@ -55,6 +56,9 @@ LAST_CORNER = 1e-6
 
 HALVINGS = 60
 """Largest number of times a start that is far too far out is drawn in."""
+
+NEAR = 1.0
+"""Torus coordinates of unit knots from which a start is not drawn in further: it sees all knots."""
 
 WEAKEST = 1e-8
 """Smallest regularisation, times the residual: less is lost in the rounding of the Hessian's determinant."""
@@ -92,7 +96,7 @@ class LinearParametrization:
     shape: Domain
     log_weights: FloatArray
 
-    def locations(self, p: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
+    def locations(self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) points of Δ.
 
         `faces`, rows of `Domain.faces`, says where they are known to lie, whatever rounding has made of them.
@@ -100,7 +104,7 @@ class LinearParametrization:
         Yields
         ------
         Location
-            With s such that |μ(s) − p| ≤ `RESIDUAL` times the hull's size.
+            With s such that |μ(s) − p| ≤ `RESIDUAL`, or `within` if that is more, times the hull's size.
 
         Raises
         ------
@@ -133,7 +137,7 @@ class LinearParametrization:
                 points = p[rows] - shape.vertices[index]
             else:
                 points = self._along_and_over(index, p[rows], here[index % r])
-            yield Location(rows, max(index, 0), moments.knots, moments.inverse(points), here)
+            yield Location(rows, max(index, 0), moments.knots, moments.inverse(points, within), here)
 
     @cached_property
     def _made(self) -> dict[int, MomentMap]:
@@ -194,14 +198,17 @@ class MomentMap:
         sums = weighted_sums(self._unit_knots, self.log_weights, self._unit_knots, s * self._extents[:, None])
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
-    def inverse(self, p: FloatArray) -> FloatArray:
+    def inverse(self, p: FloatArray, within: float = 0.0) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
+
+        Where `within`, a fraction of the hull's size, is more than `TARGET`, that is near enough.
 
         Raises
         ------
         ToleranceError
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
+        target = max(TARGET, within)
         unit = (p - self._origin) / self._extents
         if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
             unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
@@ -220,7 +227,7 @@ class MomentMap:
         length = block_length(len(self.knots))
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
-            start[:, block] = self._newton(unit[block].T, start[:, block])
+            start[:, block] = self._newton(unit[block].T, start[:, block], target)
         return np.asarray(start / self._extents[:, None])
 
     @cached_property
@@ -242,7 +249,7 @@ class MomentMap:
         """Solve one point in each of some parts."""
         if not len(part):
             return
-        solution = self._newton(unit, start)
+        solution = self._newton(unit, start, TARGET)
         self._places[:, part] = unit
         self._corrections[:, part] = solution - start
         _, _, (xx, yy, xy) = self._evaluate(solution)
@@ -331,7 +338,7 @@ class MomentMap:
         hessian[d:] -= mu[:1] * mu[1:]
         return np.log(sums[0]) + shift, mu, hessian
 
-    def _newton(self, unit: FloatArray, start: FloatArray) -> FloatArray:
+    def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
         """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower."""
         s = start
         value, mu, hessian = self._evaluate(s)
@@ -354,7 +361,7 @@ class MomentMap:
             curvature = _dot(hessian[: len(s)], s**2)
             if len(s) == 2:
                 curvature += 2 * hessian[2] * s[0] * s[1]
-            rows = np.flatnonzero(_dot(gradient, s) > curvature)
+            rows = np.flatnonzero((_dot(gradient, s) > curvature) & (_size(s) > NEAR))
             if not len(rows):
                 break
             s = s.copy()
@@ -368,7 +375,7 @@ class MomentMap:
         refusals = np.zeros(s.shape[1], dtype=np.int64)
         for _ in range(ITERATIONS):
             residual = _size(gradient)
-            going = (residual > TARGET) & ((refusals < REFUSALS) | (residual > ACCEPTED))
+            going = (residual > target) & ((refusals < REFUSALS) | (residual > ACCEPTED))
             count = int(going.sum())
             if not count:
                 break
@@ -396,7 +403,7 @@ class MomentMap:
             sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.minimum(sigma * 8, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         residual = _size(gradient)
-        if (residual > ACCEPTED).any():
+        if (residual > max(ACCEPTED, target)).any():
             raise ToleranceError(
                 f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} steps, "
                 f"{RESIDUAL:g} is required"

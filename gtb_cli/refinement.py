@@ -14,7 +14,9 @@ from gtb_cli.complex import Complex, Sampler
 from gtb_cli.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.domain import EPS
 from gtb_cli.errors import ToleranceError
-from gtb_cli.splitting import Cells, Edges, divide_segments, divide_triangles, sides_of
+from gtb_cli.nearest import NearestCells
+from gtb_cli.patch import Patch
+from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, sides_of
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
@@ -38,6 +40,9 @@ get thinner, and refinement ends."""
 ROUGH = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
 
+EVEN = 0.02
+"""The same at one quarter of an edge, before the other one is sampled, too."""
+
 HIDDEN = 5.0
 """How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
 
@@ -47,6 +52,19 @@ SAMPLES = 20_000
 """A coarse mesh is verified on a finer lattice: at least about this many points in all."""
 
 FINEST_LATTICE = 32
+
+NEARBY = 0.01
+"""Part of the tolerance by which a sample may be beside the place it is asked for. It is a point of the surface anyway,
+and it is found sooner."""
+
+FOLD = 1e-9
+"""Part of the largest triangle's area by which another one of a flat patch may be turned over, by rounding."""
+
+FOLDS = 256
+"""How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
+
+FEW_OF = 16
+"""Of so many cells one is sampled first, where most complexes are not good enough."""
 
 
 def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
@@ -86,30 +104,21 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
 def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float]:
     """(v, 3) vertices of a complex, and the largest distance from the surface to its cells, over `MARGIN`.
 
-    Sampled like `refine` does; where edges alone are beyond the tolerance already, no further.
+    Sampled like `refine` does; where edges alone, or some of the cells, are beyond the tolerance already, no further.
     """
+    if len(start.cells) > FEW_OF * LATTICE:
+        few = _Refinement(start.part(slice(None, None, FEW_OF)), sampler, tolerance, len(start.cells))
+        if float(few.error.max()) > few.tolerance:
+            return few.points, float(few.error.max()) / MARGIN
     work = _Refinement(start, sampler, tolerance, len(start.cells))
     work.marks()
     return work.points, max(work.worst, float(work.error.max())) / MARGIN
 
 
-def covers(start: Complex, sampler: Sampler, tolerance: float) -> FloatArray | None:
-    """(v, 3) vertices of a complex of few cells if the surface is within the tolerance of any of them, else None.
-
-    For flat surfaces, on which a parameter may slide out of its cell: that is no error of the mesh. Edges of the
-    domain must still be followed by the complex's own.
-    """
-    work = _Refinement(start, sampler, tolerance, len(start.cells))
-    outer = np.flatnonzero(work.edges.face)
-    if (work.along(outer, FINEST_LATTICE)[1] > work.tolerance).any():
-        return None
-    cell = np.repeat(np.arange(len(start.cells)), len(_lattice(FINEST_LATTICE)))
-    u = np.einsum("wc,kcd->kwd", _lattice(FINEST_LATTICE), start.corners).reshape(-1, 2)
-    points = sampler.points(start.cell_patch[cell], u, np.zeros(len(cell), dtype=np.int64))
-    distance = np.full(len(points), np.inf)
-    for corners in work.points[start.cells]:
-        distance = np.minimum(distance, to_triangles(points, *(np.broadcast_to(c, points.shape) for c in corners)))
-    return work.points if (distance <= work.tolerance).all() else None
+def is_flat(patch: Patch, tolerance: float) -> bool:
+    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
+    centred = patch.control_points - patch.control_points.mean(axis=0)
+    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
 
 
 class _Refinement:
@@ -121,8 +130,7 @@ class _Refinement:
         self.collapsed = start.collapsed
         self.patch, self.parameters, self.face = start.patch, start.parameters, start.face
         self.points = sampler.points(start.patch, start.parameters, start.face)
-        self.cells, self.cell_patch, self.corners = start.cells, start.cell_patch, start.corners
-        self.verified = np.zeros(len(self.cells), dtype=bool)
+        self.verified = np.zeros(len(start.cells), dtype=bool)
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         scale = float(np.abs(self.points).max())
         if not tolerance > ROUNDINGS * EPS * scale:
@@ -130,70 +138,79 @@ class _Refinement:
                 f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
                 f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
             )
-        edges, self.sides = sides_of(start, sampler.patches)
-        self.edges = edges
+        self.nearby = 0.0
+        surfaces = [patch.dimension == 2 for patch in sampler.patches]
+        # Inside flat patches a parameter may slide out of its cell: that is no error of the mesh.
+        self.flat = np.array(
+            [surface and is_flat(p, tolerance) for surface, p in zip(surfaces, sampler.patches, strict=True)]
+        )
+        self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
+        self.edges, sides = sides_of(start, sampler.patches)
+        self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
+        self.growth = Growth()
         self.middle = np.empty((0, 3))
         self.error = np.empty(0)
         self.roughness = np.empty(0)
         self.worst = 0.0
         self.measure()
-        self.bulging = self.bulge(np.arange(len(self.cells))) > self.tolerance
+        self.bulging = self.bulge(np.arange(len(start.cells))) > self.tolerance
 
     def measure(self) -> None:
         """Sample the middle of the edges that were not sampled yet."""
         new = np.arange(len(self.error), len(self.edges.ends))
-        sample, distance = self.along(new, 2)
-        self.middle = np.concatenate([self.middle, sample[:, 0]])
-        self.error = np.concatenate([self.error, distance[:, 0]])
-        self.roughness = np.concatenate([self.roughness, np.full(len(new), np.nan)])
+        sample, distance = self.along(new, np.array([0.5]), 0.0)
+        distance[self.flat[self.edges.patch[new]] & (self.edges.face[new] == 0)] = 0.0
+        self.middle = self.growth.append("middle", self.middle, sample[:, 0])
+        self.error = self.growth.append("error", self.error, distance[:, 0])
+        self.roughness = self.growth.append("roughness", self.roughness, np.full(len(new), np.nan))
 
-    def along(self, rows: IntArray, steps: int) -> tuple[FloatArray, FloatArray]:
-        """(e, steps − 1, 3) inner points of some edges' curves, and their (e, steps − 1) distances from the edges."""
-        edges = self.edges[np.repeat(rows, steps - 1)]
-        t = np.tile(np.arange(1, steps) / steps, len(rows))[:, None]
+    def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
+        """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
+        edges = self.edges[np.repeat(rows, len(fractions))]
+        t = np.tile(fractions, len(rows))[:, None]
         u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
-        sample = self.sampler.points(edges.patch, u, edges.face)
+        sample = self.sampler.points(edges.patch, u, edges.face, within)
         distance = to_segments(sample, *np.moveaxis(self.points[edges.ends], 1, 0))
-        return sample.reshape(-1, steps - 1, 3), distance.reshape(-1, steps - 1)
+        return sample.reshape(-1, len(fractions), 3), distance.reshape(-1, len(fractions))
 
     def step(self) -> bool:
         """Split what is too far from the surface; False when nothing is."""
         marked = self.marks()
         if not marked.any():
             return False
-        if self.cells.shape[1] == 3:
+        if self.cells.cells.shape[1] == 3:
             self.mark_thin(marked)
-        kept = self.split(marked)
+        changed = self.split(marked)
         self.measure()
-        bulging = self.bulge(np.arange(kept, len(self.cells))) > self.tolerance
-        self.bulging = np.concatenate([self.bulging, bulging])
+        self.bulging[changed] = self.bulge(changed) > self.tolerance
         return True
 
     def marks(self) -> BoolArray:
         """(e,) which edges are to be split, by what is known of them, or else by verifying cells."""
-        marked = np.zeros(len(self.error), dtype=bool)
-        for side in self.sides.T:
-            marked[side] = self.error[side] > self.tolerance
-        if self.cells.shape[1] == 3:
-            self.mark_worst(marked, np.flatnonzero(self.bulging))
-        if not marked.any():
-            self.verify(marked)
+        again = True
+        while again:
+            marked = np.zeros(len(self.error), dtype=bool)
+            for side in self.cells.sides.T:
+                marked[side] = self.error[side] > self.tolerance
+            if self.cells.cells.shape[1] == 3:
+                self.mark_worst(marked, np.flatnonzero(self.bulging))
+            again = not marked.any() and self.verify(marked)
         return marked
 
     def has_mark(self, marked: BoolArray, rows: IntArray | slice) -> BoolArray:
         """Whether any side of some cells is marked; column by column, as reductions along short rows are slow."""
-        columns = [marked[side[rows]] for side in self.sides.T]
+        columns = [marked[side[rows]] for side in self.cells.sides.T]
         return np.asarray(np.logical_or.reduce(columns))
 
     def lengths(self, sides: IntArray) -> FloatArray:
-        """(k, 3) lengths of edges."""
+        """Lengths of edges."""
         ends = self.edges.ends[sides.ravel()]
         chord = self.points[ends[:, 1]] - self.points[ends[:, 0]]
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""
-        sides = self.sides[failing[~self.has_mark(marked, failing)]]
+        sides = self.cells.sides[failing[~self.has_mark(marked, failing)]]
         length = self.lengths(sides)
         # Where no edge is off, the longest: errors then are rounding.
         rank = np.where(self.error[sides] > 0.05 * self.tolerance, self.error[sides], 0.0) + 1e-6 * self.tolerance * (
@@ -203,81 +220,137 @@ class _Refinement:
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of thin triangles that have another one marked, until there is none."""
-        before = np.zeros(len(self.cells), dtype=bool)
+        before = np.zeros(len(self.cells.cells), dtype=bool)
         while True:
             touched = self.has_mark(marked, slice(None))
             rows = np.flatnonzero(touched & ~before)
             if not len(rows):
                 return
             before = touched
-            a, b, c = (self.points[corner[rows]] for corner in self.cells.T)
+            a, b, c = (self.points[corner[rows]] for corner in self.cells.cells.T)
             normal = cross(b - a, c - a)
-            length = self.lengths(self.sides[rows])
+            length = self.lengths(self.cells.sides[rows])
             thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
-            marked[self.sides[rows[thin], length[thin].argmax(axis=1)]] = True
+            marked[self.cells.sides[rows[thin], length[thin].argmax(axis=1)]] = True
 
     def heights(self, rows: IntArray) -> FloatArray:
         """(3, k) heights of the sides' middles over some triangles."""
-        corners = [self.points[corner[rows]] for corner in self.cells.T]
+        corners = [self.points[corner[rows]] for corner in self.cells.cells.T]
         normal = cross(corners[1] - corners[0], corners[2] - corners[0])
         length = np.sqrt(dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
-        middles = [self.middle[side[rows]] - (corners[k] + corners[k - 2]) / 2 for k, side in enumerate(self.sides.T)]
+        middles = [
+            self.middle[side[rows]] - (corners[k] + corners[k - 2]) / 2 for k, side in enumerate(self.cells.sides.T)
+        ]
         return np.stack([dot(middle, normal) * scale for middle in middles])
 
     def bulge(self, rows: IntArray) -> FloatArray:
         """Largest height over some cells of the quadratic surface through their corners and their sides' middles."""
-        if self.cells.shape[1] == 2:
+        if self.cells.cells.shape[1] == 2:
             return np.zeros(len(rows))
         return np.asarray(np.abs(_QUADRATIC.T @ self.heights(rows)).max(axis=0))
 
-    def verify(self, marked: BoolArray) -> None:
+    def verify(self, marked: BoolArray) -> bool:
         """Sample the cells that were not verified yet on a lattice, and mark the worst edge of those that fail.
 
-        Cells that hold, but not because the surface is quadratic there, are sampled on a finer lattice.
+        Cells that hold, but not because the surface is quadratic there, are sampled on a finer lattice. The result is
+        whether what is known of edges has changed instead.
         """
         todo = np.flatnonzero(~self.verified)
         if not len(todo):
-            return
+            return False
+        sides = np.unique(self.cells.sides[todo])
+        width = np.abs(self.edges.parameters[sides, 1] - self.edges.parameters[sides, 0]).max(axis=1)
+        speed = float((self.lengths(sides) * self.sizes[self.edges.patch[sides]] / width).max())
+        self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
+        flat = self.flat[self.cells.patch[todo]]
+        bent = todo[~flat]
         steps = 4 * int(np.clip(np.sqrt(2 * SAMPLES / len(todo)) / 4, 1, FINEST_LATTICE / 4))
-        failing = np.zeros(len(self.cells), dtype=bool)
-        doubt = self.sample(todo, steps, failing, marked)
-        doubtful = todo[doubt] if steps < FINE_LATTICE else todo[:0]
+        failing = np.zeros(len(self.verified), dtype=bool)
+        doubt = self.sample(bent, steps, failing, marked)
+        doubtful = bent[doubt] if steps < FINE_LATTICE else todo[:0]
         if not failing.any() and not marked.any() and len(doubtful):
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
-        if self.cells.shape[1] == 3:
-            cell, u = self.knots_inside(todo)
+        if self.cells.cells.shape[1] == 3:
+            cell, u = self.knots_inside(bent)
             failing[cell[self.distance(cell, u) > self.tolerance]] = True
             self.mark_worst(marked, np.flatnonzero(failing))
         self.verified[todo] = ~failing[todo]
         self.verified[doubtful] = False
+        return bool(flat.any()) and not marked.any() and self.verify_flat(todo[flat], steps, marked)
+
+    def verify_flat(self, todo: IntArray, steps: int, marked: BoolArray) -> bool:
+        """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
+
+        Where it does not, the patch is refined like others: the result is whether there is such a patch.
+        """
+        sides = np.unique(self.cells.sides[todo])
+        sides = sides[self.edges.face[sides] > 0]
+        self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
+        marked[sides] = self.error[sides] > self.tolerance
+        if marked.any():
+            return False
+        bent = False
+        weights = _lattice(steps if steps > LATTICE else CENTROID)
+        for index in np.unique(self.cells.patch[todo]).tolist():
+            rows = np.flatnonzero(self.cells.patch == index)
+            failing = self.folded_or_not_covering(rows, weights)
+            if not failing.any():
+                continue
+            self.verified[rows] = False
+            self.folds[index] += int(failing.sum())
+            if self.folds[index] <= FOLDS:
+                self.mark_worst(marked, rows[failing])
+                continue
+            bent = True
+            self.flat[index] = False
+            inner = np.flatnonzero((self.edges.patch == index) & (self.edges.face == 0))
+            self.error[inner] = to_segments(self.middle[inner], *np.moveaxis(self.points[self.edges.ends[inner]], 1, 0))
+        return bent and not marked.any()
+
+    def folded_or_not_covering(self, rows: IntArray, weights: FloatArray) -> BoolArray:
+        """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all."""
+        corners = self.points[self.cells.cells[rows]]
+        area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        turn = area @ area.sum(axis=0)
+        failing = turn < -FOLD * turn.max()
+        if failing.any():
+            return np.asarray(failing)
+        u = np.einsum("wc,kcd->kwd", weights, self.cells.corners[rows]).reshape(-1, 2)
+        own = np.repeat(np.arange(len(rows)), len(weights))
+        sample = self.sampler.points(self.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), self.nearby)
+        nearest = NearestCells(corners)
+        distance = nearest.distances(sample, own)
+        far = np.flatnonzero(distance > self.tolerance)
+        if len(far):
+            far = far[nearest.search(sample[far], distance[far], own[far])[0] > self.tolerance]
+            failing[own[far]] = True
+        return np.asarray(failing)
 
     def sample(self, rows: IntArray, steps: int, failing: BoolArray, marked: BoolArray) -> BoolArray:
         """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are in doubt."""
         chosen = np.zeros(len(self.error), dtype=bool)
-        for side in self.sides.T:
+        for side in self.cells.sides.T:
             chosen[side[rows]] = True
         if steps <= LATTICE:
             chosen &= np.isnan(self.roughness)
-        sides = np.flatnonzero(chosen)
-        if len(sides):
-            distance = self.along(sides, max(steps, LATTICE))[1]
-            # A parabola is three quarters as far from its chord at the quarters as in the middle.
-            quarter, middle = distance.shape[1] // 4, distance.shape[1] // 2
-            off = distance[:, [quarter, -1 - quarter]] - 0.75 * distance[:, [middle]]
-            self.roughness[sides] = np.abs(off).max(axis=1)
-            self.error[sides] = np.maximum(self.error[sides], distance.max(axis=1))
-            marked[sides] = self.error[sides] > self.tolerance
-        rough = np.maximum.reduce([self.roughness[side[rows]] for side in self.sides.T])
-        seen = np.maximum.reduce([self.error[side[rows]] for side in self.sides.T])
+            sides = np.flatnonzero(chosen)
+            self.sample_sides(sides, np.array([0.25]))
+            sides = sides[self.roughness[sides] > EVEN * self.tolerance]
+            self.sample_sides(sides, np.array([0.75]))
+        else:
+            self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
+        marked[chosen] = self.error[chosen] > self.tolerance
+        rough = np.maximum.reduce([self.roughness[side[rows]] for side in self.cells.sides.T])
+        seen = np.maximum.reduce([self.error[side[rows]] for side in self.cells.sides.T])
         weights = _lattice(steps if steps > LATTICE else CENTROID)
         a, b, c = weights.T
         quadratic = 4 * np.stack([a * b, b * c, c * a], axis=1)
         length = max(1, 200_000 // len(weights))
-        for begin in range(0, len(rows) if self.cells.shape[1] == 3 else 0, length):
+        for begin in range(0, len(rows) if self.cells.cells.shape[1] == 3 else 0, length):
             part = rows[begin : begin + length]
-            u = np.einsum("wc,kcd->kwd", weights, self.corners[part]).reshape(-1, 2)
+            u = np.einsum("wc,kcd->kwd", weights, self.cells.corners[part]).reshape(-1, 2)
             distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
             failing[part] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(quadratic @ self.heights(part)).T
@@ -286,10 +359,21 @@ class _Refinement:
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
         return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
 
+    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> None:
+        """Sample edges at fractions, quarters among them, and note how far and how rough they are."""
+        if not len(rows):
+            return
+        distance = self.along(rows, fractions, self.nearby)[1]
+        middle = to_segments(self.middle[rows], *np.moveaxis(self.points[self.edges.ends[rows]], 1, 0))
+        # A parabola is three quarters as far from its chord at the quarters as in the middle.
+        off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * middle[:, None]).max(axis=1)
+        self.roughness[rows] = np.fmax(self.roughness[rows], off)
+        self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
+
     def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
-        sample = self.sampler.points(self.cell_patch[cell], u, np.zeros(len(cell), dtype=np.int64))
-        distance = to_triangles(sample, *(self.points[corner] for corner in self.cells[cell].T))
+        sample = self.sampler.points(self.cells.patch[cell], u, np.zeros(len(cell), dtype=np.int64), self.nearby)
+        distance = to_triangles(sample, *(self.points[corner] for corner in self.cells.cells[cell].T))
         self.worst = max(self.worst, float(distance.max(initial=0.0)))
         return distance
 
@@ -298,8 +382,8 @@ class _Refinement:
         found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
         for index, patch in enumerate(self.sampler.patches):
             knots = patch.knots[~patch.domain.incidence.any(axis=1)]
-            cells = todo[self.cell_patch[todo] == index]
-            a, b, c = np.moveaxis(self.corners[cells], 1, 0)
+            cells = todo[self.cells.patch[todo] == index]
+            a, b, c = np.moveaxis(self.cells.corners[cells], 1, 0)
             for knot in knots:
                 signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
                 inside = cells[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
@@ -307,14 +391,14 @@ class _Refinement:
                 found.append(np.repeat(knot[None], len(inside), axis=0))
         return np.concatenate(found_cells), np.concatenate(found)
 
-    def split(self, marked: BoolArray) -> int:
-        """Split marked edges in the middle, and the cells beside them by pattern; the number of cells that stay."""
+    def split(self, marked: BoolArray) -> IntArray:
+        """Split marked edges in the middle, and the cells beside them by pattern; the cells that are new."""
         chosen = np.flatnonzero(marked)
-        count = len(self.cells) + int(marked[self.sides].sum())
-        reached = float(self.error[self.sides].max())
+        count = len(self.cells.cells) + int(marked[self.cells.sides].sum())
+        reached = float(self.error[self.cells.sides].max())
         if count > self.max_cells:
             raise ToleranceError(
-                f"tolerance: {self.asked:g} needs more than {self.max_cells} faces; with {len(self.cells)} "
+                f"tolerance: {self.asked:g} needs more than {self.max_cells} faces; with {len(self.cells.cells)} "
                 f"the distance is still {reached:.3g}"
             )
         old = self.edges[chosen]
@@ -327,10 +411,10 @@ class _Refinement:
         vertex = np.full(len(marked), -1)
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
         middles = old.middles
-        self.patch = np.concatenate([self.patch, old.patch])
-        self.parameters = np.concatenate([self.parameters, middles])
-        self.face = np.concatenate([self.face, old.face])
-        self.points = np.concatenate([self.points, self.middle[chosen]])
+        self.patch = self.growth.append("patch", self.patch, old.patch)
+        self.parameters = self.growth.append("parameters", self.parameters, middles)
+        self.face = self.growth.append("face", self.face, old.face)
+        self.points = self.growth.append("points", self.points, self.middle[chosen])
         child = np.full((len(marked), 2), -1)
         child[chosen] = len(marked) + np.arange(2 * len(chosen)).reshape(2, -1).T
         halves = [
@@ -342,31 +426,31 @@ class _Refinement:
             )
             for end in (0, 1)
         ]
-        self.edges = self.edges.followed_by(*halves)
-        divide = divide_segments if self.cells.shape[1] == 2 else divide_triangles
-        whole = Cells(self.cells, self.sides, self.corners, self.cell_patch)
-        pieces, made = divide(whole, self.edges, self.points, vertex, child)
-        keep = ~self.has_mark(marked, slice(None))
-        self.edges = self.edges.followed_by(made)
-        self.cells = np.concatenate([self.cells[keep], *(piece.cells for piece in pieces)])
-        self.sides = np.concatenate([self.sides[keep], *(piece.sides for piece in pieces)])
-        self.corners = np.concatenate([self.corners[keep], *(piece.corners for piece in pieces)])
-        self.cell_patch = np.concatenate([self.cell_patch[keep], *(piece.patch for piece in pieces)])
-        added = sum(len(piece.cells) for piece in pieces)
-        self.verified = np.concatenate([self.verified[keep], np.zeros(added, dtype=bool)])
-        self.bulging = self.bulging[keep]
-        return len(self.bulging)
+        self.edges = self.edges.followed_by(self.growth, *halves)
+        rows = np.flatnonzero(self.has_mark(marked, slice(None)))
+        divide = divide_segments if self.cells.cells.shape[1] == 2 else divide_triangles
+        pieces, made = divide(self.cells[rows], self.edges, self.points, vertex, child)
+        if made:
+            self.edges = self.edges.followed_by(self.growth, *made)
+        before = len(self.verified)
+        self.cells = self.cells.replaced(self.growth, rows, pieces)
+        changed = np.concatenate([rows, np.arange(before, len(self.cells.cells))])
+        unknown = np.zeros(len(self.cells.cells) - before, dtype=bool)
+        self.verified = self.growth.append("verified", self.verified, unknown)
+        self.bulging = self.growth.append("bulging", self.bulging, unknown)
+        self.verified[rows] = False
+        return changed
 
     def result(self) -> tuple[Complex, FloatArray]:
         """The refined complex; cells ordered by patch, else in the order in which they were made."""
-        order = np.argsort(self.cell_patch, kind="stable")
+        order = np.argsort(self.cells.patch, kind="stable")
         refined = Complex(
             self.patch,
             self.parameters,
             self.face,
-            self.cells[order],
-            self.cell_patch[order],
-            self.corners[order],
+            self.cells.cells[order],
+            self.cells.patch[order],
+            self.cells.corners[order],
             self.collapsed,
         )
         return refined, self.points

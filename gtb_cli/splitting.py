@@ -4,12 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.complex import Complex
 from gtb_cli.patch import Patch
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+class Growth:
+    """Memory with room for more rows of some arrays, so that not all rows are copied whenever some are appended."""
+
+    def __init__(self) -> None:
+        self._rooms: dict[str, NDArray[Any]] = {}
+
+    def append(self, name: str, array: NDArray[Scalar], *more: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Append rows to an array, under a name that no other array has."""
+        length = len(array) + sum(map(len, more))
+        room = self._rooms.get(name)
+        if room is None or array.base is not room or len(room) < length:
+            room = self._rooms[name] = np.empty((2 * length, *array.shape[1:]), dtype=array.dtype)
+            room[: len(array)] = array
+        np.concatenate(more, out=room[len(array) : length])
+        return room[:length]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +45,13 @@ class Edges:
     def __getitem__(self, rows: IntArray) -> Edges:
         return Edges(self.ends[rows], self.patch[rows], self.parameters[rows], self.face[rows])
 
-    def followed_by(self, *others: Edges) -> Edges:
-        """Concatenate, these first."""
-        every = (self, *others)
+    def followed_by(self, growth: Growth, *others: Edges) -> Edges:
+        """Append others to these."""
         return Edges(
-            np.concatenate([edges.ends for edges in every]),
-            np.concatenate([edges.patch for edges in every]),
-            np.concatenate([edges.parameters for edges in every]),
-            np.concatenate([edges.face for edges in every]),
+            growth.append("edges.ends", self.ends, *(edges.ends for edges in others)),
+            growth.append("edges.patch", self.patch, *(edges.patch for edges in others)),
+            growth.append("edges.parameters", self.parameters, *(edges.parameters for edges in others)),
+            growth.append("edges.face", self.face, *(edges.face for edges in others)),
         )
 
     @property
@@ -49,13 +69,26 @@ class Cells:
     corners: FloatArray
     patch: IntArray
 
+    def __getitem__(self, rows: IntArray | slice) -> Cells:
+        return Cells(self.cells[rows], self.sides[rows], self.corners[rows], self.patch[rows])
+
+    def replaced(self, growth: Growth, rows: IntArray, pieces: Sequence[Cells]) -> Cells:
+        """Put pieces in the place of the given cells, and those for which there is none at the end."""
+
+        def column(name: str) -> NDArray[Any]:
+            new = np.concatenate([getattr(piece, name) for piece in pieces])
+            column = growth.append(f"cells.{name}", getattr(self, name), new[len(rows) :])
+            column[rows] = new[: len(rows)]
+            return column
+
+        return Cells(column("cells"), column("sides"), column("corners"), column("patch"))
+
 
 def divide_segments(
     whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
-) -> tuple[list[Cells], Edges]:
+) -> tuple[list[Cells], list[Edges]]:
     """Cut segments in two; arguments and results as of `divide_triangles`."""
-    rows = np.flatnonzero(vertex[whole.sides[:, 0]] >= 0)
-    cells, sides, corners, patch = whole.cells[rows], whole.sides[rows, 0], whole.corners[rows], whole.patch[rows]
+    cells, sides, corners, patch = whole.cells, whole.sides[:, 0], whole.corners, whole.patch
     middle, center = vertex[sides], corners.mean(axis=1)
     pieces = []
     for end in (0, 1):
@@ -64,18 +97,18 @@ def divide_segments(
         ends = corners.copy()
         ends[:, 1 - end] = center
         pieces.append(Cells(half, half_at(edges, child, sides, cells[:, end])[:, None], ends, patch))
-    return pieces, edges[np.empty(0, dtype=np.int64)]
+    return pieces, []
 
 
 def divide_triangles(
     whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
-) -> tuple[list[Cells], Edges]:
+) -> tuple[list[Cells], list[Edges]]:
     """Cut triangles with one, two or three split sides into two, three or four.
 
     Parameters
     ----------
     whole : Cells
-        All cells; those without a split side are left out.
+        Each with a split side at least.
     edges : Edges
         With the halves of split ones.
     points : (v, 3) float
@@ -88,7 +121,7 @@ def divide_triangles(
     Returns
     -------
     pieces : list of Cells
-    made : Edges
+    made : list of Edges
         New ones inside cells, to be numbered after `edges`.
     """
     marks = vertex[whole.sides] >= 0
@@ -143,7 +176,7 @@ def divide_triangles(
                         around[chosen][:, triangle], np.stack(sides, axis=1), places[chosen][:, triangle], patch[chosen]
                     )
                 )
-    return pieces, edges[np.empty(0, dtype=np.int64)].followed_by(*made)
+    return pieces, made
 
 
 _Pattern = tuple[tuple[tuple[int, int, int], ...], tuple[tuple[int, int], ...]]

@@ -25,9 +25,6 @@ MAX_FACES = 5_000_000
 UNIFORM_TRIALS = 2
 """Uniform complexes tried in place of a refined one."""
 
-FEW = 64
-"""Number of cells up to which a flat surface is compared with all of them."""
-
 COARSEST = (1, 2, 3)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices."""
 
@@ -109,16 +106,12 @@ def fewest_cells(
 
     Refinement halves; on a gentle surface a number of cells between its steps can be enough.
     """
-    from gtb_cli.refinement import covers, refine, sampled
+    from gtb_cli.refinement import refine, sampled
 
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
         if start.is_simplicial:
             break
-    if patches[0].dimension == 2 and all(is_flat(patch, tolerance) for patch in patches) and len(start.cells) <= FEW:
-        points = covers(start, sampler, tolerance)
-        if points is not None:
-            return start, points
     refined = found = refine(start, sampler, tolerance, max_faces)
 
     # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
@@ -141,12 +134,6 @@ def fewest_cells(
             low = n
         n = min(max(math.ceil(n * math.sqrt(distance / tolerance)), low + 1), high - 1)
     return found
-
-
-def is_flat(patch: Patch, tolerance: float) -> bool:
-    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
-    centred = patch.control_points - patch.control_points.mean(axis=0)
-    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
 
 
 def narrowest(mosaic: Complex, patches: Sequence[Patch]) -> float:

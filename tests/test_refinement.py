@@ -11,6 +11,7 @@ from gtb_cli.distance import to_segments, to_triangles
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.mesh import Mesh
 from gtb_cli.moment import linear_locations
+from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
 from gtb_cli.tessellation import tessellate
 
@@ -149,6 +150,33 @@ def test_a_flat_patch_whose_parameters_slide_takes_no_more():
     bent = GRID.copy()
     bent[1] += [-0.3, 0]
     assert len(tessellate(Patch(GRID, bent), tolerance=1e-2).faces) > 2
+
+
+def concave(inner: tuple[float, float]) -> Patch:
+    """A flat patch around a rounded concave corner: with straight sides in Δ, triangles there fold over each other."""
+    knots = [(i, j) for j in range(3) for i in range(3)]
+    points = [(-2, -1), (-1, -1), (-1, -2), (-3.5, -1), inner, (-1, -3.5), (-5, -1), (-5, -5), (-1, -5)]
+    return Patch(knots, points, [1, 2**-0.5, 1, 1, 2**-0.5, 1, 1, 2**-0.5, 1], [1, 2, 1, 2, 4, 2, 1, 2, 1])
+
+
+@pytest.mark.parametrize("inner", [(-3, -3), (1, 1)], ids=["one to one", "folding"])
+@pytest.mark.parametrize("tolerance", [0.06, 0.006])
+def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
+    """By the nearest triangles; where the surface itself folds over its boundary, too."""
+    shape = concave(inner)
+    mesh = tessellate(shape, tolerance=tolerance)
+    u = np.random.default_rng(3).uniform(0, 2, (20_000, 2))
+    u[:2000, 0] = 0
+    u[2000:4000, 1] = 0
+    points = shape.evaluate(u)
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    distances = cells.search(points, *cells.start(points))[0]
+    assert distances.max() <= tolerance * (1 + SLACK)
+    assert_conforming(mesh)
+    if inner == (-3, -3):
+        assert len(mesh.faces) < 4 * len(mesh.open_sides)  # a polygon takes two triangles less than it has sides
+        assert len(set(np.sign(domain_areas(mesh.vertices[mesh.faces][:, :, :2])))) == 1
+        assert largest_distance(shape, mesh) > tolerance  # of the cells in whose parameters the points lie
 
 
 def test_points_per_edge_do_not_depend_on_scale_or_place():
