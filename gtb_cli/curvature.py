@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.basis import UNDERFLOW, Location, block_length, exponents, is_corner
 from gtb_cli.complex import Parametrization
 from gtb_cli.domain import EPS, Domain, knot_tolerance
@@ -110,7 +110,7 @@ def with_attributes(
     Parameters
     ----------
     shape : Patch or Model
-        What the mesh is of. A model's mesh has no parameters, so that this is refused.
+        What the mesh is of. Vertices that patches share get the scalars of the first one.
     mesh : Mesh
         As `gtb_cli.tessellation.tessellate` made it.
     names : sequence of str
@@ -129,25 +129,42 @@ def with_attributes(
     Raises
     ------
     DomainError
-        An unknown name, a curvature of a curve, or a model.
+        An unknown name, a curvature of a curve, or a mesh without parameters.
     """
     for name in names:
         if name not in ATTRIBUTES:
             raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)}, got {name!r}")
         if mesh.is_curve and name != "u":
             raise DomainError(f"attribute: a curve has u, its parameter, and no {name}")
-    if isinstance(shape, Model) or mesh.parameters is None:
-        raise DomainError("attribute: the vertices of a model have no parameters; mesh its patches one by one")
+    if mesh.parameters is None:
+        raise DomainError("attribute: the vertices of this mesh have no parameters")
     values: dict[str, FloatArray] = dict(zip("uv", mesh.parameters.T, strict=False))
     replaced = 0
     if any(name.endswith("curvature") for name in names):
-        found = curvature(shape, mesh.parameters, parametrization)
+        found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
         values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
         replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
     chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
     if chosen:
         chosen[SHOWN] = next(iter(chosen.values()))
     return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
+
+
+def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
+    """Curvatures at the vertices of a mesh, with respect to its orientation."""
+    if isinstance(shape, Patch):
+        return curvature(shape, u, parametrization)
+    assert mesh.origin is not None
+    found = Curvature(np.empty(len(u)), np.empty(len(u)))
+    for index in np.unique(mesh.origin.patch).tolist():
+        patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
+        # On edges a model's parameters are linear in either parametrisation.
+        on_edge = (patch.domain.heights_of_columns(u[rows]) == 0).any(axis=0)
+        parts: list[tuple[IntArray, Parametrization]] = [(rows[on_edge], "linear"), (rows[~on_edge], parametrization)]
+        for part, kind in parts:
+            gaussian, mean = curvature(patch, u[part], kind)
+            found.gaussian[part], found.mean[part] = gaussian, -mean if mesh.origin.turned[index] else mean
+    return found
 
 
 def filled(mesh: Mesh, values: FloatArray) -> FloatArray:

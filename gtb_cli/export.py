@@ -223,6 +223,8 @@ def _vertex_normals(mesh: Mesh) -> FloatArray | None:
 def _texture_coordinates(mesh: Mesh) -> FloatArray:
     if mesh.parameters is None:
         raise ExportError("uv: the mesh has no parameters")
+    if mesh.origin is not None:
+        raise ExportError("uv: where patches of a model meet, a vertex has parameters in each; mesh them one by one")
     columns = mesh.parameters.reshape(len(mesh.vertices), -1)
     return columns if columns.shape[1] == 2 else np.column_stack([columns[:, 0], np.zeros(len(columns))])
 

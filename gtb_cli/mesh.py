@@ -9,11 +9,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 
 if TYPE_CHECKING:
     import trimesh
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the vertices of a model's mesh come from.
+
+    Attributes
+    ----------
+    patch : (m,) int
+        The patch in whose domain each vertex has its parameters: of those that share it, the first.
+    turned : (p,) bool
+        The patches whose orientation the mesh reverses.
+    """
+
+    patch: IntArray
+    turned: BoolArray
 
 
 @dataclass(frozen=True)
@@ -28,11 +44,13 @@ class Mesh:
         Segments of a polyline, or triangles, as indices into `vertices`; triangles
         counter-clockwise in the domain.
     parameters : (m, d) float, optional
-        Domain parameter of each vertex.
+        Domain parameter of each vertex; for a model, in the patch that `origin` says.
     normals : (m, 3) float, optional
         Unit normal of each vertex.
     groups : tuple of (name, start, stop)
         Ranges of `cells` that came from one patch each; empty for a single patch.
+    origin : Origin, optional
+        For a model.
     attributes : mapping of name to (m,) float
         Further scalars per vertex.
     name : str
@@ -46,6 +64,7 @@ class Mesh:
     groups: tuple[tuple[str, int, int], ...] = ()
     attributes: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     name: str = "patch"
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         count = len(self.vertices)

@@ -12,7 +12,7 @@ from gtb_cli.complex import merged
 from gtb_cli.distance import cross, dot
 from gtb_cli.domain import EPS
 from gtb_cli.errors import DomainError
-from gtb_cli.mesh import Mesh
+from gtb_cli.mesh import Mesh, Origin
 
 SMALLEST = 64
 """A thickness of fewer roundings of the largest coordinate is none; boundary edges as short have one end."""
@@ -81,6 +81,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
             {name: np.concatenate([values, values]) for name, values in mesh.attributes.items()}
         ),
         name=mesh.name,
+        origin=None if mesh.origin is None else Origin(np.tile(mesh.origin.patch, 2), mesh.origin.turned),
     )
 
 
@@ -177,6 +178,7 @@ def _welded(mesh: Mesh) -> Mesh:
         tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
         MappingProxyType({name: values[used] for name, values in mesh.attributes.items()}),
         mesh.name,
+        None if mesh.origin is None else Origin(mesh.origin.patch[used], mesh.origin.turned),
     )
 
 

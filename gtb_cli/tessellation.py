@@ -12,7 +12,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.complex import Complex, Parametrization, Sampler, joined_complex, merged
 from gtb_cli.distance import cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.mesh import Mesh
+from gtb_cli.mesh import Mesh, Origin
 from gtb_cli.patch import Model, Patch
 from gtb_cli.triangulation import cell_count
 
@@ -60,7 +60,7 @@ def tessellate(
     Returns
     -------
     Mesh
-        With unit normals, if asked for, and, for a patch, parameters. Shared edges of a model's patches are sampled
+        With unit normals, if asked for, and parameters. Shared edges of a model's patches are sampled
         once, by the curve's own data, and their vertices are one.
 
     Raises
@@ -164,7 +164,7 @@ def _mesh(
             raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     vertices = points[used]
     normals = None
-    inward = np.zeros(1, dtype=bool)
+    inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
         inward = inside_out(vertices, cells, cell_patch)
         cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
@@ -180,10 +180,11 @@ def _mesh(
     return Mesh(
         vertices,
         cells,
-        parameters=None if isinstance(shape, Model) else mosaic.parameters[used],
+        parameters=mosaic.parameters[used],
         normals=normals,
         groups=groups,
         name=name,
+        origin=None if joints is None else Origin(mosaic.patch[used], inward ^ np.array(joints.flipped)),
     )
 
 

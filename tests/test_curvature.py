@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import plyfile
@@ -13,6 +14,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.mesh import Mesh
 from gtb_cli.patch import Model, Patch
 from gtb_cli.spec import load
+from gtb_cli.tangents import locations
 from gtb_cli.tessellation import tessellate
 from tests.exact import CONTEXT, Number, basis, numbers, point
 from tests.meshes import encoded
@@ -405,9 +407,30 @@ def test_a_curve_has_its_parameter():
 def test_what_there_is_not_is_refused():
     with pytest.raises(DomainError, match="expected one of u, v, gaussian_curvature, mean_curvature, got 'colour'"):
         with_attributes(octant(), tessellate(octant(), 2), ["colour"])
-    model = Model((octant(),))
-    with pytest.raises(DomainError, match="a model have no parameters"):
-        with_attributes(model, tessellate(model, 2), ["u"])
+    bare = replace(tessellate(octant(), 2), parameters=None)
+    with pytest.raises(DomainError, match="vertices of this mesh have no parameters"):
+        with_attributes(octant(), bare, ["u"])
+
+
+@pytest.mark.parametrize("parametrization", ["linear", "toric"])
+def test_a_closed_model_has_the_curvature_of_its_outside(parametrization):
+    """A sphere of eight octants, every other one a mirror image, whose own normals look inwards."""
+    part = octant(2.0)
+    signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
+    model = Model(tuple(replace(part, control_points=part.control_points * sign) for sign in signs))
+    mesh = tessellate(model, 5, parametrization=parametrization)
+    assert mesh.origin is not None
+    assert len(set(mesh.origin.turned)) == 2
+    mesh, _ = with_attributes(model, mesh, ATTRIBUTES, parametrization)
+    np.testing.assert_allclose(mesh.attributes["gaussian_curvature"], 0.25, rtol=DIGITS)
+    np.testing.assert_allclose(mesh.attributes["mean_curvature"], 0.5, rtol=DIGITS)
+    for index, patch in enumerate(model.patches):
+        rows = mesh.origin.patch == index
+        u = mesh.parameters[rows]
+        np.testing.assert_array_equal(np.column_stack([mesh.attributes[n][rows] for n in "uv"]), u)
+        inside = (patch.domain.heights_of_columns(u) > 0).all(axis=0)
+        there = patch.points_at(locations(patch, u[inside], parametrization), int(inside.sum()))
+        np.testing.assert_allclose(mesh.vertices[rows][inside], there, atol=1e-12)
 
 
 def test_the_command_knows_the_same_names():
