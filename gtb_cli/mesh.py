@@ -112,6 +112,13 @@ class Mesh:
         return np.asarray(directed[~(met & single)])
 
     @property
+    def crowded_sides(self) -> IntArray:
+        """(k, 2) sides of more than two triangles, ends ascending: there the mesh is no manifold."""
+        pairs = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        sides, uses = np.unique(pairs, axis=0, return_counts=True)
+        return np.asarray(sides[uses > 2])
+
+    @property
     def bounds(self) -> FloatArray:
         """(2, 3): the lowest and highest coordinates."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

@@ -87,6 +87,8 @@ def tessellate(
     if tolerance is None:
         refuse_too_many(sum(cell_count(patch.domain, resolution) for patch in patches), max_faces)
         mosaic = joined_complex(patches, joints, resolution)
+        # Patches that share two edges are cut around their centres, into more cells than others.
+        refuse_too_many(len(mosaic.cells), max_faces)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
         mosaic, points = fewest_cells(patches, joints, sampler, float(tolerance), max_faces)

@@ -60,3 +60,12 @@ def test_open_sides_are_those_without_one_opposite():
     turned[0] = turned[0, ::-1]
     assert len(Mesh(corners, turned).open_sides) == 6
     assert len(Mesh(corners, np.vstack([closed, [[0, 1, 2]]])).open_sides) > 0
+
+
+def test_edges_between_the_same_vertices_are_reported(tmp_path):
+    """The halves of a ring, with one segment each, are one side of four triangles."""
+    target = str(tmp_path / "teapot.obj")
+    one, two = (gtb("mesh", str(TEAPOT), "-n", n, "-o", target) for n in "12")
+    assert one.status == two.status == 0
+    assert "with -n 1 edges of patches that have the same ends are one: 2 sides have more than two faces" in one.err
+    assert "warning" not in two.err

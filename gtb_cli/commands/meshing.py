@@ -103,6 +103,13 @@ class MeshOptions:
             spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
         )
         remarks = []
+        if isinstance(spec, Model) and tolerance is None and self.resolution < 3 and not mesh.is_curve:
+            crowded = len(mesh.crowded_sides)
+            if crowded:
+                remarks.append(
+                    f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
+                    f"more than two faces; -n {self.resolution + 1} keeps them apart"
+                )
         linear = isinstance(spec, Model) or tolerance is not None
         parametrization = self.parametrization or ("linear" if linear else "toric")
         if self.attributes:
