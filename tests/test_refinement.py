@@ -13,7 +13,9 @@ from gtb_cli.mesh import Mesh
 from gtb_cli.moment import linear_locations
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
+from gtb_cli.spec import load
 from gtb_cli.tessellation import tessellate
+from tests.specs import SPECS
 
 PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
 HEIGHTS = np.array([0, 4, 2, 5, 2, 0, 2, 0.0])
@@ -205,6 +207,18 @@ def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
     reached = largest_distance(shape, mesh)
     n = math.isqrt((len(mesh.faces) - 1) // 2)
     assert largest_distance(shape, tessellate(shape, n, parametrization="linear")) > reached * (1 - NOISE)
+
+
+@pytest.mark.parametrize("name", ["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"])
+def test_triangles_are_well_shaped_where_the_surface_is_gentle(name):
+    """Longest side over height: 1.15 for an equilateral triangle; the README says what was measured."""
+    shape = load(SPECS / f"{name}.toml")
+    mesh = tessellate(shape, tolerance=2e-3 * diagonal(shape))
+    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    aspect = longest**2 / np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assert np.median(aspect) < 4
+    assert np.quantile(aspect, 0.99) < 27
 
 
 def test_curves_are_refined_where_they_bend():
