@@ -62,7 +62,8 @@ class MeshSequence:
     film : Mesh or None
         What the limit as a set has beside its last mesh.
     film_distances : tuple of float or None
-        Distances from the limit with its film, where it has one.
+        Distances from the limit with its film, where it has one. That of the last mesh, which is the limit without
+        it, tells how far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
     doubts : tuple of (float, str)
         Values whose distances could not be measured as finely as they should be, and why.
     """
@@ -76,12 +77,12 @@ class MeshSequence:
     film_distances: tuple[float, ...] | None = None
     doubts: tuple[tuple[float, str], ...] = ()
 
-    def record(self, files: Sequence[str]) -> dict[str, Any]:
-        """What `sequence.json` says of the meshes, written to these files."""
+    def record(self, names: Sequence[str], kind: str = "file") -> dict[str, Any]:
+        """What `sequence.json` says of the meshes; they have these names, of files or of what `kind` says."""
         entries = []
-        for index, (file, value, mesh) in enumerate(zip(files, self.values, self.meshes, strict=True)):
+        for index, (name, value, mesh) in enumerate(zip(names, self.values, self.meshes, strict=True)):
             entry: dict[str, Any] = {
-                "file": file,
+                kind: name,
                 self.key: "inf" if value == INF else number(value),
                 "vertices": len(mesh.vertices),
                 "faces": len(mesh.cells),

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import Console, shown_input
+from gtb_cli.commands.console import STANDARD, Console, shown_input
 from gtb_cli.commands.meshing import MeshOptions, about
 from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
 from gtb_cli.commands.sequences import (
     SHORT,
-    animate_option,
-    check_options,
-    folder_option,
+    check_length,
+    is_animation,
     model_tolerance,
+    output_option,
     read_patch,
     write_sequence,
 )
@@ -85,8 +85,7 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
     metavar="L,…",
     help="A lifting value λ for each knot, in place of the spec's; or knot:K, for a weight of knot K that grows alone.",
 )
-@folder_option
-@animate_option
+@output_option
 @mesh_options
 @spec_format_option
 @console_option
@@ -97,8 +96,7 @@ def degenerate(
     last: float | None,
     count: int | None,
     lifting: tuple[float, ...] | int | None,
-    folder: str | None,
-    animate: bool,
+    output: str | None,
     options: MeshOptions,
     spec_format: str | None,
     console: Console,
@@ -111,11 +109,14 @@ def degenerate(
     All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
     regular decomposition are edges of the meshes. For x from 1 down to 0 the limit is that of -λ. sequence.json lists
     the files with their distances from the limit.
+
+    With -o FILE.glb there is one file instead, which Blender and other programs play: its mesh is the first one, the
+    others are morph targets, and an animation goes through them, a second for each.
     """
-    if folder is None:
-        raise click.UsageError("Missing option '-o' / '--output'")
-    check_options(options, folder)
+    output = output or STANDARD
+    animation = is_animation(options, output, spec)
     xs = (*values, *_sweep(first, last, count))
+    check_length(animation, xs)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
         from gtb_cli.sequence import degeneration_sequence
@@ -129,7 +130,7 @@ def degenerate(
             normals=options.normals,
             max_faces=options.max_faces,
         )
-        write_sequence(sequence, "x", folder, options, console, animate=animate)
+        write_sequence(sequence, "x", output, options, console, animation=animation)
 
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:

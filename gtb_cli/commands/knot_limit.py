@@ -11,10 +11,10 @@ from gtb_cli.commands.console import STANDARD, Console, shown_input, write_text
 from gtb_cli.commands.meshing import MeshOptions, about
 from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
 from gtb_cli.commands.sequences import (
-    animate_option,
-    check_options,
-    folder_option,
+    check_length,
+    is_animation,
     model_tolerance,
+    output_option,
     read_patch,
     write_sequence,
 )
@@ -61,8 +61,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     help="Write a mesh for each of these fractions of the way.",
 )
 @click.option("--emit-spec", is_flag=True, help="Print the spec of the merged patch; -o may be left out then.")
-@folder_option
-@animate_option
+@output_option
 @mesh_options
 @spec_format_option
 @console_option
@@ -71,8 +70,7 @@ def knot_limit(
     moves: dict[int, int],
     steps: tuple[float, ...],
     emit_spec: bool,
-    folder: str | None,
-    animate: bool,
+    output: str | None,
     options: MeshOptions,
     spec_format: str | None,
     console: Console,
@@ -85,17 +83,21 @@ def knot_limit(
     Knots are written by index from 0. All meshes have the same faces. sequence.json lists the files with their
     distances from the limit. Where knots come to an end, an edge or a corner, the limit holds inside only, and as a set
     it has a film besides: a message says so, and sequence.json has the distances from both.
+
+    With -o FILE.glb there is one file instead, an animation; see gtb degenerate --help.
     """
-    if folder is None and not emit_spec:
-        raise click.UsageError("nothing to write: give -o DIR, --emit-spec or both")
-    if folder is not None:
-        check_options(options, folder)
+    if output == STANDARD and emit_spec:
+        raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
+    meshes = output is not None or not emit_spec
+    output = output or STANDARD
+    animation = meshes and is_animation(options, output, spec)
+    check_length(animation, steps)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
         from gtb_cli.film import knot_limit as limit_of
 
         limit = limit_of(patch, moves)
-        if folder is not None:
+        if meshes:
             from gtb_cli.sequence import knot_sequence
 
             sequence = knot_sequence(
@@ -107,7 +109,7 @@ def knot_limit(
                 normals=options.normals,
                 max_faces=options.max_faces,
             )
-            write_sequence(sequence, "step", folder, options, console, animate=animate)
+            write_sequence(sequence, "step", output, options, console, animation=animation)
         for message in _pointwise(limit):
             console.warn(message)
         if emit_spec:

@@ -1,15 +1,27 @@
-"""What `gtb degenerate` and `gtb knot-limit` share: a folder with the meshes of a sequence, whole or not at all."""
+"""What `gtb degenerate` and `gtb knot-limit` share: the meshes of a sequence in a folder, or one file that plays."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input
-from gtb_cli.commands.meshing import BOUNDS_RESOLUTION, FORMATS, MeshOptions, expected_bytes, file_stem, summary
+from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input, write_blocks
+from gtb_cli.commands.meshing import (
+    BOUNDS_RESOLUTION,
+    FORMATS,
+    MeshOptions,
+    expected_bytes,
+    file_stem,
+    is_device,
+    is_folder,
+    summary,
+)
+from gtb_cli.commands.options import file_names
 from gtb_cli.errors import SpecError
 
 if TYPE_CHECKING:
@@ -18,21 +30,21 @@ if TYPE_CHECKING:
 
 RECORD = "sequence.json"
 
+ANIMATED = "glb"
+"""The format that holds an animation."""
+
+LIMIT = "limit"
+"""What the last mesh of a sequence is called."""
+
 SHORT = 6
 """Digits of numbers in names of files; more where a number has more."""
 
-folder_option = click.option(
+output_option = click.option(
     "-o",
     "--output",
-    "folder",
-    metavar="DIR",
-    help="Write the files into this folder, which is made if missing.",
-)
-
-animate_option = click.option(
-    "--animate",
-    is_flag=True,
-    help="Write one GLB file more, NAME.glb, that plays through all meshes, which are its morph targets.",
+    metavar="DIR|FILE.glb",
+    shell_complete=file_names,
+    help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
 )
 
 
@@ -46,12 +58,15 @@ def read_patch(path: str, spec_format: str | None) -> Patch:
     return spec
 
 
-def check_options(options: MeshOptions, folder: str) -> None:
-    """Refuse what a sequence cannot be."""
-    if folder == STANDARD:
-        raise click.UsageError("a sequence is several files and needs a folder: -o DIR")
-    if os.path.splitext(folder)[1][1:].lower() in FORMATS and not os.path.isdir(folder):
-        raise click.UsageError(f"a sequence is several files and needs a folder, and {folder} names a file")
+def is_animation(options: MeshOptions, output: str, spec: str) -> bool:
+    """Tell whether an output is one file with an animation, not a folder; refuse what a sequence cannot be."""
+    animation = not is_folder(output) and _is_animated_file(options, output)
+    if animation:
+        if os.path.exists(spec) and os.path.exists(output) and os.path.samefile(spec, output):
+            raise click.UsageError(f"{output} is the spec, and would be overwritten")
+        if options.ascii:
+            raise click.UsageError("--ascii: an animation is a GLB file, and GLB has no text form")
+        options.format_for(output)
     if options.parametrization == "toric":
         raise click.UsageError(
             "--parametrization toric: the meshes of a sequence have common faces in the linear one only; "
@@ -65,14 +80,38 @@ def check_options(options: MeshOptions, folder: str) -> None:
     ):
         if given:
             raise click.UsageError(f"--{name} is for single meshes, of gtb mesh")
+    return animation
+
+
+def _is_animated_file(options: MeshOptions, output: str) -> bool:
+    suffix = os.path.splitext(output)[1][1:].lower()
+    if output == STANDARD or is_device(output):
+        if options.format != ANIMATED:
+            raise click.UsageError(
+                "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"
+            )
+        return True
+    if suffix == ANIMATED and options.format not in (None, ANIMATED):
+        raise click.UsageError(
+            f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
+        )
+    if suffix in FORMATS and suffix != ANIMATED:
+        raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
+    return suffix == ANIMATED
+
+
+def check_length(animation: bool, values: Iterable[float]) -> None:
+    """Refuse an animation of too many meshes before they are made: there is one for each value at least."""
+    if animation:
+        from gtb_cli.morph import check_count
+
+        check_count(len(set(values)))
 
 
 def model_tolerance(options: MeshOptions, patch: Patch) -> float | None:
     """Return the tolerance in model units; a percentage is of the patch that the spec describes."""
     if not isinstance(options.tolerance, str):
         return options.tolerance
-    import math
-
     from gtb_cli.tessellation import tessellate
 
     low, high = tessellate(patch, BOUNDS_RESOLUTION, normals=False).bounds
@@ -90,33 +129,59 @@ def number_text(value: float) -> str:
 
 
 def write_sequence(
-    sequence: MeshSequence, prefix: str, folder: str, options: MeshOptions, console: Console, *, animate: bool
+    sequence: MeshSequence, prefix: str, output: str, options: MeshOptions, console: Console, *, animation: bool
 ) -> None:
-    """Write the meshes, `sequence.json` and, if asked for, an animation; `prefix` is that of values in file names."""
+    """Write the meshes and `sequence.json`, or an animation; `prefix` is that of values in file names."""
+    texts = [number_text(value) for value in sequence.values[:-1]]
+    if animation:
+        labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT]
+        warnings = _write_animation(sequence, labels, output, options, console)
+        places = [label if output == STANDARD else f"{output}: {label}" for label in labels]
+    else:
+        stem, kind = file_stem(sequence.name), options.format or "obj"
+        names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
+        warnings = _write_folder(sequence, names, kind, output, options, console)
+        places = [os.path.join(output, name) for name in names]
+    for value, reason in sequence.doubts:
+        console.warn(f"{sequence.key} {value:g}: the distance is between coarse meshes: {reason}")
+    for warning in warnings:
+        console.warn(warning)
+    for index, place in enumerate(places):
+        filmed = sequence.film_distances[index] if sequence.film_distances is not None else None
+        if index < len(places) - 1:
+            text = f", {sequence.distances[index]:.3g} from the limit"
+            text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
+        else:
+            text = f", its film reaches {filmed:.3g} from it" if filmed is not None else ""
+        console.note(f"{place}: {summary(sequence.meshes[index])}{text}")
+
+
+def _write_folder(
+    sequence: MeshSequence, names: list[str], kind: str, folder: str, options: MeshOptions, console: Console
+) -> list[str]:
+    """Write a file for each mesh, and return warnings."""
     from gtb_cli.files import StagedFiles
 
-    kind = options.format or "obj"
-    stem = file_stem(sequence.name)
-    labels = [f"{prefix}{number_text(value)}" for value in sequence.values[:-1]] + ["limit"]
-    names = [f"{stem}-{label}.{kind}" for label in labels]
     warnings: list[str] = []
     with StagedFiles(folder) as files, console.progress(len(names)) as progress:
         for name, mesh in zip(names, sequence.meshes, strict=True):
             progress.label = name
             files.add(name, progress.over(options.encoded(mesh, kind), 1.0, expected_bytes(mesh)))
-            warnings += [f"{name}: {warning}" for warning in options.warnings(mesh, kind)]
-        if animate:
-            from gtb_cli.morph import animated_glb
-
-            data = animated_glb(sequence.meshes, labels, normals=options.normals, uv=options.uv)
-            files.add(f"{stem}.glb", [data])
+            warnings += [f"{os.path.join(folder, name)}: {warning}" for warning in options.warnings(mesh, kind)]
         files.add(RECORD, [(json.dumps(sequence.record(names), indent=2) + "\n").encode("ascii")])
-    for value, reason in sequence.doubts:
-        console.warn(f"{sequence.key} {value:g}: the distance is between coarse meshes: {reason}")
-    for warning in warnings:
-        console.warn(os.path.join(folder, warning))
-    for index, name in enumerate(names):
-        text = f"{summary(sequence.meshes[index])}, {sequence.distances[index]:.3g} from the limit"
-        if sequence.film_distances is not None:
-            text += f", {sequence.film_distances[index]:.3g} from the limit with its film"
-        console.note(f"{os.path.join(folder, name)}: {text}")
+    return warnings
+
+
+def _write_animation(
+    sequence: MeshSequence, labels: list[str], output: str, options: MeshOptions, console: Console
+) -> list[str]:
+    """Write one file, and return warnings, each once."""
+    from gtb_cli.morph import animated_glb
+
+    extras = {"sequence": sequence.record(labels, "label")}
+    blocks = animated_glb(sequence.meshes, labels, normals=options.normals, uv=options.uv, extras=extras)
+    write_blocks(output, blocks)
+    place = "" if output == STANDARD else f"{output}: "
+    return list(
+        dict.fromkeys(f"{place}{text}" for mesh in sequence.meshes for text in options.warnings(mesh, ANIMATED))
+    )
