@@ -277,6 +277,30 @@ def test_extreme_weights_take_a_bounded_number_of_steps(name, monkeypatch):
     assert evaluations(patch, everywhere(patch, np.random.default_rng(5)), monkeypatch) < STEPS
 
 
+ALMOST_FLAT = {
+    # Log weights span 106: points between two knots, where what is across the line between them is lost in rounding.
+    "span of 106": (
+        [[0.2822, 1.0442], [1.8645, 0.0650], [2.6239, 2.5621], [0.1329, 2.4073], [0.5544, 2.0869], [0.4650, 2.0749],
+         [2.8759, 2.9550], [1.9899, 0.4907], [1.1847, 0.8340]],
+        [19.71, 49.23, 34.05, -8.06, -3.08, 21.72, -17.23, -56.02, -30.84],
+    ),
+    # Cramer's rule gave steps of 1e-14 there, each a little better than the last.
+    "knots on a diagonal": ([[1, 2], [0, 0], [5, 0], [2, 4], [7, 4]], [15.88, 69.24, -47.73, 19.12, 62.38]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ALMOST_FLAT)
+def test_points_that_look_as_if_on_a_line_are_found(name):
+    knots, log_weights = map(np.array, ALMOST_FLAT[name])
+    shape = domain(knots)
+    rng = np.random.default_rng(0)
+    s = rng.normal(size=(2, 4000)) * rng.choice([1, 10, 100], 4000)
+    p = MomentMap(knots, log_weights)(s)
+    p = p[(shape.heights_of_columns(p, 0, None) > 1e-9).all(axis=0)]
+    found = blend(shape, log_weights, knots, list(linear_locations(shape, log_weights, p)), len(p))
+    assert np.abs(found - p).max() <= RESIDUAL * shape.size
+
+
 # The map itself
 
 
