@@ -172,6 +172,10 @@ def test_a_tolerance_in_percent(tmp_path):
         (["--from", "1", "--to", "inf", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
         (["--from", "0", "--to", "2", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
         (["--count", "1", "-o", "out"], "is not in the range"),
+        (["--from", "5", "--to", "5", "--count", "3", "-o", "out"], "too near each other for 3 x of six digits"),
+        (["--from", "0.1", "--to", "10", "--count", "3", "-o", "out"], "0.1 goes towards 0 and 10 towards infinity"),
+        (["-x", "0", "-x", "inf", "-o", "out"], "0 goes towards 0 and inf towards infinity"),
+        (["-x", "1e400", "-o", "out"], "inf is not finite"),
         (["--parametrization", "toric", "-o", "out"], "toric parameters would run together"),
         (["--thickness", "1", "-o", "out"], "--thickness is for single meshes"),
         (["--require", "watertight", "-o", "out"], "--require is for single meshes"),
@@ -196,15 +200,82 @@ def test_errors_name_the_spec(tmp_path):
         assert message == "<stdin>: expected a single patch, this is a model of 2"
 
 
-def test_a_sequence_appears_whole_or_not_at_all(tmp_path):
-    """A curve has no triangles for STL: the first file fails, and the new folder goes again."""
-    assert "STL holds triangles" in refusal(gtb("degenerate", LINE, "-x2", "-f", "stl", "-o", tmp_path / "new"))
-    assert listing(tmp_path) == []
+def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+    """The disk is full at the second file: the new folder goes again, and an old one stays as it was."""
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "sequence.json").write_text("old")
-    assert "STL" in refusal(gtb("degenerate", LINE, "-x2", "-f", "stl", "-o", tmp_path / "old"))
+    for name in ("new", "old"):
+        written = []
+
+        def full(descriptor: int, written: list = written) -> None:
+            written.append(descriptor)
+            if len(written) == 2:
+                raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("os.fsync", full)
+        assert "No space left on device" in refusal(gtb("degenerate", LINE, "-x2", "-n1", "-o", tmp_path / name))
+    assert listing(tmp_path) == ["old"]
     assert listing(tmp_path / "old") == ["sequence.json"]
     assert (tmp_path / "old" / "sequence.json").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "x"),
+    [
+        (["-x5", "-x2", "-x", "10/2", "-xinf", "-x5.0"], [2, 5, "inf"]),  # put in order, each once
+        (["-x", "1"], [1, "inf"]),  # the patch itself, towards the upper hull unless 0 is asked for
+        (["-x", "1", "-x0"], [1, 0]),
+        (["-x0"], [0]),
+        (["-x1e-300", "-x0.5", "-x0.1"], [0.5, 0.1, 1e-300, 0]),
+        (["--from", "1e6", "--to", "1", "--count", "3"], [1, 1000, 10**6, "inf"]),  # towards the limit anyhow
+        (["--from", "sqrt(4)", "--to", "2*4", "--count", "2", "-x", "2"], [2, 8, "inf"]),
+    ],
+)
+def test_which_x_there_are(tmp_path, arguments, x):
+    assert gtb("degenerate", LINE, *arguments, "-n1", "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["x"] for entry in record["meshes"]] == x
+    distances = [entry["distance_to_limit"] for entry in record["meshes"]]
+    assert distances == sorted(distances, reverse=True)
+
+
+def test_an_affine_lifting_changes_nothing(tmp_path):
+    """It is a translation of the torus coordinates: the set is its own limit."""
+    assert gtb("degenerate", PLAIN, "--lifting", "1,1,1,1,1", "-x7", "-n3", "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["distance_to_limit"] for entry in record["meshes"]] == [0, 0]
+
+
+def test_options_that_a_sequence_takes(tmp_path):
+    arguments = ["degenerate", SURFACE, "-x5", "-n3", "--normals", "--uv"]
+    assert gtb(*arguments, "-o", tmp_path / "obj").status == 0
+    for path in (tmp_path / "obj").glob("*.obj"):
+        assert len(lines(path, "v")) == len(lines(path, "vn")) == len(lines(path, "vt"))
+    assert gtb(*arguments, "--ascii", "-f", "ply", "-o", tmp_path / "ply").status == 0
+    for path in (tmp_path / "ply").glob("*.ply"):
+        header = path.read_text().split("end_header")[0]
+        assert "format ascii" in header
+        assert "property double nx" in header
+        assert "property double s" in header
+
+
+@pytest.mark.parametrize("command", [["degenerate", LINE, "-x2"], ["knot-limit", PLAIN, "--merge", "1:2"]])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-f", "stl"], "STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"),
+        (["-f", "glb", "--ascii"], "GLB has no text form"),
+        (["--radius", "0.1"], "--radius is for single meshes, of gtb mesh"),
+        (["--thickness", "0.1"], "--thickness is for single meshes, of gtb mesh"),
+        (["--attribute", "u"], "--attribute is for single meshes, of gtb mesh"),
+        (["--require", "watertight"], "--require is for single meshes, of gtb mesh"),
+        (["-n", "3", "--tolerance", "1%"], "-n and --tolerance exclude each other"),
+        (["-j", "2"], "No such option '-j'"),
+    ],
+)
+def test_options_that_a_sequence_refuses(tmp_path, command, options, message):
+    assert message in refusal(gtb(*command, *options, "-o", tmp_path / "new"))
+    assert listing(tmp_path) == []
 
 
 # --- knot-limit
@@ -222,6 +293,10 @@ def test_the_sequence_of_example_42(tmp_path):
     assert record["meshes"][2]["distance_to_limit"] == pytest.approx(0.559, abs=0.02)
     assert record["meshes"][2]["distance_to_limit_with_film"] < 0.5
     assert record["meshes"][3]["distance_to_limit"] == 0
+    # The merged patch alone is as far from itself with the film as the film reaches: what the steps keep.
+    assert record["meshes"][3]["distance_to_limit_with_film"] == pytest.approx(0.559, abs=0.02)
+    assert f"limit.obj: {record['meshes'][3]['vertices']} vertices" in result.err
+    assert "its film reaches 0.5" in result.err
     warning = [line for line in result.err.splitlines() if line.startswith("gtb: warning: ")]
     assert len(warning) == 1
     assert "knot 3 comes to the corner (1, 2), where the limit is pointwise only" in warning[0]
@@ -275,6 +350,9 @@ def test_the_merged_spec_goes_on_through_a_pipe():
         (["--merge", "1:3", "-o", "out"], "knot 1 -> 3 changes the hull: no other knot stays at its corner (1, 2)"),
         (["--merge", "3:1", "--steps", "2", "-o", "out"], "step: expected a number from 0 to 1, got 2.0"),
         (["--merge", "3:1", "--steps", "x", "-o", "out"], "unknown name 'x'"),
+        (["--merge", "3:1", "--steps", "", "-o", "out"], "is empty"),
+        (["--merge", "3:1", "--steps=-0.5", "-o", "out"], "step: expected a number from 0 to 1, got -0.5"),
+        (["--merge", "3:3", "-o", "out"], "3 -> 3 is a cycle"),
         (["--merge", "3:1", "--radius", "1", "-o", "out"], "--radius is for single meshes"),
     ],
 )
@@ -282,3 +360,10 @@ def test_what_knot_limit_refuses(arguments, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert message in refusal(gtb("knot-limit", MOVING, *arguments))
     assert listing(tmp_path) == []
+
+
+def test_steps_are_put_in_order_and_1_is_the_limit(tmp_path):
+    arguments = ["--merge", "1:2", "--steps", "1/2,0.5,0.1,1,0", "-n2"]
+    assert gtb("knot-limit", PLAIN, *arguments, "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["step"] for entry in record["meshes"]] == [0, 0.1, 0.5, 1]

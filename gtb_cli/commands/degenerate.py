@@ -12,6 +12,7 @@ from gtb_cli.commands.meshing import MeshOptions, about
 from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
 from gtb_cli.commands.sequences import (
     SHORT,
+    check_kind,
     check_length,
     is_animation,
     model_tolerance,
@@ -121,6 +122,7 @@ def degenerate(
     with about(shown_input(spec)):
         from gtb_cli.sequence import degeneration_sequence
 
+        check_kind(options, patch)
         sequence = degeneration_sequence(
             patch,
             xs,
@@ -153,4 +155,9 @@ def _sweep(first: float | None, last: float | None, count: int | None) -> list[f
         raise click.UsageError("--from and --to must be positive and finite")
     low, high = math.log(first), math.log(last)
     inner = [math.exp(low + (high - low) * (k / (count - 1))) for k in range(1, count - 1)]
-    return [first, *(float(f"{x:.{SHORT}g}") for x in inner), last]
+    xs = [first, *(float(f"{x:.{SHORT}g}") for x in inner), last]
+    if len(set(xs)) < count:
+        raise click.UsageError(
+            f"--from {first:g} and --to {last:g} are too near each other for {count} x of six digits"
+        )
+    return xs

@@ -11,6 +11,7 @@ from gtb_cli.commands.console import STANDARD, Console, shown_input, write_text
 from gtb_cli.commands.meshing import MeshOptions, about
 from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
 from gtb_cli.commands.sequences import (
+    check_kind,
     check_length,
     is_animation,
     model_tolerance,
@@ -100,6 +101,7 @@ def knot_limit(
         if meshes:
             from gtb_cli.sequence import knot_sequence
 
+            check_kind(options, patch)
             sequence = knot_sequence(
                 patch,
                 moves,

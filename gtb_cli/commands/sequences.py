@@ -22,7 +22,7 @@ from gtb_cli.commands.meshing import (
     summary,
 )
 from gtb_cli.commands.options import file_names
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import ExportError, SpecError
 
 if TYPE_CHECKING:
     from gtb_cli.patch import Patch
@@ -106,6 +106,14 @@ def check_length(animation: bool, values: Iterable[float]) -> None:
         from gtb_cli.morph import check_count
 
         check_count(len(set(values)))
+
+
+def check_kind(options: MeshOptions, patch: Patch) -> None:
+    """Refuse a format that cannot hold the meshes before they are made."""
+    if options.format == "stl" and patch.dimension == 1:
+        raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
+    if options.format == ANIMATED and options.ascii:
+        raise ExportError("GLB has no text form: expected obj, ply or stl with --ascii")
 
 
 def model_tolerance(options: MeshOptions, patch: Patch) -> float | None:
