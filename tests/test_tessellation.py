@@ -190,7 +190,10 @@ def test_groups_name_the_patches():
     mesh = tessellate(named, 3)
     assert [name for name, _, _ in mesh.groups] == [f"patch{i}" for i in range(8)]
     assert mesh.groups[-1][2] == len(mesh.faces)
-    assert mesh.parameters is None
+    assert mesh.origin is not None
+    for index, patch in enumerate(model.patches):
+        rows = mesh.origin.patch == index
+        assert (patch.domain.heights_of_columns(mesh.parameters[rows]) >= 0).all()
 
 
 def test_numbers_that_make_no_sense_are_refused():

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.commands.console import Console, read_spec, shown_input, write_text
-from gtb_cli.commands.meshing import about
+from gtb_cli.commands.console import Console, read_spec, shown_input, write_blocks, write_text
+from gtb_cli.commands.meshing import MeshOptions, about, report, summary
 from gtb_cli.commands.options import (
     console_option,
     json_option,
@@ -21,6 +22,7 @@ from gtb_cli.errors import SpecError
 
 if TYPE_CHECKING:
     from gtb_cli.lifting import RegularDecomposition
+    from gtb_cli.mesh import Mesh
     from gtb_cli.patch import Patch
 
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 @spec_argument
 @lifting_option
 @json_option
+@click.option("--net", is_flag=True, help="Write the control net that the lifting induces, as lines of a mesh.")
 @output_option
 @spec_format_option
 @console_option
@@ -35,6 +38,7 @@ def decompose(
     spec: str,
     lifting: tuple[float, ...] | None,
     as_json: bool,
+    net: bool,
     output: str,
     spec_format: str | None,
     console: Console,
@@ -46,9 +50,18 @@ def decompose(
 
     Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are written by index from
     0. With --json: {"cells": [[...]], "absent": [...]}, and for a model a list of these, as "patches".
+
+    With --net: the control net instead, lines between the control points of knots that are neighbours on the border of
+    a cell, as OBJ, PLY or GLB, by the suffix of the output.
     """
     from gtb_cli.patch import Model
 
+    if net and as_json:
+        raise click.UsageError("--net writes a mesh, and --json text: give one of them")
+    options = MeshOptions()
+    kind = options.format_for(output) if net else ""
+    if kind == "stl":
+        raise click.UsageError("--net writes lines, and STL holds triangles: take OBJ, PLY or GLB")
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):
         if isinstance(loaded, Model):
@@ -59,6 +72,11 @@ def decompose(
         else:
             parts = [_decomposition(loaded, lifting, "")]
             found = _data(parts[0])
+        if net:
+            patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
+            mesh = _net(patches, parts, loaded.name)
+            write_blocks(output, options.encoded(mesh, kind))
+            return report(console, output, summary(mesh), options.warnings(mesh, kind))
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
 
@@ -69,6 +87,22 @@ def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str) 
     if values is None:
         raise SpecError(f"{place}has no lifting: write one into the spec, or give --lifting")
     return regular_decomposition(patch.knots, values)
+
+
+def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: str | None) -> Mesh:
+    """Control points, and lines between them; a group for each patch of a model."""
+    import numpy as np
+
+    from gtb_cli.lifting import control_net
+    from gtb_cli.mesh import Mesh
+
+    first = np.cumsum([0] + [len(patch.knots) for patch in patches])
+    lines = [np.array(control_net(part)) + start for part, start in zip(parts, first, strict=False)]
+    ends = np.cumsum([0] + [len(part) for part in lines]).tolist()
+    names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
+    groups = tuple(zip(names, ends, ends[1:], strict=False)) if len(patches) > 1 else ()
+    points = np.concatenate([patch.control_points for patch in patches])
+    return Mesh(points, np.concatenate(lines), groups=groups, name=name or "net")
 
 
 def _data(found: RegularDecomposition) -> dict[str, Any]:
