@@ -25,7 +25,6 @@ from gtb_cli.errors import GtbError
 if TYPE_CHECKING:
     from gtb_cli.complex import Parametrization
     from gtb_cli.difference import Difference, Point
-    from gtb_cli.measures import Measures
     from gtb_cli.meshfiles import KnownMesh
 
 DIFFERENT, TROUBLE = 1, 2
@@ -279,28 +278,8 @@ def _data(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
         "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
     }
     for key, name, measures in (("a", names[0], found.first), ("b", names[1], found.second)):
-        report[key] = {"file": name, **(_measures(measures) if measures else {})}
+        report[key] = {"file": name, **(measures.record() if measures else {})}
     return report
-
-
-def _measures(measures: Measures) -> dict[str, Any]:
-    common = {
-        "vertices": measures.vertices,
-        "segments" if measures.is_curve else "faces": measures.cells,
-        "bounds": [list(measures.bounds[0]), list(measures.bounds[1])],
-        "components": measures.components,
-        "euler_characteristic": measures.euler_characteristic,
-    }
-    if measures.is_curve:
-        return {**common, "length": measures.length, "open_ends": measures.open_edges}
-    return {
-        **common,
-        "area": measures.area,
-        "volume": measures.volume,
-        "boundary_length": measures.boundary_length,
-        "open_edges": measures.open_edges,
-        "crowded_edges": measures.crowded_edges,
-    }
 
 
 def _text(found: Difference, names: tuple[str, str]) -> str:
@@ -320,7 +299,7 @@ def _text(found: Difference, names: tuple[str, str]) -> str:
         text += f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n"
     if found.first is None or found.second is None:
         return text
-    rows = [_measures(measures) for measures in (found.first, found.second)]
+    rows = [measures.record() for measures in (found.first, found.second)]
     for key in dict.fromkeys([*rows[0], *rows[1]]):
         values = [row.get(key) for row in rows]
         if key != "bounds":
