@@ -168,7 +168,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     kept = [Pieces.none(cells.shape[1])]
     for begin in range(0, len(cells), CELLS):
         rows = cells[begin : begin + CELLS]
-        block = Pieces.of(vertices[rows], distances[rows], nearest[rows])
+        block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = Pieces.together(kept)
     effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
@@ -204,6 +204,11 @@ class _Search:
         """What a bound need not go below."""
         return self.found + max(self.found * RELATIVE, self.accuracy, ROUNDING)
 
+    @property
+    def low(self) -> float:
+        """Points that are no farther than this need not be looked at exactly."""
+        return self.found * (1 + EXACT) + ROUNDING
+
     def needed(self, pieces: Pieces) -> Pieces:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
         low = pieces.bounds <= self.enough
@@ -214,7 +219,7 @@ class _Search:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
         if not len(pieces.bounds):
             return pieces
-        samples, likely = self.look_at(pieces.middles)
+        samples, likely = self.look_at(pieces.middles, pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: Pieces) -> Pieces:
@@ -237,9 +242,19 @@ class _Search:
         upper[open_], guess[open_] = self.look_at(points[open_])
         return upper, guess
 
-    def look_at(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells."""
-        distances, cells = self.tree.start(points)
+    def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
+        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells.
+
+        Cells that are likely to be the nearest ones save work.
+        """
+        if likely is None:
+            distances, cells = self.tree.start(points)
+        else:
+            distances, cells = self.tree.distances(points, likely), likely.copy()
+            chosen = self._open(np.arange(len(points)), distances)
+            others, those = self.tree.start(points[chosen])
+            better = others < distances[chosen]
+            distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
         order = np.argsort(-distances, kind="stable")
         begin, length = 0, FIRST
         while begin < len(order):
@@ -247,7 +262,9 @@ class _Search:
             if not len(chosen):
                 break
             # One of some cells nearby is mostly the nearest, and found sooner than by a search.
-            distances[chosen], cells[chosen] = self.tree.nearby(points[chosen], distances[chosen], cells[chosen])
+            distances[chosen], cells[chosen] = self.tree.nearby(
+                points[chosen], distances[chosen], cells[chosen], self.low
+            )
             chosen = self._open(chosen, distances)
             if len(chosen):
                 distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
@@ -256,7 +273,7 @@ class _Search:
         return distances, cells
 
     def _open(self, chosen: IntArray, distances: FloatArray) -> IntArray:
-        return chosen[distances[chosen] > self.found * (1 + EXACT) + ROUNDING]
+        return chosen[distances[chosen] > self.low]
 
     def note(self, points: FloatArray, distances: FloatArray) -> None:
         """Keep the farthest of points whose distances are exact."""

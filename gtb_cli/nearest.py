@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.distance import to_segments, to_triangles
+from gtb_cli.distance import BLOCK, to_segments, to_triangles
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -50,23 +50,33 @@ class NearestCells:
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
 
-    def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres."""
+    def nearby(
+        self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
+    ) -> tuple[FloatArray, IntArray]:
+        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres.
+
+        For a point with a cell no farther than `enough` no more of them are tried.
+        """
         bounds, cells = bounds.copy(), cells.copy()
         number = min(NEARBY, len(self.corners))
         for begin, end in _ranges(len(points), PAIRS):
-            part = slice(begin, end)
-            candidates = np.asarray(self._centres.query(points[part], k=[*range(1, number + 1)])[1])
+            candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
+            rows = np.arange(begin, end)
             for candidate in candidates.T:
-                distance = self.distances(points[part], candidate)
-                better = distance < bounds[part]
-                bounds[part][better] = distance[better]
-                cells[part][better] = candidate[better]
+                rows = rows[bounds[rows] > enough]
+                candidate = candidate[rows - begin]
+                distance = self.distances(points[rows], candidate)
+                better = distance < bounds[rows]
+                bounds[rows[better]] = distance[better]
+                cells[rows[better]] = candidate[better]
         return bounds, cells
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""
-        return cell_distances(points, self.corners[cells])
+        result = np.empty(len(points))
+        for begin, end in _ranges(len(points), BLOCK):
+            result[begin:end] = cell_distances(points[begin:end], self.corners[cells[begin:end]])
+        return result
 
     def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
         """Find the nearest cells.

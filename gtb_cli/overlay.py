@@ -45,10 +45,14 @@ class Pieces:
         return Pieces(np.empty((0, corners, 3)), np.empty(0), nothing, nothing, np.empty(0))
 
     @staticmethod
-    def of(corners: FloatArray, distances: FloatArray, nearest: IntArray) -> Pieces:
+    def of(corners: FloatArray, distances: FloatArray, nearest: IntArray, tree: NearestCells) -> Pieces:
         """Whole cells, (m, c, 3), whose corners are no farther from the cells (m, c) `nearest` than `distances`."""
+        number = corners.shape[1]
         bounds = distances.max(axis=1) + _radii(corners)
-        return Pieces(corners, bounds, nearest[:, 0], distances.argmax(axis=1), distances[:, 0])
+        middles = np.repeat(corners.mean(axis=1), number, axis=0)
+        samples = tree.distances(middles, nearest.ravel()).reshape(-1, number)
+        rows, best = np.arange(len(corners)), samples.argmin(axis=1)
+        return Pieces(corners, bounds, nearest[rows, best], distances.argmax(axis=1), samples[rows, best])
 
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
