@@ -110,11 +110,11 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     for mesh in (a, b):
         if not len(mesh.cells):
             raise DomainError("mesh: has no cells, there is no distance to it")
-        if not np.isfinite(mesh.vertices[mesh.cells]).all():
+        if not np.isfinite(mesh.vertices[_used(mesh)]).all():
             raise DomainError("mesh: vertices must be finite")
     # A common power of two and origin, so that squares neither over- nor underflow.
-    low = np.minimum(a.vertices[a.cells].min(axis=(0, 1)), b.vertices[b.cells].min(axis=(0, 1)))
-    high = np.maximum(a.vertices[a.cells].max(axis=(0, 1)), b.vertices[b.cells].max(axis=(0, 1)))
+    ends = [(points.min(axis=0), points.max(axis=0)) for points in (a.vertices[_used(a)], b.vertices[_used(b)])]
+    low, high = np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))
@@ -132,6 +132,11 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
         backward_at=place(backward.place),
         bound=float(np.ldexp(max(forward.bound, backward.bound), exponent)),
     )
+
+
+def _used(mesh: Mesh) -> IntArray:
+    """Vertices that cells have as corners."""
+    return np.flatnonzero(np.bincount(mesh.cells.ravel()))
 
 
 def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: float) -> list[_Search]:
@@ -161,7 +166,7 @@ def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: f
 def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _Search:
     """Search the cells given for the point that is farthest from the cells with the corners `other`."""
     search = _Search(NearestCells(other), accuracy)
-    used = np.flatnonzero(np.bincount(cells.ravel(), minlength=len(vertices)))
+    used = np.flatnonzero(np.bincount(cells.ravel()))
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
@@ -179,9 +184,9 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         if not len(pieces.bounds) or effort <= 0:
             break
         # In turn those that may be farthest, so that the bound falls, and those that probably are.
-        order = np.argsort(-(pieces.samples if by_sample else pieces.bounds), kind="stable")
+        number = min(BATCH, effort, len(pieces.bounds))
+        order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
-        number = min(BATCH, effort, len(order))
         effort -= number
         parts = search.bounded_well(search.bounded(pieces.at(order[:number]).cut(search.tree)))
         pieces = Pieces.together([pieces.at(order[number:]), parts])
@@ -212,6 +217,8 @@ class _Search:
     def needed(self, pieces: Pieces) -> Pieces:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
         low = pieces.bounds <= self.enough
+        if not low.any():
+            return pieces
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return pieces.at(~low)
 
@@ -255,7 +262,8 @@ class _Search:
             others, those = self.tree.start(points[chosen])
             better = others < distances[chosen]
             distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
-        order = np.argsort(-distances, kind="stable")
+        order = self._open(np.arange(len(points)), distances)
+        order = order[np.argsort(-distances[order], kind="stable")]
         begin, length = 0, FIRST
         while begin < len(order):
             chosen = self._open(order[begin : begin + length], distances)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -125,13 +125,13 @@ class NearestCells:
 
     @cached_property
     def _order(self) -> IntArray:
-        return spatial_order(self.corners.mean(axis=1))
+        return spatial_order(middles(self.corners))
 
     @cached_property
     def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
         """Lowest and highest corners of the boxes of each level, cells first."""
-        sorted_corners = self.corners[self._order]
-        levels = [(sorted_corners.min(axis=1), sorted_corners.max(axis=1))]
+        sorted_corners = np.moveaxis(self.corners[self._order], 1, 0)
+        levels = [(np.asarray(reduce(np.minimum, sorted_corners)), np.asarray(reduce(np.maximum, sorted_corners)))]
         while len(levels[-1][0]) > BRANCHES:
             low, high = (side[::BRANCHES].copy() for side in levels[-1])
             for k in range(1, BRANCHES):  # several times faster than reduceat
@@ -145,7 +145,7 @@ class NearestCells:
     def _centres(self) -> cKDTree:
         from scipy.spatial import cKDTree
 
-        return cKDTree(self.corners.mean(axis=1), balanced_tree=False, compact_nodes=False)
+        return cKDTree(middles(self.corners), balanced_tree=False, compact_nodes=False)
 
 
 def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
@@ -153,6 +153,11 @@ def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
     if corners.shape[1] == 2:
         return to_segments(points, corners[:, 0], corners[:, 1])
     return to_triangles(points, corners[:, 0], corners[:, 1], corners[:, 2])
+
+
+def middles(corners: FloatArray) -> FloatArray:
+    """(m, 3) means of the corners (m, c, 3) of cells, several times faster than along an axis."""
+    return np.asarray(reduce(np.add, np.moveaxis(corners, 1, 0)) / corners.shape[1])
 
 
 def spatial_order(points: FloatArray) -> IntArray:
