@@ -42,6 +42,9 @@ LEAST_EFFORT = 40_000
 BATCH = 20_000
 """Pieces that are cut at the same time."""
 
+HOPELESS = 10
+"""Times as many pieces as may be cut, with which little can be proved: then only the likely ones are, once."""
+
 TRIED = 64
 """Corners of the pieces with the largest bounds whose distances are found exactly, each time."""
 
@@ -178,6 +181,8 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     pieces = Pieces.together(kept)
     effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
     by_sample = False
+    if len(pieces.bounds) > HOPELESS * effort:
+        effort, by_sample = min(BATCH, effort), True
     while True:
         search.try_corners(pieces)
         pieces = search.needed(pieces)

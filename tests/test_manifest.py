@@ -81,6 +81,16 @@ def test_names_are_those_below_its_folder_and_never_more(tmp_path):
         assert str(tmp_path) not in path.read_text()
 
 
+def test_a_link_is_named_as_it_is_called(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link.obj").symlink_to(tmp_path / "elsewhere" / "real.obj")
+    (tmp_path / "folder").symlink_to(tmp_path / "elsewhere")
+    for output, name in (("link.obj", "link.obj"), ("folder/x.obj", "elsewhere/x.obj")):
+        found = manifest_of(PENTAGON, "-n", 2, "-o", tmp_path / output, path=tmp_path / "m.json")
+        assert found["files"][0]["file"] == name
+    assert (tmp_path / "elsewhere" / "real.obj").exists()
+
+
 def test_the_same_bytes_wherever_and_with_any_number_of_processes(tmp_path):
     texts = set()
     for folder, jobs in (("a", 1), ("b", 2), ("a", 1)):

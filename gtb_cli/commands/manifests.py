@@ -85,7 +85,8 @@ class Manifest:
         """Name a file from the manifest's folder on if it is below it, else alone: nothing of this machine."""
         if output == STANDARD:
             return output
-        name = os.path.relpath(os.path.realpath(output), os.path.realpath(self._folder))
+        folder = os.path.realpath(os.path.dirname(output) or os.curdir)
+        name = os.path.relpath(os.path.join(folder, os.path.basename(output)), os.path.realpath(self._folder))
         if name.split(os.sep, 1)[0] == os.pardir or os.path.isabs(name):
             name = os.path.basename(output)
         return name.replace(os.sep, "/")
