@@ -7,7 +7,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test lint types check specs bench fuzz clean
+.PHONY: help setup mesh test lint types check specs golden bench fuzz clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +33,9 @@ check: lint types test ## lint, types and test: all that must hold for a change
 
 specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 	@$(RUN) gtb_cli mesh $(SPECS) -o $(BUILD)/specs -j 2
+
+golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after a change that is meant
+	@$(RUN) gtb_cli mesh $(SPECS) -n 3 -o tests/golden
 
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
 	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks

@@ -90,15 +90,10 @@ def _versions() -> str:
     """Versions of all that takes part in a result, as a JSON object."""
     import json
     import platform
-    from importlib.metadata import PackageNotFoundError, version
 
-    found: dict[str, str | None] = {"gtb": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "trimesh", "click"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return json.dumps(found)
+    from gtb_cli.manifest import versions
+
+    return json.dumps(versions(("numpy", "scipy", "trimesh", "click")) | {"python": platform.python_version()})
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

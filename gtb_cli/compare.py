@@ -42,6 +42,9 @@ LEAST_EFFORT = 40_000
 BATCH = 20_000
 """Pieces that are cut at the same time."""
 
+HOPELESS = 10
+"""Times as many pieces as may be cut, with which little can be proved: then only the likely ones are, once."""
+
 TRIED = 64
 """Corners of the pieces with the largest bounds whose distances are found exactly, each time."""
 
@@ -110,11 +113,11 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     for mesh in (a, b):
         if not len(mesh.cells):
             raise DomainError("mesh: has no cells, there is no distance to it")
-        if not np.isfinite(mesh.vertices[mesh.cells]).all():
+        if not np.isfinite(mesh.vertices[_used(mesh)]).all():
             raise DomainError("mesh: vertices must be finite")
     # A common power of two and origin, so that squares neither over- nor underflow.
-    low = np.minimum(a.vertices[a.cells].min(axis=(0, 1)), b.vertices[b.cells].min(axis=(0, 1)))
-    high = np.maximum(a.vertices[a.cells].max(axis=(0, 1)), b.vertices[b.cells].max(axis=(0, 1)))
+    ends = [(points.min(axis=0), points.max(axis=0)) for points in (a.vertices[_used(a)], b.vertices[_used(b)])]
+    low, high = np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))
@@ -132,6 +135,11 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
         backward_at=place(backward.place),
         bound=float(np.ldexp(max(forward.bound, backward.bound), exponent)),
     )
+
+
+def _used(mesh: Mesh) -> IntArray:
+    """Vertices that cells have as corners."""
+    return np.flatnonzero(np.bincount(mesh.cells.ravel()))
 
 
 def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: float) -> list[_Search]:
@@ -161,27 +169,29 @@ def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: f
 def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _Search:
     """Search the cells given for the point that is farthest from the cells with the corners `other`."""
     search = _Search(NearestCells(other), accuracy)
-    used = np.flatnonzero(np.bincount(cells.ravel(), minlength=len(vertices)))
+    used = np.flatnonzero(np.bincount(cells.ravel()))
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
     kept = [Pieces.none(cells.shape[1])]
     for begin in range(0, len(cells), CELLS):
         rows = cells[begin : begin + CELLS]
-        block = Pieces.of(vertices[rows], distances[rows], nearest[rows])
+        block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = Pieces.together(kept)
     effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
     by_sample = False
+    if len(pieces.bounds) > HOPELESS * effort:
+        effort, by_sample = min(BATCH, effort), True
     while True:
         search.try_corners(pieces)
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
         # In turn those that may be farthest, so that the bound falls, and those that probably are.
-        order = np.argsort(-(pieces.samples if by_sample else pieces.bounds), kind="stable")
+        number = min(BATCH, effort, len(pieces.bounds))
+        order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
-        number = min(BATCH, effort, len(order))
         effort -= number
         parts = search.bounded_well(search.bounded(pieces.at(order[:number]).cut(search.tree)))
         pieces = Pieces.together([pieces.at(order[number:]), parts])
@@ -204,9 +214,16 @@ class _Search:
         """What a bound need not go below."""
         return self.found + max(self.found * RELATIVE, self.accuracy, ROUNDING)
 
+    @property
+    def low(self) -> float:
+        """Points that are no farther than this need not be looked at exactly."""
+        return self.found * (1 + EXACT) + ROUNDING
+
     def needed(self, pieces: Pieces) -> Pieces:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
         low = pieces.bounds <= self.enough
+        if not low.any():
+            return pieces
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return pieces.at(~low)
 
@@ -214,7 +231,7 @@ class _Search:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
         if not len(pieces.bounds):
             return pieces
-        samples, likely = self.look_at(pieces.middles)
+        samples, likely = self.look_at(pieces.middles, pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: Pieces) -> Pieces:
@@ -237,17 +254,30 @@ class _Search:
         upper[open_], guess[open_] = self.look_at(points[open_])
         return upper, guess
 
-    def look_at(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells."""
-        distances, cells = self.tree.start(points)
-        order = np.argsort(-distances, kind="stable")
+    def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
+        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells.
+
+        Cells that are likely to be the nearest ones save work.
+        """
+        if likely is None:
+            distances, cells = self.tree.start(points)
+        else:
+            distances, cells = self.tree.distances(points, likely), likely.copy()
+            chosen = self._open(np.arange(len(points)), distances)
+            others, those = self.tree.start(points[chosen])
+            better = others < distances[chosen]
+            distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
+        order = self._open(np.arange(len(points)), distances)
+        order = order[np.argsort(-distances[order], kind="stable")]
         begin, length = 0, FIRST
         while begin < len(order):
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
                 break
             # One of some cells nearby is mostly the nearest, and found sooner than by a search.
-            distances[chosen], cells[chosen] = self.tree.nearby(points[chosen], distances[chosen], cells[chosen])
+            distances[chosen], cells[chosen] = self.tree.nearby(
+                points[chosen], distances[chosen], cells[chosen], self.low
+            )
             chosen = self._open(chosen, distances)
             if len(chosen):
                 distances[chosen], cells[chosen] = self.tree.search(points[chosen], distances[chosen], cells[chosen])
@@ -256,7 +286,7 @@ class _Search:
         return distances, cells
 
     def _open(self, chosen: IntArray, distances: FloatArray) -> IntArray:
-        return chosen[distances[chosen] > self.found * (1 + EXACT) + ROUNDING]
+        return chosen[distances[chosen] > self.low]
 
     def note(self, points: FloatArray, distances: FloatArray) -> None:
         """Keep the farthest of points whose distances are exact."""

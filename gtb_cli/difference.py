@@ -95,8 +95,8 @@ class Difference:
         return self.same_kind and self.distance <= self.tolerance
 
     @property
-    def is_certain(self) -> bool:
-        """Whether what is farther apart than the tolerance, by a tenth of it, would have been found."""
+    def is_proved(self) -> bool:
+        """Whether nothing can be farther apart than the tolerance by more than a tenth of it, if they are the same."""
         return not self.same or self.bound <= (1 + PART) * self.tolerance
 
 
@@ -118,7 +118,8 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
     -----
     The resolution is what rounding to the numbers that the files have can make of equal points: for each coordinate
     half a unit of the last place in either file, at the size of the largest. Meshes have the same cells if these have
-    the same corners in the same order, where vertices with equal coordinates, as in an STL file, count as one.
+    the same corners in the same order, where vertices with equal coordinates, as in an STL file, count as one; or in
+    any order, as other programs write them, where each vertex has one of its own within the tolerance.
     """
     diagonal = min(_diagonal(a.mesh), _diagonal(b.mesh))
     steps = a.half_steps + b.half_steps
@@ -129,7 +130,9 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
         asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
         allowed = asked
     allowed = max(allowed, resolution)
-    pairs = _pairs(a, b)
+    pairs = _pairs(a.mesh, b.mesh)
+    if pairs is None:
+        pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
     if pairs is not None:
         return _by_vertices(a.mesh, b.mesh, pairs, allowed, asked, resolution, diagonal)
     found = surface_distance(a.mesh, b.mesh, PART * allowed)
@@ -212,18 +215,49 @@ def _group(mesh: Mesh, vertex: int) -> str:
     return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
 
 
-def _pairs(a: KnownMesh, b: KnownMesh) -> tuple[IntArray, IntArray] | None:
+def _pairs(a: Mesh, b: Mesh) -> tuple[IntArray, IntArray] | None:
     """Indices of the vertices that belong together, if both meshes have the same cells, else None."""
-    first, second = a.mesh, b.mesh
-    if first.cells.shape != second.cells.shape:
+    if a.cells.shape != b.cells.shape:
         return None
-    if len(first.vertices) == len(second.vertices) and np.array_equal(first.cells, second.cells):
-        every = np.arange(len(first.vertices))
+    if len(a.vertices) == len(b.vertices) and np.array_equal(a.cells, b.cells):
+        every = np.arange(len(a.vertices))
         return every, every
     for kind in (np.float64, np.float32):  # what coincides in a file of 32-bit numbers may not in another
         with np.errstate(over="ignore", under="ignore"):
-            corners, labels = weld(first.vertices.astype(kind).astype(np.float64)[first.cells.ravel()])
-            _, other_labels = weld(second.vertices.astype(kind).astype(np.float64)[second.cells.ravel()])
+            corners, labels = weld(a.vertices.astype(kind).astype(np.float64)[a.cells.ravel()])
+            _, other_labels = weld(b.vertices.astype(kind).astype(np.float64)[b.cells.ravel()])
         if np.array_equal(labels, other_labels):
-            return first.cells.ravel()[corners], second.cells.ravel()[corners]
+            return a.cells.ravel()[corners], b.cells.ravel()[corners]
     return None
+
+
+def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray] | None:
+    """The same, whatever the order of vertices, cells and their corners, if these vertices are within the tolerance."""
+    if a.cells.shape != b.cells.shape:
+        return None
+    (first, cells), (second, other_cells) = (_welded(mesh) for mesh in (a, b))
+    if len(first) != len(second):
+        return None
+    from scipy.spatial import cKDTree
+
+    exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither over- nor underflow
+    points, others = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    place = np.asarray(tree.query(others, distance_upper_bound=float(np.ldexp(tolerance, exponent)))[1])
+    # Of vertices that are too far from any there is the index beyond the last, so that these are not one to one.
+    if (np.bincount(place, minlength=len(first)) != 1).any():
+        return None
+    # Rows of sorted corners, of which each mesh must have the same, and as many.
+    rows = np.sort(np.concatenate([cells, place[other_cells]]), axis=1)
+    _, labels = weld(np.pad(rows, ((0, 0), (0, 3 - rows.shape[1]))).astype(np.float64))
+    here, there = (np.bincount(part, minlength=len(rows)) for part in np.split(labels, 2))
+    if not np.array_equal(here, there):
+        return None
+    return first[place], second
+
+
+def _welded(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """An index of a vertex at each place that cells use, and the cells as numbers of these places."""
+    corners = mesh.cells.ravel()
+    first, labels = weld(mesh.vertices[corners])
+    return corners[first], labels.reshape(mesh.cells.shape)

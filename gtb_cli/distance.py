@@ -6,6 +6,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 
+BLOCK = 8192
+"""Points that are looked at together: what is computed of them stays in the processor's cache."""
+
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """(m,) scalar products of (m, 3) vectors."""
@@ -32,16 +35,45 @@ def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
 
 def to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """(m,) distances of (m, 3) points, each from its own triangle; triangles may be flat or a point."""
+    result = np.empty(len(points))
+    for start in range(0, len(points), BLOCK):
+        rows = slice(start, start + BLOCK)
+        result[rows] = _to_triangles(*(np.ascontiguousarray(each[rows].T) for each in (points, a, b, c)))
+    return result
+
+
+def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """The same for (3, m) arrays: whole columns are several times faster than rows of three."""
     ab, ac, relative = b - a, c - a, points - a
-    normal = cross(ab, ac)
-    square = dot(normal, normal)
+    normal = _cross(ab, ac)
+    square = _dot(normal, normal)
     safe = np.where(square > 0, square, 1.0)
-    v = dot(cross(relative, ac), normal) / safe
-    w = dot(cross(ab, relative), normal) / safe
-    inside = (square > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
-    result = np.abs(dot(relative, normal)) / np.sqrt(safe)
-    other = ~inside
-    if other.any():
-        p, x, y, z = points[other], a[other], b[other], c[other]
-        result[other] = np.minimum(np.minimum(to_segments(p, x, y), to_segments(p, y, z)), to_segments(p, z, x))
-    return np.asarray(result)
+    v = _dot(relative, _cross(ac, normal)) / safe
+    w = _dot(relative, _cross(normal, ab)) / safe
+    result = np.abs(_dot(relative, normal)) / np.sqrt(safe)
+    other = np.flatnonzero((square <= 0) | (v < 0) | (w < 0) | (v + w > 1))
+    if len(other):
+        relative, ab, ac = (each.take(other, axis=1) for each in (relative, ab, ac))  # faster than [:, other]
+        sides = (_to_side(relative, ab), _to_side(relative, ac), _to_side(relative - ab, ac - ab))
+        result[other] = np.sqrt(np.minimum(np.minimum(sides[0], sides[1]), sides[2]))
+    return result
+
+
+def _to_side(relative: FloatArray, direction: FloatArray) -> FloatArray:
+    """(m,) squares of the distances of (3, m) points from the segments from the origin to `direction`."""
+    square = _dot(direction, direction)
+    t = np.clip(_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    apart = relative - t * direction
+    return _dot(apart, apart)
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    result = np.empty_like(a)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.subtract(a[i] * b[j], a[j] * b[i], out=result[k])
+    return result

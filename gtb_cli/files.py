@@ -116,16 +116,26 @@ class StagedFiles:
         shown = os.path.join(self.folder, name)
         if os.path.basename(name) != name or name in ("", os.curdir, os.pardir):
             raise ExportError(f"cannot write {shown}: {name!r} is not a plain file name")
+        self.add_path(shown, blocks)
+
+    def add_path(self, path: str, blocks: Iterable[bytes]) -> None:
+        """The same for a file of any folder that is there, to appear with the others.
+
+        Raises
+        ------
+        ExportError
+            It was added before, or cannot be written.
+        """
         try:
-            target = _target(shown)
+            target = _target(path)
             if target is None:
-                raise ExportError(f"cannot write {shown}: it is not a regular file")
+                raise ExportError(f"cannot write {path}: it is not a regular file")
             if target in self._staged:
-                raise ExportError(f"cannot write {shown}: two files of this name")
+                raise ExportError(f"cannot write {path}: two files of this name")
             self._staged[target] = temporary = _temporary_name(target)
             _stage(temporary, target, blocks)
         except OSError as error:
-            raise _refusal(shown, error) from error
+            raise _refusal(path, error) from error
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +61,26 @@ class Measures:
     def is_closed(self) -> bool:
         """Whether there is no boundary."""
         return self.open_edges == 0
+
+    def record(self) -> dict[str, Any]:
+        """Plain data, ready for ``json.dumps``; None also for what is too large for a number, as an area may be."""
+        record: dict[str, Any] = {
+            "vertices": self.vertices,
+            "segments" if self.is_curve else "faces": self.cells,
+            "bounds": [list(self.bounds[0]), list(self.bounds[1])],
+            "components": self.components,
+            "euler_characteristic": self.euler_characteristic,
+        }
+        if self.is_curve:
+            return {**record, "length": _finite(self.length), "open_ends": self.open_edges}
+        return {
+            **record,
+            "area": _finite(self.area),
+            "volume": _finite(self.volume),
+            "boundary_length": _finite(self.boundary_length),
+            "open_edges": self.open_edges,
+            "crowded_edges": self.crowded_edges,
+        }
 
 
 def measure(mesh: Mesh) -> Measures:
@@ -139,6 +161,10 @@ def _triple(point: FloatArray) -> tuple[float, float, float]:
 def _scaled(value: float, exponent: int) -> float:
     with np.errstate(over="ignore", under="ignore"):
         return float(np.ldexp(value, exponent))
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _edges(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:

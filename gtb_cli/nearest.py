@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.distance import to_segments, to_triangles
+from gtb_cli.distance import BLOCK, to_segments, to_triangles
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -50,23 +50,33 @@ class NearestCells:
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
 
-    def nearby(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres."""
+    def nearby(
+        self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
+    ) -> tuple[FloatArray, IntArray]:
+        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres.
+
+        For a point with a cell no farther than `enough` no more of them are tried.
+        """
         bounds, cells = bounds.copy(), cells.copy()
         number = min(NEARBY, len(self.corners))
         for begin, end in _ranges(len(points), PAIRS):
-            part = slice(begin, end)
-            candidates = np.asarray(self._centres.query(points[part], k=[*range(1, number + 1)])[1])
+            candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
+            rows = np.arange(begin, end)
             for candidate in candidates.T:
-                distance = self.distances(points[part], candidate)
-                better = distance < bounds[part]
-                bounds[part][better] = distance[better]
-                cells[part][better] = candidate[better]
+                rows = rows[bounds[rows] > enough]
+                candidate = candidate[rows - begin]
+                distance = self.distances(points[rows], candidate)
+                better = distance < bounds[rows]
+                bounds[rows[better]] = distance[better]
+                cells[rows[better]] = candidate[better]
         return bounds, cells
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""
-        return cell_distances(points, self.corners[cells])
+        result = np.empty(len(points))
+        for begin, end in _ranges(len(points), BLOCK):
+            result[begin:end] = cell_distances(points[begin:end], self.corners[cells[begin:end]])
+        return result
 
     def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
         """Find the nearest cells.
@@ -115,13 +125,13 @@ class NearestCells:
 
     @cached_property
     def _order(self) -> IntArray:
-        return spatial_order(self.corners.mean(axis=1))
+        return spatial_order(middles(self.corners))
 
     @cached_property
     def _boxes(self) -> list[tuple[FloatArray, FloatArray]]:
         """Lowest and highest corners of the boxes of each level, cells first."""
-        sorted_corners = self.corners[self._order]
-        levels = [(sorted_corners.min(axis=1), sorted_corners.max(axis=1))]
+        sorted_corners = np.moveaxis(self.corners[self._order], 1, 0)
+        levels = [(np.asarray(reduce(np.minimum, sorted_corners)), np.asarray(reduce(np.maximum, sorted_corners)))]
         while len(levels[-1][0]) > BRANCHES:
             low, high = (side[::BRANCHES].copy() for side in levels[-1])
             for k in range(1, BRANCHES):  # several times faster than reduceat
@@ -135,7 +145,7 @@ class NearestCells:
     def _centres(self) -> cKDTree:
         from scipy.spatial import cKDTree
 
-        return cKDTree(self.corners.mean(axis=1), balanced_tree=False, compact_nodes=False)
+        return cKDTree(middles(self.corners), balanced_tree=False, compact_nodes=False)
 
 
 def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
@@ -143,6 +153,11 @@ def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
     if corners.shape[1] == 2:
         return to_segments(points, corners[:, 0], corners[:, 1])
     return to_triangles(points, corners[:, 0], corners[:, 1], corners[:, 2])
+
+
+def middles(corners: FloatArray) -> FloatArray:
+    """(m, 3) means of the corners (m, c, 3) of cells, several times faster than along an axis."""
+    return np.asarray(reduce(np.add, np.moveaxis(corners, 1, 0)) / corners.shape[1])
 
 
 def spatial_order(points: FloatArray) -> IntArray:

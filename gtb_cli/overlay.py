@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.distance import cross
-from gtb_cli.nearest import NearestCells
+from gtb_cli.nearest import NearestCells, middles
 
 PROPER = 1e-9
 """Part of a piece's size by which it has corners on both sides of a plane that cuts it."""
@@ -45,10 +45,14 @@ class Pieces:
         return Pieces(np.empty((0, corners, 3)), np.empty(0), nothing, nothing, np.empty(0))
 
     @staticmethod
-    def of(corners: FloatArray, distances: FloatArray, nearest: IntArray) -> Pieces:
+    def of(corners: FloatArray, distances: FloatArray, nearest: IntArray, tree: NearestCells) -> Pieces:
         """Whole cells, (m, c, 3), whose corners are no farther from the cells (m, c) `nearest` than `distances`."""
+        number = corners.shape[1]
         bounds = distances.max(axis=1) + _radii(corners)
-        return Pieces(corners, bounds, nearest[:, 0], distances.argmax(axis=1), distances[:, 0])
+        points = np.repeat(middles(corners), number, axis=0)
+        samples = tree.distances(points, nearest.ravel()).reshape(-1, number)
+        rows, best = np.arange(len(corners)), samples.argmin(axis=1)
+        return Pieces(corners, bounds, nearest[rows, best], distances.argmax(axis=1), samples[rows, best])
 
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
@@ -64,7 +68,7 @@ class Pieces:
     @property
     def middles(self) -> FloatArray:
         """(m, 3) means of the corners."""
-        return np.asarray(self.corners.mean(axis=1))
+        return middles(self.corners)
 
     def at(self, rows: IntArray | BoolArray) -> Pieces:
         """Some of the pieces."""
@@ -98,7 +102,7 @@ class Pieces:
         start = square.argmax(axis=1)
         side = np.zeros((len(rows), number))
         side[rows, start], side[rows, (start + 1) % number] = -1.0, 1.0
-        heights = _heights(self.corners, self.corners.mean(axis=1), tree.corners[self.likely])
+        heights = _heights(self.corners, self.middles, tree.corners[self.likely])
         proper = _is_proper(heights, size)
         side[proper] = heights[proper]
         other = np.flatnonzero(~proper)

@@ -19,7 +19,7 @@ MESHES = "limits mesh triangulation film joints complex distance nearest overlay
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"
 FILES = "expression syntax reader schema spec templates meshfiles difference"
-WRITING = "obj formats files export family morph sequence plot"
+WRITING = "obj formats files export manifest family morph sequence plot"
 ROOMS = " ".join([GROUND, MESHES, SHAPES, REPORTS, FILES, WRITING]).split()
 """From the ground up: each imports only those before it. A new room is put where it belongs;
 of a folder the name of the folder."""
@@ -27,7 +27,7 @@ of a folder the name of the folder."""
 READS_MESHES = {"mesh", "export", "compare"}
 """Rooms that may import trimesh, inside functions."""
 
-SHELL = {"console", "processes", "meshing", "options", "sequences"}
+SHELL = {"console", "processes", "meshing", "manifests", "options", "sequences"}
 """Modules of `commands` that commands may import."""
 
 

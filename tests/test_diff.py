@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gtb_cli import compare
 from gtb_cli.export import write_mesh
 from gtb_cli.mesh import Mesh
 from gtb_cli.patch import Patch
 from gtb_cli.spec import dump, load
 from gtb_cli.tessellation import tessellate
+from tests.meshes import model, surface
 from tests.shell import CURVE, PENTAGON, gtb
 
 
@@ -78,3 +81,91 @@ def test_what_cannot_be_read_is_an_error_that_names_the_file(text, tmp_path):
     assert result.status == 2
     assert str(broken) in result.err
     assert "internal" not in result.err
+
+
+def plane(n: int) -> Mesh:
+    mesh = surface(n)
+    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
+
+
+def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(compare, "EFFORT", 0)
+    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
+    for n in (5, 7):
+        write_mesh(plane(n), tmp_path / f"{n}.obj")
+    result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "-q")
+    assert result.status == 0
+    assert "not proved: at most 0." in result.text
+    result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "--json")
+    found = json.loads(result.out)
+    assert (found["same"], found["proved"]) == (True, False)
+    assert found["bound"] > found["tolerance"]
+    assert "warning" in result.err
+
+
+def test_a_tolerance_that_the_file_cannot_hold_is_said(tmp_path):
+    write_mesh(surface(5), tmp_path / "x.ply")
+    result = gtb("diff", tmp_path / "x.ply", tmp_path / "x.ply", "--tolerance", "1e-12", "--json")
+    found = json.loads(result.out)
+    assert found["asked_tolerance"] == 1e-12 < found["tolerance"] == found["resolution"]
+    assert "in place of 1e-12: the numbers in the files hold no less" in result.err
+
+
+def test_the_part_of_a_model_that_differs_is_named(tmp_path):
+    mesh = model()
+    vertices = mesh.vertices.copy()
+    vertices[mesh.cells[mesh.groups[1][1], 0], 0] += 0.01
+    write_mesh(mesh, tmp_path / "one.obj")
+    write_mesh(Mesh(vertices, mesh.cells, groups=mesh.groups), tmp_path / "two.obj")
+    result = gtb("diff", tmp_path / "one.obj", tmp_path / "two.obj")
+    assert result.status == 1
+    assert " of right: (" in result.text
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Two folders with the same meshes, one of them in a folder within."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    for folder in (one, two):
+        (folder / "inner").mkdir(parents=True)
+        write_mesh(surface(3), folder / "a.obj")
+        write_mesh(surface(4), folder / "inner" / "b.ply")
+        (folder / "manifest.json").write_text(str(folder))
+        (folder / ".hidden.obj").write_text(str(folder))
+    return one, two
+
+
+def test_folders(folders):
+    one, two = folders
+    result = gtb("diff", one, two)
+    assert (result.status, result.text) == (0, "2 same, 0 different, 0 missing, 0 extra\n")
+    write_mesh(surface(5), two / "a.obj")
+    (two / "inner" / "b.ply").rename(two / "b.ply")
+    result = gtb("diff", one, two, "--json")
+    found = json.loads(result.out)
+    assert (result.status, found["same"]) == (1, False)
+    assert [(entry["name"], entry["same"]) for entry in found["files"]] == [("a.obj", False)]
+    assert (found["missing"], found["extra"], found["errors"]) == (["inner/b.ply"], ["b.ply"], {})
+
+
+def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
+    one, two = folders
+    (two / "a.obj").write_text("v 1 2\n")
+    result = gtb("diff", one, two)
+    assert (result.status, result.text) == (2, "1 same, 0 different, 0 missing, 0 extra, 1 unreadable\n")
+    assert result.err.count(str(two / "a.obj")) == 1
+
+
+def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
+    one, _ = folders
+    assert gtb("diff", one, one / "a.obj").status == 0
+    gtb("mesh", PENTAGON, CURVE, "-n", 4, "-o", tmp_path / "out")
+    (tmp_path / "specs").mkdir()
+    for path in map(Path, (PENTAGON, CURVE)):
+        (tmp_path / "specs" / path.name).write_bytes(path.read_bytes())
+    assert gtb("diff", tmp_path / "out", tmp_path / "specs", "-n", 4).status == 0
+    assert gtb("diff", tmp_path / "specs", tmp_path / "out", "-n", 5).status == 1
+    (tmp_path / "empty").mkdir()
+    result = gtb("diff", tmp_path / "empty", one)
+    assert result.status == 2
+    assert "no meshes and no specs" in result.err

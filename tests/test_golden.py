@@ -1,28 +1,71 @@
-"""Regression: small meshes that this program made, kept in `golden/`; their numbers are its own, not a reference.
+"""Regression: the meshes of `specs/`, which this program made; their numbers are its own, not a reference.
 
-To renew one after a change that is meant: `gtb mesh specs/NAME.toml -n N -o tests/golden/NAME.obj`.
+These are the commands of the README's "In CI". `make golden` renews the meshes after a change that is meant.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+import re
 
+import numpy as np
 import pytest
 
-from tests.shell import SPECS, gtb
+from gtb_cli.patch import Model, Patch
+from gtb_cli.spec import dump, load
+from gtb_cli.tessellation import tessellate
+from tests.shell import REPOSITORY, gtb
+from tests.specs import GOOD_SPECS
 
-GOLDEN = sorted((Path(__file__).parent / "golden").glob("*.obj"))
+GOLDEN = REPOSITORY / "tests" / "golden"
+OPTIONS = ("-n", 3)
+
+MILLIONTH = 1e-6
+"""Of the model's size: a change of one control point by this is no rounding."""
 
 
-@pytest.mark.parametrize("golden", GOLDEN, ids=lambda path: path.stem)
-def test_the_mesh_of_a_spec_stays_what_it_was(golden):
-    resolution = 2 if golden.stem == "box-corner" else 3
-    result = gtb("diff", golden, SPECS / f"{golden.stem}.toml", "-n", resolution)
+def test_the_meshes_of_the_specs_stay_what_they_were(tmp_path):
+    assert gtb("mesh", *GOOD_SPECS, *OPTIONS, "-o", tmp_path, "-q").status == 0
+    result = gtb("diff", GOLDEN, tmp_path)
     assert result.status == 0, result.text
-    assert gtb("mesh", SPECS / f"{golden.stem}.toml", "-n", resolution).out.count(b"\n") == golden.read_bytes().count(
-        b"\n"
+    assert result.text.startswith(f"{len(GOOD_SPECS)} same")
+
+
+def test_they_are_renewed_with_the_same_options():
+    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
+    command = re.search(r"gtb_cli mesh \$\(SPECS\) (.*) -o tests/golden", makefile)
+    assert command
+    assert command[1].split() == [str(option) for option in OPTIONS]
+
+
+def nudged(spec: Patch | Model) -> Patch | Model:
+    """The spec with that control point of its first patch moved which moves the surface least."""
+    patches = list(spec.patches) if isinstance(spec, Model) else [spec]
+    patch = patches[0]
+    influence = patch.basis(tessellate(patch, 8).parameters).max(axis=0)
+    size = np.linalg.norm(np.ptp(np.vstack([part.control_points for part in patches]), axis=0))
+    points = patch.control_points.copy()
+    points[influence.argmin(), 1] += MILLIONTH * size
+    patches[0] = Patch(
+        patch.knots,
+        points,
+        patch.weights,
+        patch.coefficients,
+        edge_normals=patch.edge_normals,
+        edge_scale=patch.edge_scale,
+        name=patch.name,
     )
+    return Model(tuple(patches), name=spec.name) if isinstance(spec, Model) else patches[0]
 
 
-def test_a_different_mesh_would_be_noticed():
-    assert gtb("diff", GOLDEN[0].with_name("pentagon.obj"), SPECS / "pentagon.toml", "-n", 4).status == 1
+@pytest.mark.parametrize("kind", ["obj", "ply"])
+def test_a_control_point_that_moves_by_a_millionth_shows_in_every_spec(kind, tmp_path):
+    folders = {name: tmp_path / name for name in ("specs", "golden", "out")}
+    folders["specs"].mkdir()
+    for path in GOOD_SPECS:
+        (folders["specs"] / path.name).write_text(dump(nudged(load(path))), encoding="utf-8")
+    options = ("-n", 8, "-f", kind, "-q", "--ascii")
+    assert gtb("mesh", *GOOD_SPECS, *options, "-o", folders["golden"]).status == 0
+    assert gtb("mesh", *folders["specs"].iterdir(), *options, "-o", folders["out"]).status == 0
+    result = gtb("diff", folders["golden"], folders["out"])
+    assert result.status == 1
+    assert result.text.splitlines()[-1].startswith(f"0 same, {len(GOOD_SPECS)} different")

@@ -1,5 +1,6 @@
 """Area, volume, length and topology: of shapes that are known, and as trimesh measures them."""
 
+import json
 import math
 
 import numpy as np
@@ -130,3 +131,14 @@ def test_nothing_to_measure():
     with pytest.raises(DomainError, match="must be finite"):
         measure(Mesh(surface().vertices * np.nan, surface().cells))
     assert measure(model()).components == 2
+
+
+def test_a_record_is_json_at_any_size():
+    for scale in (1e-200, 1.0, 1e200):
+        with np.errstate(over="ignore"):
+            found = json.loads(
+                json.dumps(measure(Mesh(BOX.vertices * scale, BOX.cells)).record()), parse_constant=pytest.fail
+            )
+        assert (found["area"] is None) == (scale > 1)
+        assert found["bounds"][1][0] == 0.5 * scale
+    assert measure(curve()).record()["segments"] == 10

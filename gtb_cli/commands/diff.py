@@ -25,7 +25,6 @@ from gtb_cli.errors import GtbError
 if TYPE_CHECKING:
     from gtb_cli.complex import Parametrization
     from gtb_cli.difference import Difference, Point
-    from gtb_cli.measures import Measures
     from gtb_cli.meshfiles import KnownMesh
 
 DIFFERENT, TROUBLE = 1, 2
@@ -97,8 +96,10 @@ def diff(
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
     a point of one from the other, both ways. Normals and texture coordinates do not count. Of two folders, files of the
     same name are compared, and a missing or an extra file is a difference. The tolerance is never less than what the
-    numbers in the files can hold; the size is the diagonal of the bounding box of the smaller mesh. Exit status 0
-    where all is the same within the tolerance, 1 where it is not, 2 where something cannot be read.
+    numbers in the files can hold; the size is the diagonal of the bounding box of the smaller mesh. The distance of
+    surfaces is found to a tenth of the tolerance; of large meshes a warning, the report and "proved" in JSON say where
+    that took too long. Exit status 0 where all is the same within the tolerance, 1 where it is not, 2 where something
+    cannot be read.
     """
     if a == b == STANDARD:
         raise click.UsageError("standard input can be read once only")
@@ -255,10 +256,10 @@ def _say_limits(found: Difference, names: tuple[str, str], console: Console) -> 
             f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} in place of {found.asked:.3g}: "
             "the numbers in the files hold no less at this size"
         )
-    if not found.is_certain:
+    if not found.is_proved:
         console.warn(
-            f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, "
-            f"but between samples it could be {found.bound:.3g}"
+            f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, but it is not proved: "
+            f"between samples it could be {found.bound:.3g}"
         )
 
 
@@ -269,6 +270,7 @@ def _data(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
         "tolerance": found.tolerance,
         "method": found.method,
         "bound": found.bound,
+        "proved": found.is_proved,
         "mean": found.mean,
         "asked_tolerance": found.asked,
         "resolution": found.resolution,
@@ -279,28 +281,8 @@ def _data(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
         "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
     }
     for key, name, measures in (("a", names[0], found.first), ("b", names[1], found.second)):
-        report[key] = {"file": name, **(_measures(measures) if measures else {})}
+        report[key] = {"file": name, **(measures.record() if measures else {})}
     return report
-
-
-def _measures(measures: Measures) -> dict[str, Any]:
-    common = {
-        "vertices": measures.vertices,
-        "segments" if measures.is_curve else "faces": measures.cells,
-        "bounds": [list(measures.bounds[0]), list(measures.bounds[1])],
-        "components": measures.components,
-        "euler_characteristic": measures.euler_characteristic,
-    }
-    if measures.is_curve:
-        return {**common, "length": measures.length, "open_ends": measures.open_edges}
-    return {
-        **common,
-        "area": measures.area,
-        "volume": measures.volume,
-        "boundary_length": measures.boundary_length,
-        "open_edges": measures.open_edges,
-        "crowded_edges": measures.crowded_edges,
-    }
 
 
 def _text(found: Difference, names: tuple[str, str]) -> str:
@@ -314,13 +296,15 @@ def _text(found: Difference, names: tuple[str, str]) -> str:
         where = f" of {found.group}" if found.group else ""
         return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
+    if not found.is_proved:
+        at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
     what = "surfaces" if found.same_kind else "a curve and a surface,"
     text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
     for way, farthest in (("A from B", found.forward), ("B from A", found.backward)):
         text += f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n"
     if found.first is None or found.second is None:
         return text
-    rows = [_measures(measures) for measures in (found.first, found.second)]
+    rows = [measures.record() for measures in (found.first, found.second)]
     for key in dict.fromkeys([*rows[0], *rows[1]]):
         values = [row.get(key) for row in rows]
         if key != "bounds":

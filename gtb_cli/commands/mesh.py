@@ -25,6 +25,8 @@ from gtb_cli.commands.processes import MAX_JOBS, in_processes
 from gtb_cli.errors import GtbError, RequirementError
 
 if TYPE_CHECKING:
+    from gtb_cli.commands.manifests import Manifest
+    from gtb_cli.measures import Measures
     from gtb_cli.patch import Model, Patch
 
 
@@ -40,6 +42,13 @@ if TYPE_CHECKING:
     default=1,
     help="Processes that share the work on several specs. The files are the same with any number.",
 )
+@click.option(
+    "--manifest",
+    metavar="FILE",
+    shell_complete=file_names,
+    help="Write a JSON object with the versions and options used, and for each mesh file its name, sha256, bytes, "
+    "vertices, faces, area, volume (null where open) and bounds. With -, to standard output.",
+)
 @spec_format_option
 @console_option
 def mesh(
@@ -47,6 +56,7 @@ def mesh(
     output: str,
     options: MeshOptions,
     jobs: int,
+    manifest: str | None,
     spec_format: str | None,
     console: Console,
 ) -> None:
@@ -69,14 +79,25 @@ def mesh(
         into_folder = True
     if not into_folder and specs[0] != STANDARD and os.path.exists(output) and os.path.samefile(specs[0], output):
         raise click.UsageError(f"{output} is the spec, and would be overwritten")
+    book = None
+    if manifest is not None:
+        from gtb_cli.commands.manifests import Manifest
+
+        book = Manifest(manifest, options, os.path.join(output, "") if into_folder else output, specs)
     if into_folder:
-        _write_folder(specs, spec_format, output, options, jobs, console)
+        _write_folder(specs, spec_format, output, options, jobs, console, book)
     else:
-        options.write(read_spec(specs[0], spec_format), shown_input(specs[0]), output, console)
+        options.write(read_spec(specs[0], spec_format), shown_input(specs[0]), output, console, book)
 
 
 def _write_folder(
-    specs: tuple[str, ...], spec_format: str | None, folder: str, options: MeshOptions, jobs: int, console: Console
+    specs: tuple[str, ...],
+    spec_format: str | None,
+    folder: str,
+    options: MeshOptions,
+    jobs: int,
+    console: Console,
+    manifest: Manifest | None,
 ) -> None:
     """Write one mesh for each spec; what is wrong with some of them is raised when the others are written."""
     from gtb_cli.files import StagedFiles
@@ -89,7 +110,7 @@ def _write_folder(
             spec = read_spec(path, spec_format)
             with about(shown_input(path)):
                 options.check_size(spec)
-            tasks.append(Task(spec, path, options, kind))
+            tasks.append(Task(spec, path, options, kind, manifest is not None))
         except GtbError as error:
             errors.append(error)
     if not tasks:
@@ -112,10 +133,18 @@ def _write_folder(
             if isinstance(result, GtbError):
                 errors.append(result)
                 continue
-            files.add(name, progress.over(result.blocks, faces, result.expected_bytes))
-            reports.append((os.path.join(folder, name), result.size, result.warnings))
+            blocks: Iterable[bytes] = progress.over(result.blocks, faces, result.expected_bytes)
+            target = os.path.join(folder, name)
+            if manifest is not None and result.measures is not None:
+                blocks = manifest.recorded(target, result.measures, options.settings_for(task.spec), blocks)
+            files.add(name, blocks)
+            reports.append((target, result.size, result.warnings))
         if not reports:  # then a folder made for them goes, too
             raise _joined(errors)
+        if manifest is not None:
+            manifest.stage(files)
+    if manifest is not None:
+        manifest.finish()
     for output, size, warnings in reports:
         report(console, output, size, warnings)
     if errors:
@@ -134,6 +163,7 @@ class Task(NamedTuple):
     path: str
     options: MeshOptions
     kind: str
+    measured: bool
 
 
 class Encoded(NamedTuple):
@@ -143,17 +173,24 @@ class Encoded(NamedTuple):
     size: str
     warnings: list[str]
     expected_bytes: float
+    measures: Measures | None
 
 
 def _encoded(task: Task) -> Encoded | GtbError:
-    spec, path, options, kind = task
+    spec, path, options, kind, measured = task
+    measures = None
     try:
         with about(shown_input(path)):
             mesh, remarks = options.mesh_with_remarks(spec)
             blocks = options.encoded(mesh, kind)
+            if measured:
+                from gtb_cli.measures import measure
+
+                measures = measure(mesh)
     except GtbError as error:
         return error
-    return Encoded(blocks, summary(mesh), [*remarks, *options.warnings(mesh, kind)], expected_bytes(mesh))
+    warnings = [*remarks, *options.warnings(mesh, kind)]
+    return Encoded(blocks, summary(mesh), warnings, expected_bytes(mesh), measures)
 
 
 def _encoded_whole(task: Task) -> Encoded | GtbError:
@@ -164,7 +201,7 @@ def _encoded_whole(task: Task) -> Encoded | GtbError:
 def _file_names(tasks: list[Task]) -> list[str]:
     """Name the files after the spec files; what comes from standard input, after the spec's own name."""
     sources: dict[str, str] = {}
-    for spec, path, _, kind in tasks:
+    for spec, path, _, kind, _ in tasks:
         stem = spec.name if path == STANDARD else os.path.splitext(os.path.basename(path))[0]
         name = f"{file_stem(stem)}.{kind}"
         if name in sources:

@@ -14,6 +14,7 @@ from gtb_cli.errors import ExportError, GtbError, RequirementError, ToleranceErr
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import IntArray
+    from gtb_cli.commands.manifests import Manifest
     from gtb_cli.complex import Parametrization
     from gtb_cli.mesh import Mesh
     from gtb_cli.patch import Model, Patch
@@ -92,10 +93,7 @@ class MeshOptions:
         from gtb_cli.patch import Model
         from gtb_cli.tessellation import tessellate
 
-        tolerance = self.tolerance
-        if isinstance(tolerance, str):
-            low, high = tessellate(spec, BOUNDS_RESOLUTION, normals=False).bounds
-            tolerance = float(tolerance.removesuffix("%")) / 100 * math.dist(low, high)
+        tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
             tolerance *= TUBE_SHARE
         normals = self.normals or self.thickness is not None
@@ -110,8 +108,7 @@ class MeshOptions:
                     f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
                     f"more than two faces; -n {self.resolution + 1} keeps them apart"
                 )
-        linear = isinstance(spec, Model) or tolerance is not None
-        parametrization = self.parametrization or ("linear" if linear else "toric")
+        parametrization = self.parametrization_for(spec)
         if self.attributes:
             from gtb_cli.curvature import with_attributes
 
@@ -143,6 +140,35 @@ class MeshOptions:
         if self.require == "watertight":
             require_watertight(spec, mesh)
         return mesh, remarks
+
+    def tolerance_for(self, spec: Patch | Model) -> float | None:
+        """Return the tolerance in model units; a percentage is of the spec's own size."""
+        if not isinstance(self.tolerance, str):
+            return self.tolerance
+        from gtb_cli.tessellation import tessellate
+
+        low, high = tessellate(spec, BOUNDS_RESOLUTION, normals=False).bounds
+        return float(self.tolerance.removesuffix("%")) / 100 * math.dist(low, high)
+
+    def parametrization_for(self, spec: Patch | Model) -> Parametrization:
+        """Return the parametrization that was asked for, or else the one that suits."""
+        from gtb_cli.patch import Model
+
+        suitable: Parametrization = "linear" if isinstance(spec, Model) or self.tolerance is not None else "toric"
+        return self.parametrization or suitable
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """The options that bytes depend on, as plain data."""
+        names = ("tolerance", "parametrization", "format", "normals", "uv", "ascii", "radius", "thickness")
+        resolution = self.resolution if self.tolerance is None else None
+        values = {name: getattr(self, name) for name in names}
+        return {"resolution": resolution, **values, "attributes": list(self.attributes)}
+
+    def settings_for(self, spec: Patch | Model) -> dict[str, object]:
+        """What options mean for a spec, where that differs from spec to spec."""
+        settings: dict[str, object] = {"parametrization": self.parametrization_for(spec)}
+        return settings if self.tolerance is None else settings | {"tolerance": self.tolerance_for(spec)}
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""
@@ -219,7 +245,9 @@ class MeshOptions:
                 "take a smaller -n"
             )
 
-    def write(self, spec: Patch | Model, source: str, output: str, console: Console) -> None:
+    def write(
+        self, spec: Patch | Model, source: str, output: str, console: Console, manifest: Manifest | None = None
+    ) -> None:
         """Make the mesh of a spec, which was read from `source`, and write it to a file or to standard output."""
         kind = self.format_for(output)
         faces = self.faces(spec)
@@ -230,7 +258,14 @@ class MeshOptions:
                 mesh, remarks = self.mesh_with_remarks(spec)
                 blocks = self.encoded(mesh, kind)
             progress.advance(faces)
-            write_blocks(output, progress.over(blocks, faces, expected_bytes(mesh)))
+            blocks = progress.over(blocks, faces, expected_bytes(mesh))
+            if manifest is None:
+                write_blocks(output, blocks)
+            else:
+                from gtb_cli.measures import measure
+
+                blocks = manifest.recorded(output, measure(mesh), self.settings_for(spec), blocks)
+                manifest.write_with(output, blocks)
         report(console, output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
 
 

@@ -1,0 +1,64 @@
+"""Comparing two meshes of a million triangles, beside the least that a comparison by hand does."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from gtb_cli.difference import difference
+from gtb_cli.export import encode_mesh
+from gtb_cli.mesh import Mesh
+from gtb_cli.meshfiles import decode_mesh, known_exactly
+from tests.benchmarks import Row, paired
+from tests.meshes import surface
+
+SEGMENTS, OTHER_SEGMENTS = 707, 711
+"""One million triangles, nearly."""
+
+SIZE = "1M faces"
+
+
+def files() -> list[Row]:
+    """Reading each format twice and comparing, beside trimesh and scipy: reading it twice, and nearest vertices."""
+    mesh = surface(SEGMENTS)
+    rows = []
+    for kind in ("obj", "ply", "stl", "glb"):
+        data = b"".join(encode_mesh(mesh, kind))
+
+        def ours(data: bytes = data) -> None:
+            assert difference(decode_mesh(data, "a"), decode_mesh(data, "b")).same
+
+        def theirs(data: bytes = data, kind: str = kind) -> None:
+            a, b = (trimesh.load_mesh(io.BytesIO(data), file_type=kind) for _ in range(2))
+            assert cKDTree(a.vertices).query(b.vertices)[0].max() < 1e-9
+
+        what = f"diff of two {kind.upper()} files, {SIZE}, beside trimesh and scipy's tree"
+        rows.append(paired(what, ours, theirs, budget=1.0, runs=1))
+    return rows
+
+
+def meshes() -> list[Row]:
+    """Comparing what was read, beside nearest points for all middles of faces, both ways."""
+    mesh, other = surface(SEGMENTS), surface(OTHER_SEGMENTS)
+    order = np.random.default_rng(1).permutation(len(mesh.cells))
+    shuffled = Mesh(mesh.vertices, mesh.cells[order])
+
+    def nearest_points() -> None:
+        for here, there in ((mesh, other), (other, mesh)):
+            cKDTree(there.vertices).query(here.vertices[here.cells].mean(axis=1))
+
+    def ours(second: Mesh, same: bool) -> None:
+        assert difference(known_exactly(mesh), known_exactly(second)).same == same
+
+    peer = "beside scipy's tree"
+    return [
+        paired(f"diff, {SIZE} in another order, {peer}", lambda: ours(shuffled, True), nearest_points, runs=1),
+        paired(f"diff, {SIZE} and {SIZE}, {peer}", lambda: ours(other, False), nearest_points, runs=1),
+    ]
+
+
+def rows() -> list[Row]:
+    return files() + meshes()

@@ -1,0 +1,124 @@
+"""A CI job written from the README alone: its lines run as they stand there, pass, and fail when they should."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.meshfiles import read_mesh
+from tests.shell import REPOSITORY, SPECS, Result, shell
+
+SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
+STEPS = re.findall(r"^ +- run: (.*)$", SECTION, re.MULTILINE)
+MAKEFILE = re.search(r"^```make\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
+FAILURE = re.search(r"^```\n(different.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
+
+CHOSEN = ("pentagon", "example-3.1", "box-corner")
+"""A surface, a curve and a model."""
+
+DIAGONAL = 5.744562646538029
+"""Of the box of the pentagon's control points: √(2² + 2² + 5²)."""
+
+ELSEWHERE = [
+    {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONHASHSEED": "7", "LC_ALL": "C"},
+    {"NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512_SKX X86_V3 X86_V4"},  # an older processor
+]
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory) -> Path:
+    """A team's repository: some specs, and their golden meshes."""
+    folder = tmp_path_factory.mktemp("team")
+    (folder / "specs").mkdir()
+    for name in CHOSEN:
+        shutil.copy(SPECS / f"{name}.toml", folder / "specs")
+    (folder / "Makefile").write_text(MAKEFILE, encoding="utf-8")
+    (folder / ".gitignore").write_text("out\n", encoding="utf-8")
+    done = shell("make -s golden", folder)
+    assert done.status == 0, done.err
+    assert len(os.listdir(folder / "golden")) == len(CHOSEN)
+    return folder
+
+
+@pytest.fixture
+def checkout(repository, tmp_path) -> Path:
+    return shutil.copytree(repository, tmp_path / "checkout", symlinks=True)
+
+
+def job(folder: Path, **variables: str) -> Result:
+    """Run the steps as GitHub does, each in a shell that stops at the first error; gtb is installed already."""
+    assert STEPS[0].startswith("pip install")
+    result = None
+    for step in STEPS[1:]:
+        result = shell(f"set -e; {step}", folder, **variables)
+        if result.status:
+            break
+    return result
+
+
+def nudge(folder: Path) -> None:
+    """Move one control point of the pentagon by a millionth of its size."""
+    spec = folder / "specs" / "pentagon.toml"
+    text = spec.read_text(encoding="utf-8")
+    assert text.count('["8/7", "8/7", 5]') == 1
+    spec.write_text(text.replace('["8/7", "8/7", 5]', f'["8/7", "8/7", {5 + 1e-6 * DIAGONAL!r}]'), encoding="utf-8")
+
+
+def assert_as_shown(text: str) -> None:
+    """As the README shows it; here, too, the last digits may be others."""
+    number = re.compile(r"\d[\d.]*(?:e-\d+)?")
+    assert number.sub("#", text) == number.sub("#", FAILURE)
+    found, shown = (np.array(number.findall(each), dtype=float) for each in (text, FAILURE))
+    assert np.allclose(found, shown, rtol=0.02, atol=0)
+
+
+@pytest.mark.parametrize("variables", ELSEWHERE, ids=lambda variables: next(iter(variables)))
+def test_it_passes_where_nothing_changed(checkout, variables):
+    result = job(checkout, **variables)
+    assert result.status == 0, result.text + result.err
+    assert result.text == f"{len(CHOSEN)} same, 0 different, 0 missing, 0 extra\n"
+    assert (checkout / "out" / "manifest.json").exists()
+
+
+def test_a_moved_control_point_fails_it_and_it_says_what_differs_where(checkout):
+    nudge(checkout)
+    result = job(checkout)
+    assert result.status == 1
+    golden, out = (read_mesh(checkout / folder / "pentagon.obj").vertices for folder in ("golden", "out"))
+    distances = np.linalg.norm(golden - out, axis=1)
+    where = re.search(r"most at vertex (\d+): \((.*?)\) and \((.*?)\)", result.text)
+    assert distances[int(where[1])] == distances.max()
+    assert np.allclose(np.array(where[2].split(), dtype=float), golden[int(where[1])], rtol=1e-8)
+    assert np.allclose(np.array(where[3].split(), dtype=float), out[int(where[1])], rtol=1e-8)
+    assert_as_shown(result.text)
+
+
+def test_missing_and_extra_meshes_fail_it(checkout):
+    (checkout / "golden" / "pentagon.obj").unlink()
+    (checkout / "specs" / "box-corner.toml").unlink()
+    result = job(checkout)
+    assert result.status == 1
+    assert "missing: golden/box-corner.obj is not in out\n" in result.text
+    assert "extra: out/pentagon.obj is not in golden\n" in result.text
+
+
+def test_a_broken_spec_fails_it(checkout):
+    (checkout / "specs" / "pentagon.toml").write_text("knots = [\n", encoding="utf-8")
+    result = job(checkout)
+    assert result.status == 2
+    assert "specs/pentagon.toml:" in result.err
+
+
+def test_the_lines_for_make_do_the_same(checkout):
+    assert shell("make -s check", checkout).text.startswith(f"{len(CHOSEN)} same")
+    nudge(checkout)
+    result = shell("make -s check", checkout)
+    assert result.status == 2  # make's own
+    assert_as_shown(result.text)
+    assert shell("make -s golden && make -s check", checkout).status == 0
