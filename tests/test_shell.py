@@ -8,6 +8,7 @@ import resource
 import select
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -325,6 +326,29 @@ def test_a_killed_worker_is_an_error(start, tmp_path):
     assert child.returncode == 2
     assert error == b"gtb: error: a process was killed (is there too little memory? -j 1 needs less)\n"
     assert names(tmp_path / "out") == []
+
+
+CUT_OFF = """
+import os, struct, sys, time
+from gtb_cli.commands.processes import in_processes
+
+def work(task):
+    if task:  # the length of a result that never comes, as if it was killed while it writes that
+        os.write(sys._getframe(1).f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1_000_000))
+        os.write(task, b".")
+        time.sleep(600)
+
+here, there = os.pipe()
+results = in_processes(work, [0, there, 0], 2)
+next(results)
+os.read(here, 1)
+time.sleep(0.1)
+results.close()
+"""
+
+
+def test_a_worker_killed_while_it_hands_over_its_result_is_not_waited_for():
+    subprocess.run([sys.executable, "-c", CUT_OFF], check=True, timeout=SOON, env=environment())
 
 
 # --- files

@@ -65,6 +65,10 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     finally:
         for process in active_children():
             process.kill()
+        # A result that is cut off in the middle would be waited for as long as anyone, so this process, can write more.
+        writer = getattr(getattr(executor, "_result_queue", None), "_writer", None)
+        if writer is not None:
+            writer.close()
         executor.shutdown(cancel_futures=True)
 
 
