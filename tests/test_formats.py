@@ -151,6 +151,20 @@ def test_glb_shows_both_sides_of_an_open_surface():
     assert tree["materials"][tree["meshes"][0]["primitives"][0]["material"]]["doubleSided"] is True
 
 
+@pytest.mark.parametrize("make", [surface, model, two_curves])
+def test_glb_says_which_views_hold_vertices_and_which_indices(make):
+    """The Khronos validator asks for it (BUFFER_VIEW_TARGET_MISSING)."""
+    tree = tree_of(encoded(make(), "glb", normals=True, uv=True))
+    primitives = [primitive for part in tree["meshes"] for primitive in part["primitives"]]
+    targets = {
+        tree["accessors"][number]["bufferView"]: target
+        for primitive in primitives
+        for target, numbers in ((34962, primitive["attributes"].values()), (34963, [primitive["indices"]]))
+        for number in numbers
+    }
+    assert [view["target"] for view in tree["bufferViews"]] == [targets[n] for n in range(len(tree["bufferViews"]))]
+
+
 def test_glb_uv_of_a_curve_run_upwards_from_0():
     glb = encoded(curve(4), "glb", uv=True)
     tree = tree_of(glb)
