@@ -16,7 +16,7 @@ async function three(file, bytes) {
   if (file.endsWith("stl")) return joined((await loader("STLLoader")).parse(buffer));
   if (file.endsWith("glb")) return joined((await (await loader("GLTFLoader")).parseAsync(buffer, "")).scene, true);
   const ply = await loader("PLYLoader");
-  const names = ["u", "v", "mean_curvature", "quality"];
+  const names = ["u", "v", "gaussian_curvature", "mean_curvature", "quality"];
   ply.setCustomPropertyNameMapping(Object.fromEntries(names.map((name) => [name, [name]])));
   return joined(ply.parse(buffer));
 }

@@ -12,6 +12,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from tests.readers.libraries import Found, joined, results
 
 TIMEOUT = 60
@@ -92,6 +94,26 @@ def read_ctmconv(path: str) -> Found:
     return joined([{"points": points, "cells": cells, "normals": normals or None, "uv": uv or None}])
 
 
+def read_pcl(path: str) -> Found:
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder, "text.ply")
+        command = ["pcl_ply2ply", "--format=ascii", path, str(target)]
+        subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)  # its status always is 1
+        rows = [line.split() for line in target.read_text(encoding="ascii").splitlines()]
+    counts = {row[1]: int(row[2]) for row in rows if row[0] == "element"}
+    names = [row[2] for row in rows if row[0] == "property"]
+    del rows[: rows.index(["end_header"]) + 1]
+    table = np.array(rows[: counts["vertex"]], dtype=float)
+    columns = dict(zip(names, table.T, strict=False))
+    part: Found = {"points": table[:, :3], "attributes": columns}
+    part["cells"] = [row[-3:] if "face" in counts else row for row in rows[counts["vertex"] :]]
+    if "nx" in columns:
+        part["normals"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")])
+    if "s" in columns:
+        part["uv"] = np.column_stack([columns["s"], columns["t"]])
+    return joined([part])
+
+
 def read_gltfpack(path: str) -> Found:
     with tempfile.TemporaryDirectory() as folder:
         text = output("gltfpack", "-v", "-noq", "-kn", "-i", path, "-o", f"{folder}/mesh.glb")
@@ -114,6 +136,7 @@ VERSIONS = {
     "assimp": ("assimp", "version"),
     "prusa_slicer": ("prusa-slicer", "--help"),
     "openscad": ("openscad", "--version"),
+    "pcl": ("pcl_ply2ply", "--version"),
     "gltfpack": ("gltfpack", "-h"),
     "f3d": ("f3d", "--version"),
 }
@@ -125,7 +148,7 @@ def version(name: str) -> str:
     if name not in VERSIONS:
         return ""
     done = subprocess.run(VERSIONS[name], capture_output=True, timeout=TIMEOUT, check=False)
-    match = re.search(r"\d+\.\d+(\.\d+)?", (done.stdout + done.stderr).decode("utf-8", "replace"))
+    match = re.search(r"(?<![\d:.])\d+\.\d+(\.\d+)?", (done.stdout + done.stderr).decode("utf-8", "replace"))
     return match[0] if match else ""
 
 
