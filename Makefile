@@ -40,7 +40,7 @@ bench: $(VENV)/.development ## measure times beside floors and peers (one thread
 fuzz: $(VENV)/.development ## 20,000 mutated specs, and 200 processes of each format killed while they write
 	@$(RUN) tests.fuzz
 
-readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 3 GB below build
+readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.readers
 
 clean: ## remove what was built; .venv stays

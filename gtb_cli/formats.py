@@ -195,6 +195,7 @@ def mark_views(tree: dict[str, Any]) -> None:
     views, accessors = tree["bufferViews"], tree["accessors"]
     for mesh in tree["meshes"]:
         for primitive in mesh["primitives"]:
-            for number in primitive["attributes"].values():
-                views[accessors[number]["bufferView"]]["target"] = _VERTICES
+            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
+                for number in attributes.values():
+                    views[accessors[number]["bufferView"]]["target"] = _VERTICES
             views[accessors[primitive["indices"]]["bufferView"]]["target"] = _INDICES

@@ -53,7 +53,7 @@ def test_every_option_is_tried_in_every_format_that_has_it():
     tried |= {(kind.format, "model") for kind in KINDS if kind.mesh.groups}
     assert tried == {
         *((format, name) for format in ("obj", "ply", "glb") for name in ("normals", "uv", "curve")),
-        *((format, "model") for format in ("obj", "glb")),
+        *((format, "model") for format in ("obj", "ply", "glb")),
         *(("ply", name) for name in ("ascii", "attributes")),
         *(("stl", name) for name in ("ascii", "radius", "thickness")),
     }
@@ -81,6 +81,8 @@ def found(tmp_path):
         (lambda found: found["points"][7].__setitem__(0, found["points"][7][0] + 1e-4), "a vertex is 0.0001 away"),
         (lambda found: found["points"][7].__setitem__(slice(None), found["points"][8]), "48 of 49 vertices"),
         (lambda found: found["points"].clear(), "no vertices"),
+        (lambda found: found["points"][7].__setitem__(0, float("nan")), "a vertex is not finite"),
+        (lambda found: found["cells"][7].__setitem__(0, 49), "a cell has a corner that is no vertex"),
         (lambda found: found["cells"].pop(), "71 of 72 cells, 71 the same"),
         (lambda found: found["cells"][0].reverse(), "72 of 72 cells, 71 the same"),
         (lambda found: found["normals"][3].reverse(), "normals: one is .* away"),

@@ -1,6 +1,6 @@
 """`python -m tests.readers`: let programs and libraries that are not ours read every kind of file, and print tables.
 
-Those that can be had are installed below `build/readers` (from PyPI and npm, about 3 GB) or found on the PATH. Exits 1
+Those that can be had are installed below `build/readers` (from PyPI and npm, about 5 GB) or found on the PATH. Exits 1
 where one finds anything else than is in a file and is not known to (`roster`).
 """
 
@@ -27,6 +27,9 @@ ENOUGH = 8
 
 SECONDS = 180
 """A reader that takes longer hangs; none takes 20 for all files."""
+
+NOT_LOADED = ("ImportError", "ModuleNotFoundError", "cannot open shared object file")
+"""What a library says that lacks one of the system's."""
 
 
 class Missing(Exception):
@@ -70,7 +73,10 @@ def _install(command: list[str]) -> None:
 
 
 def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, dict[str, Any]]:
-    """Let a reader read files in a process of its own, and in another one from where it crashes."""
+    """Let a reader read files in a process of its own, and in another one from where it crashes.
+
+    What crashes it may be the file before, so that the one at which it does is tried again, as the first.
+    """
     command, folder = installed(reader)
     results = BUILD / "results" / reader.key
     shutil.rmtree(results, ignore_errors=True)
@@ -78,6 +84,7 @@ def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, di
     found: dict[str, dict[str, Any]] = {}
     left = list(kinds)
     while left:
+        first = left[0]
         paths = [str(files / kind.file) for kind in left]
         try:
             done = subprocess.run(
@@ -95,11 +102,11 @@ def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, di
             reason = "hangs"
         while left and (result := results / f"{left[0].file}.json").exists():
             found[left.pop(0).name] = json.loads(result.read_text(encoding="utf-8"))
-        if left:
+        if left and left[0] is first:
             found[left.pop(0).name] = {"error": reason}
     errors = {result.get("error", "") for result in found.values()}
-    if all("ImportError" in error or "ModuleNotFoundError" in error for error in errors):
-        raise Missing(min(errors))  # for a library of the system that it needs
+    if all(any(sign in error for sign in NOT_LOADED) for error in errors):
+        raise Missing(min(errors))
     return found
 
 
@@ -139,6 +146,7 @@ def main() -> int:
                     notes.append(f"{reader.name}: {kind.name}: {' '.join(str(error).split())[:300]}")
     for format in dict.fromkeys(kind.format for kind in KINDS):
         _print_table([kind for kind in KINDS if kind.format == format], cells, versions)
+    _print_summary(cells, versions)
     for kind in KINDS:
         count = sum(cells.get((name, kind.name), "").startswith("yes") for name in versions)
         if count < ENOUGH:
@@ -156,6 +164,31 @@ def _print_table(kinds: Sequence[Kind], cells: dict[tuple[str, str], str], versi
             print(f"| {name} {version}".rstrip(), "|", " | ".join(row), "|")
     count = [sum(cells.get((name, kind.name), "").startswith("yes") for name in versions) for kind in kinds]
     print("| read by |", " | ".join(map(str, count)), "|\n")
+
+
+def _print_summary(cells: dict[tuple[str, str], str], versions: dict[str, str]) -> None:
+    """Print one table, for the README: what each reader keeps of each format, and what it does not read."""
+    formats = list(dict.fromkeys(kind.format for kind in KINDS))
+    print("| |", " | ".join(format.upper() for format in formats), "|")
+    print("|---|" + "---|" * len(formats))
+    for name, version in versions.items():
+        row = []
+        for format in formats:
+            kept: dict[str, None] = {}
+            refused: dict[str, list[str]] = {}
+            for kind in KINDS:
+                answer, _, details = (
+                    cells.get((name, kind.name), "").partition(": ") if kind.format == format else ("",) * 3
+                )
+                if answer == "yes":
+                    kept |= dict.fromkeys(detail.split()[-1] for detail in details.split(", ") if detail)
+                elif answer:
+                    refused.setdefault(details, []).append(kind.name.partition(" ")[2] or "plain")
+            known = any((name, kind.name) in cells for kind in KINDS if kind.format == format)
+            parts = ["yes" + (f": {', '.join(kept)}" if kept else "")] if known else []
+            row.append("; ".join(parts + [f"not {', '.join(kinds)}: {reason}" for reason, kinds in refused.items()]))
+        print(f"| {name} {version}".rstrip(), "|", " | ".join(row), "|")
+    print()
 
 
 if __name__ == "__main__":

@@ -70,6 +70,7 @@ KINDS = (
         MeshOptions(6, ascii=True, normals=True, uv=True, attributes=("gaussian_curvature", "mean_curvature")),
     ),
     Kind("PLY uv and u", "bicubic", MeshOptions(6, uv=True, attributes=("u",))),
+    Kind("PLY model", "teapot", MeshOptions(4, normals=True, attributes=("mean_curvature",))),
     Kind("PLY curve", "example-3.1", MeshOptions(16)),
     Kind("PLY curve ascii", "example-3.1", MeshOptions(16, ascii=True)),
     Kind("STL", "pentagon", MeshOptions(6)),
@@ -97,7 +98,8 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
         What the reader has read.
     found : dict
         `points` (m, 3) and `cells`, in any order; and, where the reader gives them, `normals`, `uv` and `attributes`
-        (by name) of each point, and `names` of groups or nodes. Of a reader that only counts, `vertices`, `cells` and
+        (by name) of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each
+        point, and the number of `animations`. Of a reader that only counts, `vertices`, `cells` and
         `bounds`, each of which may be None.
     tolerance : float
         Relative to the largest coordinate.
@@ -109,7 +111,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     """
     if "points" not in found:
         _compare_counts(kind.mesh, found, tolerance)
-        return _groups_kept(kind, found)
+        return _parts_kept(kind, found)
     mesh = kind.mesh
     limit = tolerance * float(np.abs(mesh.vertices).max())
     tree = cKDTree(mesh.vertices)
@@ -118,6 +120,10 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     points = np.asarray(found["points"], dtype=float).reshape(-1, 3)
     if len(points) == 0:
         raise Different("no vertices")
+    if not np.isfinite(points).all():
+        raise Different("a vertex is not finite")
+    if not all(0 <= corner < len(points) for cell in found["cells"] for corner in cell):
+        raise Different("a cell has a corner that is no vertex")
     distance, nearest = tree.query(points)
     if not distance.max() <= limit:
         raise Different(f"a vertex is {distance.max():.2g} away")
@@ -140,7 +146,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
         _compare_values(name, expected_values[:, None], values.reshape(-1, 1), label, places, error)
     if known:
         kept.append(f"{len(known)} of {len(mesh.attributes)} attributes")
-    return kept + _groups_kept(kind, found)
+    return kept + _parts_kept(kind, found)
 
 
 def _normals(kind: Kind) -> np.ndarray | None:
@@ -187,7 +193,8 @@ def _compare_counts(mesh: Mesh, found: dict[str, Any], tolerance: float) -> None
             raise Different(f"bounds are {moved:.2g} away")
 
 
-def _groups_kept(kind: Kind, found: dict[str, Any]) -> list[str]:
+def _parts_kept(kind: Kind, found: dict[str, Any]) -> list[str]:
+    kept = []
     if kind.format in ("obj", "glb") and kind.groups and set(kind.groups) <= set(found.get("names") or ()):
-        return [f"{len(kind.groups)} parts"]
-    return []
+        kept.append(f"{len(kind.groups)} parts")
+    return kept

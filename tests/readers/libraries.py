@@ -21,13 +21,14 @@ Found = dict[str, Any]
 
 def joined(parts: Iterable[Found]) -> Found:
     """Make one mesh of several; `points`, `normals` and `uv` may be flat."""
-    found: Found = {"points": [], "cells": [], "names": [], "attributes": {}}
+    found: Found = {"points": [], "cells": [], "names": [], "attributes": {}, "targets": {}}
     for part in parts:
         start = len(found["points"])
         found["points"] += np.asarray(part["points"], dtype=float).reshape(-1, 3).tolist()
         found["cells"] += [[start + int(corner) for corner in cell] for cell in part["cells"]]
         found["names"].append(part.get("name"))
         found["attributes"] |= {name: np.ravel(v).tolist() for name, v in part.get("attributes", {}).items()}
+        found["targets"] |= {name: np.reshape(v, (-1, 3)).tolist() for name, v in part.get("targets", {}).items()}
         for key, width in (("normals", 3), ("uv", 2)):
             if part.get(key) is not None:
                 found.setdefault(key, []).extend(np.asarray(part[key], dtype=float).reshape(-1, width).tolist())
@@ -145,13 +146,14 @@ def read_vtk(path: str) -> Found:
         if part["uv"] is not None and path.endswith("glb"):  # as they are in the file, downwards
             part["uv"] = part["uv"] * [1, -1] + [0, 1]
         parts.append(part)
-    return joined(parts)
+    animations = reader.GetNumberOfAnimations() if path.endswith("glb") else 0
+    return joined(parts) | {"animations": animations}
 
 
 def read_open3d(path: str) -> Found:
     import open3d
 
-    if "curve" in path:
+    if "curve" in path:  # for lines it has another function
         lines = open3d.io.read_line_set(path)
         return joined([{"points": lines.points, "cells": lines.lines}])
     mesh = open3d.io.read_triangle_mesh(path)
@@ -207,8 +209,10 @@ def read_bpy(path: str) -> Found:
         for attribute in mesh.attributes:
             if attribute.domain == "POINT" and attribute.data_type == "FLOAT":
                 part["attributes"][attribute.name] = [entry.value for entry in attribute.data]
+        shapes = mesh.shape_keys.key_blocks[1:] if mesh.shape_keys else []
+        part["targets"] = {shape.name: np.array([point.co for point in shape.data]) @ turn for shape in shapes}
         parts.append(part)
-    return joined(parts)
+    return joined(parts) | {"animations": len(bpy.data.actions)}
 
 
 def read_compas(path: str) -> Found:
@@ -234,7 +238,7 @@ def read_compas(path: str) -> Found:
 def read_meshlib(path: str) -> Found:
     from meshlib import mrmeshnumpy, mrmeshpy
 
-    if "curve" in path:
+    if "curve" in path:  # likewise
         lines = mrmeshpy.loadLines(path)
         topology = lines.topology
         ends = [(2 * edge, 2 * edge + 1) for edge in range((topology.lastNotLoneEdge().get() + 1) // 2)]

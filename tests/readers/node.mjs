@@ -14,7 +14,10 @@ async function three(file, bytes) {
   const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength);
   if (file.endsWith("obj")) return joined((await loader("OBJLoader")).parse(bytes.toString()));
   if (file.endsWith("stl")) return joined((await loader("STLLoader")).parse(buffer));
-  if (file.endsWith("glb")) return joined((await (await loader("GLTFLoader")).parseAsync(buffer, "")).scene, true);
+  if (file.endsWith("glb")) {
+    const model = await (await loader("GLTFLoader")).parseAsync(buffer, "");
+    return { ...joined(model.scene, true), animations: model.animations.length };
+  }
   const ply = await loader("PLYLoader");
   const names = ["u", "v", "gaussian_curvature", "mean_curvature", "quality"];
   ply.setCustomPropertyNameMapping(Object.fromEntries(names.map((name) => [name, [name]])));
@@ -23,8 +26,8 @@ async function three(file, bytes) {
 
 /** All triangles and segments below an object, or of a geometry. */
 function joined(root, downwards = false) {
-  const found = { points: [], cells: [], normals: [], uv: [], names: [], attributes: {} };
-  const add = (name, lines, geometry) => {
+  const found = { points: [], cells: [], normals: [], uv: [], names: [], attributes: {}, targets: {} };
+  const add = (name, lines, geometry, targets = {}) => {
     const start = found.points.length;
     const rows = (values) => Array.from({ length: values.count }, (_, i) =>
       Array.from({ length: values.itemSize }, (_, k) => values.getComponent(i, k)));
@@ -34,6 +37,10 @@ function joined(root, downwards = false) {
       else if (key === "normal") found.normals.push(...rows(values));
       else if (key === "uv") found.uv.push(...rows(values).map(([u, v]) => [u, downwards ? 1 - v : v]));
       else if (values.count) found.attributes[key] = rows(values).flat();
+    }
+    for (const [target, number] of Object.entries(targets)) { // they are differences
+      const moves = rows(geometry.morphAttributes.position[number]);
+      found.targets[target] = moves.map((move, i) => move.map((value, k) => found.points[start + i][k] + value));
     }
     const corners = geometry.index ? Array.from(geometry.index.array) : null;
     const count = corners ? corners.length : geometry.attributes.position.count;
@@ -46,7 +53,8 @@ function joined(root, downwards = false) {
     if (root.index || root.attributes.position.count % 3 === 0) add("", false, root);
     else found.points.push(...Array(root.attributes.position.count).fill([0, 0, 0])); // points, and nothing between them
   } else {
-    root.traverse((object) => object.geometry && add(object.name, object.isLineSegments, object.geometry));
+    root.traverse((object) => object.geometry
+      && add(object.name, object.isLineSegments, object.geometry, object.morphTargetDictionary));
   }
   return found;
 }
@@ -55,7 +63,8 @@ async function validator(file, bytes) {
   const report = await required("gltf-validator").validateBytes(new Uint8Array(bytes));
   const messages = report.issues.messages.filter((message) => message.code !== "UNUSED_OBJECT");
   if (messages.length) throw new Error(`${messages.length} messages, such as ${JSON.stringify(messages[0])}`);
-  return { vertices: report.info.totalVertexCount, cells: report.info.totalTriangleCount || null };
+  return { vertices: report.info.totalVertexCount, cells: report.info.totalTriangleCount || null,
+    animations: report.info.animationCount };
 }
 
 const readers = { three: [three, "three"], validator: [validator, "gltf-validator"] };

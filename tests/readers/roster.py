@@ -58,6 +58,7 @@ LIBRARIES = (
             **REFUSES_EDGES,
             "PLY normals uv": "binary of positions only",
             "PLY attributes": "binary of positions only",
+            "PLY model": "binary of positions only",
             "PLY uv and u": "binary of positions only",
             "STL 2 facets": "refuses so few",
         },
@@ -68,7 +69,8 @@ LIBRARIES = (
         "compas",
         "compas",
         "obj ply stl glb",
-        limits=NO_EDGES | dict.fromkeys(("PLY", "PLY normals uv", "PLY attributes", "PLY uv and u"), "text only"),
+        limits=NO_EDGES
+        | dict.fromkeys(("PLY", "PLY normals uv", "PLY attributes", "PLY uv and u", "PLY model"), "text only"),
     ),
     Reader("MeshLib", "meshlib", "meshlib", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
     Reader("Lagrange", "lagrange", "adobe-lagrange", "obj ply stl glb", limits=NO_EDGES | NO_GLB_LINES),
