@@ -16,6 +16,7 @@ from trimesh.exchange.ply import export_ply
 from gtb_cli.errors import ExportError
 from gtb_cli.export import encode_mesh, write_mesh
 from gtb_cli.formats import facet_normals
+from gtb_cli.morph import animated_glb
 from tests.meshes import curve, encoded, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.
@@ -163,6 +164,16 @@ def test_glb_says_which_views_hold_vertices_and_which_indices(make):
         for number in numbers
     }
     assert [view["target"] for view in tree["bufferViews"]] == [targets[n] for n in range(len(tree["bufferViews"]))]
+
+
+@pytest.mark.parametrize("make", [surface, curve])
+def test_glb_says_that_morph_targets_are_vertices_and_times_are_not(make):
+    tree = tree_of(b"".join(animated_glb((make(), make()), ("a", "b"), normals=True)))
+    (primitive,) = tree["meshes"][0]["primitives"]
+    sampler = tree["animations"][0]["samplers"][0]
+    for target, numbers in ((34962, primitive["targets"][0].values()), (None, (sampler["input"], sampler["output"]))):
+        for number in numbers:
+            assert tree["bufferViews"][tree["accessors"][number]["bufferView"]].get("target") == target
 
 
 def test_glb_uv_of_a_curve_run_upwards_from_0():

@@ -7,7 +7,7 @@ import copy
 import pytest
 
 from tests.readers import libraries
-from tests.readers.kinds import KINDS, Different, Kind, agreement
+from tests.readers.kinds import KINDS, Different, Film, Kind, agreement
 from tests.readers.roster import LIBRARIES, PROGRAMS, WEB
 
 LIGHT = [reader for reader in LIBRARIES if reader.key in ("trimesh", "meshio", "plyfile", "numpy_stl")]
@@ -57,6 +57,7 @@ def test_every_option_is_tried_in_every_format_that_has_it():
         *(("ply", name) for name in ("ascii", "attributes")),
         *(("stl", name) for name in ("ascii", "radius", "thickness")),
     }
+    assert {kind.format for kind in KINDS if isinstance(kind, Film)} == {"glb"}
 
 
 def test_limits_are_of_kinds_that_there_are():

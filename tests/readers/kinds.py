@@ -13,6 +13,8 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.mesh import Mesh
+from gtb_cli.morph import animated_glb
+from gtb_cli.sequence import degeneration_sequence
 from gtb_cli.spec import load
 from tests.shell import SPECS
 
@@ -55,6 +57,24 @@ class Kind:
         return b"".join(self.options.encoded(self.mesh, self.format))
 
 
+class Film(Kind):
+    """A sequence in one file that plays: a degeneration, as of `gtb degenerate`."""
+
+    @functools.cached_property
+    def meshes(self) -> dict[str, Mesh]:
+        """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
+        patch = load(SPECS / f"{self.spec}.toml")
+        sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.resolution)
+        return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
+
+    @functools.cached_property
+    def mesh(self) -> Mesh:
+        return self.meshes["x=1"]
+
+    def encoded(self) -> bytes:
+        return b"".join(animated_glb(tuple(self.meshes.values()), tuple(self.meshes), normals=self.options.normals))
+
+
 KINDS = (
     Kind("OBJ", "pentagon", MeshOptions(6)),
     Kind("OBJ normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
@@ -82,6 +102,7 @@ KINDS = (
     Kind("GLB normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
     Kind("GLB model", "teapot", MeshOptions(4, normals=True)),
     Kind("GLB curve", "example-3.1", MeshOptions(16)),
+    Film("GLB film", "example-4.4", MeshOptions(4, normals=True)),
 )
 
 
@@ -146,6 +167,12 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
         _compare_values(name, expected_values[:, None], values.reshape(-1, 1), label, places, error)
     if known:
         kept.append(f"{len(known)} of {len(mesh.attributes)} attributes")
+    if isinstance(kind, Film) and found.get("targets"):
+        for name, positions in found["targets"].items():
+            if name not in kind.meshes:
+                raise Different(f"a target called {name!r}")
+            _compare_values(name, kind.meshes[name].vertices, np.asarray(positions), label, places, limit)
+        kept.append(f"{len(found['targets'])} of {len(kind.meshes) - 1} targets")
     return kept + _parts_kept(kind, found)
 
 
@@ -197,4 +224,6 @@ def _parts_kept(kind: Kind, found: dict[str, Any]) -> list[str]:
     kept = []
     if kind.format in ("obj", "glb") and kind.groups and set(kind.groups) <= set(found.get("names") or ()):
         kept.append(f"{len(kind.groups)} parts")
+    if isinstance(kind, Film) and found.get("animations"):
+        kept.append("animation")
     return kept
