@@ -7,7 +7,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test lint types check specs golden bench fuzz clean
+.PHONY: help setup mesh test lint types check specs golden bench fuzz readers clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ bench: $(VENV)/.development ## measure times beside floors and peers (one thread
 
 fuzz: $(VENV)/.development ## 20,000 mutated specs, and 200 processes of each format killed while they write
 	@$(RUN) tests.fuzz
+
+readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 5 GB below build
+	@$(RUN) tests.readers
 
 clean: ## remove what was built; .venv stays
 	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis

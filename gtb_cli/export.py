@@ -348,6 +348,8 @@ def _glb_of_trimesh(parts: Sequence[Part]) -> bytes:
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
+    from gtb_cli.formats import mark_views
+
     root = "world"
     while any(part.name == root for part in parts):
         root += "_"
@@ -368,6 +370,7 @@ def _glb_of_trimesh(parts: Sequence[Part]) -> bytes:
         scene,
         include_normals=parts[0].normals is not None,
         unitize_normals=True,
+        tree_postprocessor=mark_views,
         extension_webp=False,
         extension_draco=False,
     )

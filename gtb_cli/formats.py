@@ -15,6 +15,7 @@ from gtb_cli.obj import ROWS
 SINGLE = np.dtype("<f4")
 
 _FLOAT, _UNSIGNED = 5126, 5125  # glTF's numbers for the types of components
+_VERTICES, _INDICES = 34962, 34963  # and for what a view of the buffer holds
 _FACET = "facet normal {!r} {!r} {!r}\nouter loop\n{}{}{}endloop\nendfacet\n"
 
 
@@ -171,7 +172,7 @@ def glb_of_lines(parts: Sequence[Part]) -> bytes:
         indices = accessor(part.cells.astype("<u4"), "SCALAR", _UNSIGNED)
         meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
     body = b"".join(chunks)
-    tree = {
+    tree: dict[str, Any] = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(parts)))}],
@@ -181,8 +182,20 @@ def glb_of_lines(parts: Sequence[Part]) -> bytes:
         "bufferViews": views,
         "buffers": [{"byteLength": len(body)}],
     }
+    mark_views(tree)
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     sizes = np.array([28 + len(text) + len(body), len(text), len(body)], dtype="<u4")
     total, text_size, body_size = (size.tobytes() for size in sizes)
     return b"".join([b"glTF\2\0\0\0", total, text_size, b"JSON", text, body_size, b"BIN\0", body])
+
+
+def mark_views(tree: dict[str, Any]) -> None:
+    """Say in a glTF tree, for viewers that hand them on to the graphics card, which views hold vertices or indices."""
+    views, accessors = tree["bufferViews"], tree["accessors"]
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
+                for number in attributes.values():
+                    views[accessors[number]["bufferView"]]["target"] = _VERTICES
+            views[accessors[primitive["indices"]]["bufferView"]]["target"] = _INDICES

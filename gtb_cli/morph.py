@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.export import encode_mesh
+from gtb_cli.formats import mark_views
 from gtb_cli.mesh import Mesh
 
 SECONDS = 1.0
@@ -89,6 +90,7 @@ def animated_glb(
             }
             for other, label in zip(others, labels[1:], strict=True)
         ]
+        mark_views(file.tree)
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {

@@ -16,6 +16,7 @@ from trimesh.exchange.ply import export_ply
 from gtb_cli.errors import ExportError
 from gtb_cli.export import encode_mesh, write_mesh
 from gtb_cli.formats import facet_normals
+from gtb_cli.morph import animated_glb
 from tests.meshes import curve, encoded, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.
@@ -149,6 +150,30 @@ def test_glb_holds_normals_and_uv(tmp_path):
 def test_glb_shows_both_sides_of_an_open_surface():
     tree = tree_of(encoded(surface(), "glb"))
     assert tree["materials"][tree["meshes"][0]["primitives"][0]["material"]]["doubleSided"] is True
+
+
+@pytest.mark.parametrize("make", [surface, model, two_curves])
+def test_glb_says_which_views_hold_vertices_and_which_indices(make):
+    """The Khronos validator asks for it (BUFFER_VIEW_TARGET_MISSING)."""
+    tree = tree_of(encoded(make(), "glb", normals=True, uv=True))
+    primitives = [primitive for part in tree["meshes"] for primitive in part["primitives"]]
+    targets = {
+        tree["accessors"][number]["bufferView"]: target
+        for primitive in primitives
+        for target, numbers in ((34962, primitive["attributes"].values()), (34963, [primitive["indices"]]))
+        for number in numbers
+    }
+    assert [view["target"] for view in tree["bufferViews"]] == [targets[n] for n in range(len(tree["bufferViews"]))]
+
+
+@pytest.mark.parametrize("make", [surface, curve])
+def test_glb_says_that_morph_targets_are_vertices_and_times_are_not(make):
+    tree = tree_of(b"".join(animated_glb((make(), make()), ("a", "b"), normals=True)))
+    (primitive,) = tree["meshes"][0]["primitives"]
+    sampler = tree["animations"][0]["samplers"][0]
+    for target, numbers in ((34962, primitive["targets"][0].values()), (None, (sampler["input"], sampler["output"]))):
+        for number in numbers:
+            assert tree["bufferViews"][tree["accessors"][number]["bufferView"]].get("target") == target
 
 
 def test_glb_uv_of_a_curve_run_upwards_from_0():

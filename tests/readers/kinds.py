@@ -1,0 +1,229 @@
+"""The kinds of file that readers are tried with, and what each of them must find there."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gtb_cli.commands.meshing import MeshOptions
+from gtb_cli.mesh import Mesh
+from gtb_cli.morph import animated_glb
+from gtb_cli.sequence import degeneration_sequence
+from gtb_cli.spec import load
+from tests.shell import SPECS
+
+SINGLE = 2.0**-22
+"""Relative error of 32-bit numbers, and of readers of text whose last bits are not the nearest ones."""
+
+SIX_DIGITS = 1e-5
+"""Relative error of what a program prints."""
+
+UNIT = 1e-3
+"""Error of a normal: Blender keeps them in 32 bits."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: a spec of `specs/` and options of `gtb mesh`. The first word of its name is the format."""
+
+    name: str
+    spec: str
+    options: MeshOptions
+
+    @property
+    def format(self) -> str:
+        return self.name.split()[0].lower()
+
+    @property
+    def file(self) -> str:
+        return f"{self.name.lower().replace(' ', '-')}.{self.format}"
+
+    @functools.cached_property
+    def mesh(self) -> Mesh:
+        """What is in the file, as it was before it was written."""
+        return self.options.mesh(load(SPECS / f"{self.spec}.toml"))
+
+    @functools.cached_property
+    def groups(self) -> tuple[str, ...]:
+        return tuple(name for name, _, _ in self.mesh.groups)
+
+    def encoded(self) -> bytes:
+        return b"".join(self.options.encoded(self.mesh, self.format))
+
+
+class Film(Kind):
+    """A sequence in one file that plays: a degeneration, as of `gtb degenerate`."""
+
+    @functools.cached_property
+    def meshes(self) -> dict[str, Mesh]:
+        """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
+        patch = load(SPECS / f"{self.spec}.toml")
+        sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.resolution)
+        return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
+
+    @functools.cached_property
+    def mesh(self) -> Mesh:
+        return self.meshes["x=1"]
+
+    def encoded(self) -> bytes:
+        return b"".join(animated_glb(tuple(self.meshes.values()), tuple(self.meshes), normals=self.options.normals))
+
+
+KINDS = (
+    Kind("OBJ", "pentagon", MeshOptions(6)),
+    Kind("OBJ normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
+    Kind("OBJ model", "teapot", MeshOptions(4, normals=True)),
+    Kind("OBJ curve", "example-3.1", MeshOptions(16)),
+    Kind("PLY", "pentagon", MeshOptions(6)),
+    Kind("PLY ascii", "pentagon", MeshOptions(6, ascii=True)),
+    Kind("PLY normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
+    Kind("PLY attributes", "bicubic", MeshOptions(6, normals=True, attributes=("mean_curvature", "u", "v"))),
+    Kind(
+        "PLY attributes ascii",
+        "bicubic",
+        MeshOptions(6, ascii=True, normals=True, uv=True, attributes=("gaussian_curvature", "mean_curvature")),
+    ),
+    Kind("PLY uv and u", "bicubic", MeshOptions(6, uv=True, attributes=("u",))),
+    Kind("PLY model", "teapot", MeshOptions(4, normals=True, attributes=("mean_curvature",))),
+    Kind("PLY curve", "example-3.1", MeshOptions(16)),
+    Kind("PLY curve ascii", "example-3.1", MeshOptions(16, ascii=True)),
+    Kind("STL", "pentagon", MeshOptions(6)),
+    Kind("STL ascii", "pentagon", MeshOptions(6, ascii=True)),
+    Kind("STL tube", "example-3.1", MeshOptions(16, radius=0.05)),
+    Kind("STL solid", "bicubic", MeshOptions(6, thickness=-0.1)),
+    Kind("STL 2 facets", "bicubic", MeshOptions(1)),
+    Kind("GLB", "pentagon", MeshOptions(6)),
+    Kind("GLB normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
+    Kind("GLB model", "teapot", MeshOptions(4, normals=True)),
+    Kind("GLB curve", "example-3.1", MeshOptions(16)),
+    Film("GLB film", "example-4.4", MeshOptions(4, normals=True)),
+)
+
+
+class Different(Exception):
+    """A reader finds something else than is in the file."""
+
+
+def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> list[str]:
+    """Return what else than vertices and cells a reader has found, and found right.
+
+    Parameters
+    ----------
+    kind : Kind
+        What the reader has read.
+    found : dict
+        `points` (m, 3) and `cells`, in any order; and, where the reader gives them, `normals`, `uv` and `attributes`
+        (by name) of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each
+        point, and the number of `animations`. Of a reader that only counts, `vertices`, `cells` and
+        `bounds`, each of which may be None.
+    tolerance : float
+        Relative to the largest coordinate.
+
+    Raises
+    ------
+    Different
+        With what is.
+    """
+    if "points" not in found:
+        _compare_counts(kind.mesh, found, tolerance)
+        return _parts_kept(kind, found)
+    mesh = kind.mesh
+    limit = tolerance * float(np.abs(mesh.vertices).max())
+    tree = cKDTree(mesh.vertices)
+    # Equal vertices count as one: readers of STL merge them, others do where files have them twice.
+    label = np.array([min(near) for near in tree.query_ball_point(mesh.vertices, limit)])
+    points = np.asarray(found["points"], dtype=float).reshape(-1, 3)
+    if len(points) == 0:
+        raise Different("no vertices")
+    if not np.isfinite(points).all():
+        raise Different("a vertex is not finite")
+    if not all(0 <= corner < len(points) for cell in found["cells"] for corner in cell):
+        raise Different("a cell has a corner that is no vertex")
+    distance, nearest = tree.query(points)
+    if not distance.max() <= limit:
+        raise Different(f"a vertex is {distance.max():.2g} away")
+    places = label[nearest]
+    if len(set(places)) != len(set(label)):
+        raise Different(f"{len(set(places))} of {len(set(label))} vertices")
+    expected, read = _cells(label[mesh.cells]), _cells([[places[corner] for corner in cell] for cell in found["cells"]])
+    if expected != read:
+        raise Different(f"{len(found['cells'])} of {len(mesh.cells)} cells, {sum((expected & read).values())} the same")
+    kept = []
+    for name, values, error in (("normals", _normals(kind), UNIT), ("uv", _uv(kind), tolerance)):
+        if values is not None and found.get(name):
+            _compare_values(name, values, np.asarray(found[name], dtype=float), label, places, error)
+            kept.append(name)
+    theirs = found.get("attributes", {})
+    known = [name for name in mesh.attributes if name in theirs] if kind.format == "ply" else []
+    for name in known:
+        expected_values, values = mesh.attributes[name], np.asarray(theirs[name], dtype=float)
+        error = tolerance * max(1.0, float(np.abs(expected_values).max()))
+        _compare_values(name, expected_values[:, None], values.reshape(-1, 1), label, places, error)
+    if known:
+        kept.append(f"{len(known)} of {len(mesh.attributes)} attributes")
+    if isinstance(kind, Film) and found.get("targets"):
+        for name, positions in found["targets"].items():
+            if name not in kind.meshes:
+                raise Different(f"a target called {name!r}")
+            _compare_values(name, kind.meshes[name].vertices, np.asarray(positions), label, places, limit)
+        kept.append(f"{len(found['targets'])} of {len(kind.meshes) - 1} targets")
+    return kept + _parts_kept(kind, found)
+
+
+def _normals(kind: Kind) -> np.ndarray | None:
+    return kind.mesh.normals if kind.options.normals and kind.format != "stl" else None
+
+
+def _uv(kind: Kind) -> np.ndarray | None:
+    return kind.mesh.parameters if kind.options.uv else None
+
+
+def _cells(corners: Sequence[Sequence[int]] | np.ndarray) -> Counter[tuple[int, ...]]:
+    """Count cells, whichever corner is the first; segments have no direction."""
+    counted: Counter[tuple[int, ...]] = Counter()
+    for cell in corners:
+        row = [int(corner) for corner in cell]
+        if len(row) == 2:
+            row.sort()
+        first = row.index(min(row))
+        counted[tuple(row[first:] + row[:first])] += 1
+    return counted
+
+
+def _compare_values(
+    name: str, expected: np.ndarray, found: np.ndarray, label: np.ndarray, places: np.ndarray, error: float
+) -> None:
+    if len(found) != len(places):
+        raise Different(f"{name}: {len(found)} of {len(places)}")
+    for place, value in zip(places, found, strict=True):
+        nearest = np.abs(expected[label == place] - value).max(axis=1).min()  # equal vertices may differ in these
+        if not nearest <= error:
+            raise Different(f"{name}: one is {nearest:.2g} away")
+
+
+def _compare_counts(mesh: Mesh, found: dict[str, Any], tolerance: float) -> None:
+    corners = mesh.cells.size
+    parts = sum(len(np.unique(mesh.cells[start:stop])) for _, start, stop in mesh.groups)
+    merged = len(np.unique(mesh.vertices.round(9), axis=0))
+    for name, expected in (("cells", [len(mesh.cells)]), ("vertices", [len(mesh.vertices), merged, parts, corners])):
+        if found.get(name) is not None and found[name] not in expected:
+            raise Different(f"{found[name]} of {expected[0]} {name}")
+    if found.get("bounds") is not None:
+        moved = np.abs(np.asarray(found["bounds"], dtype=float) - mesh.bounds).max()
+        if not moved <= tolerance * np.abs(mesh.vertices).max():
+            raise Different(f"bounds are {moved:.2g} away")
+
+
+def _parts_kept(kind: Kind, found: dict[str, Any]) -> list[str]:
+    kept = []
+    if kind.format in ("obj", "glb") and kind.groups and set(kind.groups) <= set(found.get("names") or ()):
+        kept.append(f"{len(kind.groups)} parts")
+    if isinstance(kind, Film) and found.get("animations"):
+        kept.append("animation")
+    return kept

@@ -1,0 +1,331 @@
+"""Readers that are Python libraries. `python libraries.py NAME FOLDER FILE...` puts what NAME reads there, as JSON.
+
+This file knows nothing of this project: it runs where the library is installed, and numpy comes with each of them.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import itertools
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+Found = dict[str, Any]
+"""As `kinds.agreement` takes it."""
+
+
+def joined(parts: Iterable[Found]) -> Found:
+    """Make one mesh of several; `points`, `normals` and `uv` may be flat."""
+    found: Found = {"points": [], "cells": [], "names": [], "attributes": {}, "targets": {}}
+    for part in parts:
+        start = len(found["points"])
+        found["points"] += np.asarray(part["points"], dtype=float).reshape(-1, 3).tolist()
+        found["cells"] += [[start + int(corner) for corner in cell] for cell in part["cells"]]
+        found["names"].append(part.get("name"))
+        found["attributes"] |= {name: np.ravel(v).tolist() for name, v in part.get("attributes", {}).items()}
+        found["targets"] |= {name: np.reshape(v, (-1, 3)).tolist() for name, v in part.get("targets", {}).items()}
+        for key, width in (("normals", 3), ("uv", 2)):
+            if part.get(key) is not None:
+                found.setdefault(key, []).extend(np.asarray(part[key], dtype=float).reshape(-1, width).tolist())
+    return found
+
+
+def segments(line: Sequence[int]) -> list[tuple[int, int]]:
+    """Cut a polyline."""
+    return list(itertools.pairwise(line))
+
+
+def read_trimesh(path: str) -> Found:
+    import trimesh
+
+    parts = []
+    for name, geometry in trimesh.load_scene(path, process=False).geometry.items():
+        part = {"name": name, "points": geometry.vertices, "cells": getattr(geometry, "faces", [])}
+        if hasattr(geometry, "entities"):
+            part["cells"] = [pair for entity in geometry.entities for pair in segments(entity.points)]
+        elif len(part["cells"]):
+            part["uv"] = getattr(geometry.visual, "uv", None)
+            if "vertex_normals" in geometry._cache.cache:  # not computed, but read
+                part["normals"] = geometry.vertex_normals
+            part["attributes"] = geometry.vertex_attributes
+        parts.append(part)
+    return joined(parts)
+
+
+def read_meshio(path: str) -> Found:
+    import meshio
+
+    mesh = meshio.read(path)
+    data = mesh.point_data
+    part = {"points": mesh.points, "cells": [row for block in mesh.cells for row in block.data], "attributes": data}
+    if "nx" in data:
+        part["normals"] = np.column_stack([data[name] for name in ("nx", "ny", "nz")])
+    if "s" in data:
+        part["uv"] = np.column_stack([data["s"], data["t"]])
+    if "obj:vn" in data:
+        part["normals"] = data["obj:vn"]
+    if "obj:vt" in data:
+        part["uv"] = data["obj:vt"]
+    return joined([part])
+
+
+def read_plyfile(path: str) -> Found:
+    import plyfile
+
+    data = plyfile.PlyData.read(path)
+    columns = {p.name: np.asarray(data["vertex"][p.name], dtype=float) for p in data["vertex"].properties}
+    if "face" in data:
+        cells = np.vstack(data["face"]["vertex_indices"])
+    else:
+        cells = np.column_stack([data["edge"]["vertex1"], data["edge"]["vertex2"]])
+    part: Found = {"points": np.column_stack([columns[axis] for axis in "xyz"]), "cells": cells, "attributes": columns}
+    if "nx" in columns:
+        part["normals"] = np.column_stack([columns[name] for name in ("nx", "ny", "nz")])
+    if "s" in columns:
+        part["uv"] = np.column_stack([columns["s"], columns["t"]])
+    return joined([part])
+
+
+def read_numpy_stl(path: str) -> Found:
+    import stl
+
+    corners = stl.Mesh.from_file(path).vectors.reshape(-1, 3)
+    return joined([{"points": corners, "cells": np.arange(len(corners)).reshape(-1, 3)}])
+
+
+def read_pymeshlab(path: str) -> Found:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(path)
+    parts = []
+    for mesh in meshes:
+        part = {"name": mesh.label(), "points": mesh.vertex_matrix(), "normals": mesh.vertex_normal_matrix()}
+        part["cells"] = mesh.face_matrix() if mesh.face_number() else mesh.edge_matrix()
+        if mesh.has_vertex_tex_coord():
+            part["uv"] = mesh.vertex_tex_coord_matrix()
+        part["attributes"] = {"quality": mesh.vertex_scalar_array()} if mesh.has_vertex_scalar() else {}
+        parts.append(part)
+    return joined(parts)
+
+
+def read_vtk(path: str) -> Found:
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    readers = {"obj": vtk.vtkOBJReader, "ply": vtk.vtkPLYReader, "stl": vtk.vtkSTLReader, "glb": vtk.vtkGLTFReader}
+    reader = readers[path[-3:]]()
+    reader.SetFileName(path)
+    reader.Update()
+    output = reader.GetOutputDataObject(0)
+    meshes = [output]
+    if output.IsA("vtkCompositeDataSet"):
+        meshes = []
+        iterator = output.NewIterator()
+        while not iterator.IsDoneWithTraversal():
+            meshes.append(iterator.GetCurrentDataObject())
+            iterator.GoToNextItem()
+    parts = []
+    for mesh in meshes:
+        part: Found = {"points": vtk_to_numpy(mesh.GetPoints().GetData()), "cells": []}
+        for number in range(mesh.GetNumberOfCells()):
+            ids = mesh.GetCell(number).GetPointIds()
+            corners = [ids.GetId(corner) for corner in range(ids.GetNumberOfIds())]
+            lines = mesh.GetCell(number).GetCellDimension() == 1
+            part["cells"] += segments(corners) if lines else [corners]
+        data = mesh.GetPointData()
+        arrays = {data.GetArrayName(number): data.GetArray(number) for number in range(data.GetNumberOfArrays())}
+        part["attributes"] = {name: vtk_to_numpy(values) for name, values in arrays.items()}
+        for key, values in (("normals", data.GetNormals()), ("uv", data.GetTCoords())):
+            part[key] = None if values is None else vtk_to_numpy(values)
+        if part["uv"] is not None and path.endswith("glb"):  # as they are in the file, downwards
+            part["uv"] = part["uv"] * [1, -1] + [0, 1]
+        parts.append(part)
+    animations = reader.GetNumberOfAnimations() if path.endswith("glb") else 0
+    return joined(parts) | {"animations": animations}
+
+
+def read_open3d(path: str) -> Found:
+    import open3d
+
+    if "curve" in path:  # for lines it has another function
+        lines = open3d.io.read_line_set(path)
+        return joined([{"points": lines.points, "cells": lines.lines}])
+    mesh = open3d.io.read_triangle_mesh(path)
+    normals = mesh.vertex_normals if mesh.has_vertex_normals() else None
+    return joined([{"points": mesh.vertices, "cells": mesh.triangles, "normals": normals}])
+
+
+def read_gmsh(path: str) -> Found:
+    import gmsh
+
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.merge(path)
+        tags, points, _ = gmsh.model.mesh.getNodes()
+        place = {int(tag): number for number, tag in enumerate(tags)}
+        cells: list[list[int]] = []
+        for kind, corners in ((1, 2), (2, 3)):
+            nodes = gmsh.model.mesh.getElementsByType(kind)[1]
+            cells += [[place[int(node)] for node in cell] for cell in nodes.reshape(-1, corners)]
+        return joined([{"points": points, "cells": cells}])
+    finally:
+        gmsh.finalize()
+
+
+def read_bpy(path: str) -> Found:
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if path.endswith("obj"):
+        bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z", use_split_groups=True)
+    elif path.endswith("ply"):
+        bpy.ops.wm.ply_import(filepath=path)
+    elif path.endswith("stl"):
+        bpy.ops.wm.stl_import(filepath=path)
+    else:
+        bpy.ops.import_scene.gltf(filepath=path)
+    # Blender's z points upwards, and so glTF's y becomes its z.
+    turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]) if path.endswith("glb") else np.eye(3)
+    parts = []
+    for item in bpy.data.objects:
+        mesh = item.data
+        points = np.array([item.matrix_world @ vertex.co for vertex in mesh.vertices])
+        cells = [face.vertices for face in mesh.polygons] or [edge.vertices for edge in mesh.edges]
+        part: Found = {"name": item.name, "points": points @ turn, "cells": cells, "attributes": {}}
+        corners = [loop.vertex_index for loop in mesh.loops]
+        if mesh.has_custom_normals:
+            part["normals"] = np.zeros((len(points), 3))
+            part["normals"][corners] = np.array([normal.vector for normal in mesh.corner_normals]) @ turn
+        if mesh.uv_layers:
+            part["uv"] = np.zeros((len(points), 2))
+            part["uv"][corners] = [uv.vector for uv in mesh.uv_layers[0].uv]
+        for attribute in mesh.attributes:
+            if attribute.domain == "POINT" and attribute.data_type == "FLOAT":
+                part["attributes"][attribute.name] = [entry.value for entry in attribute.data]
+        shapes = mesh.shape_keys.key_blocks[1:] if mesh.shape_keys else []
+        part["targets"] = {shape.name: np.array([point.co for point in shape.data]) @ turn for shape in shapes}
+        parts.append(part)
+    return joined(parts) | {"animations": len(bpy.data.actions)}
+
+
+def read_compas(path: str) -> Found:
+    from compas.files import GLTF, OBJ, PLY, STL
+
+    if path.endswith("glb"):
+        file = GLTF(path)
+        file.read()
+        nodes = [node for node in file.content.nodes.values() if node.mesh_key is not None]
+        meshes = [(node.name, file.content.meshes[node.mesh_key]) for node in nodes]
+        return joined({"name": name, "points": mesh.vertices, "cells": mesh.faces} for name, mesh in meshes)
+    reader = {"obj": OBJ, "ply": PLY, "stl": STL}[path[-3:]](path, precision=9)  # of what it merges
+    reader.read()
+    parser = reader.parser
+    cells = list(parser.faces or [])
+    for line in getattr(parser, "lines", None) or getattr(parser, "polylines", None) or []:
+        cells += segments(line)
+    cells += list(getattr(parser, "edges", None) or [])
+    part = {"points": parser.vertices, "cells": cells}
+    return joined([part]) | {"names": list(getattr(parser, "groups", None) or [])}
+
+
+def read_meshlib(path: str) -> Found:
+    from meshlib import mrmeshnumpy, mrmeshpy
+
+    if "curve" in path:  # likewise
+        lines = mrmeshpy.loadLines(path)
+        topology = lines.topology
+        ends = [(2 * edge, 2 * edge + 1) for edge in range((topology.lastNotLoneEdge().get() + 1) // 2)]
+        cells = [[topology.org(mrmeshpy.EdgeId(end)).get() for end in pair] for pair in ends]
+        points = [[point.x, point.y, point.z] for point in lines.points]
+        return joined([{"points": points, "cells": cells}])
+    if path.endswith("glb"):
+        scene = mrmeshpy.loadSceneFromAnySupportedFormat(path).obj
+        meshes = [(item.name(), item.mesh()) for item in mrmeshpy.getAllObjectsInTree_ObjectMesh(scene)]
+    else:
+        meshes = [("", mrmeshpy.loadMesh(path))]
+    return joined(
+        {"name": name, "points": mrmeshnumpy.getNumpyVerts(mesh), "cells": mrmeshnumpy.getNumpyFaces(mesh.topology)}
+        for name, mesh in meshes
+    )
+
+
+def read_mitsuba(path: str) -> Found:
+    import mitsuba
+
+    mitsuba.set_variant("scalar_rgb")
+    shape = mitsuba.load_dict({"type": path[-3:], "filename": path, "flip_tex_coords": False})
+    values = mitsuba.traverse(shape)
+    part: Found = {"points": values["vertex_positions"], "cells": np.reshape(values["faces"], (-1, 3))}
+    part["normals"] = values["vertex_normals"] if shape.has_vertex_normals() else None
+    part["uv"] = values["vertex_texcoords"] if shape.has_vertex_texcoords() else None
+    return joined([part])
+
+
+def read_lagrange(path: str) -> Found:
+    import lagrange
+
+    if path.endswith("glb"):
+        scene = lagrange.io.load_simple_scene(path, quiet=True)
+        meshes = [scene.get_mesh(number) for number in range(scene.num_meshes)]
+    else:
+        meshes = [lagrange.io.load_mesh(path, quiet=True)]
+    parts = []
+    for mesh in meshes:
+        part: Found = {"points": mesh.vertices, "attributes": {}}
+        part["cells"] = [mesh.get_facet_vertices(number) for number in range(mesh.num_facets)]
+        for identifier in mesh.get_matching_attribute_ids():
+            name = mesh.get_attribute_name(identifier)
+            if not mesh.is_attribute_indexed(name):
+                part["attributes"][name] = mesh.attribute(name).data
+        part["normals"] = part["attributes"].get("Vertex_Normal", part["attributes"].get("normal"))
+        part["uv"] = part["attributes"].get("Vertex_UV")
+        parts.append(part)
+    return joined(parts)
+
+
+def read_tinyobjloader(path: str) -> Found:
+    import tinyobjloader
+
+    reader = tinyobjloader.ObjReader()
+    if not reader.ParseFromFile(path):
+        raise ValueError(reader.Error())
+    cells: list[list[int]] = []
+    for shape in reader.GetShapes():
+        corners = [index.vertex_index for index in shape.mesh.indices]
+        cells += np.reshape(corners, (-1, 3)).tolist()
+        ends = [index.vertex_index for index in shape.lines.indices]
+        cells += np.reshape(ends, (-1, 2)).tolist()  # each `l` has two
+    found = joined([{"points": reader.GetAttrib().vertices, "cells": cells}])
+    return found | {"names": [shape.name for shape in reader.GetShapes()]}
+
+
+def read_potpourri3d(path: str) -> Found:
+    import potpourri3d
+
+    points, cells = potpourri3d.read_mesh(path)
+    return joined([{"points": points, "cells": cells}])
+
+
+def results(read: Callable[[str], Found], version: str, folder: str, paths: Sequence[str]) -> None:
+    """Read each file, and put what is found, or why nothing is, into a file of the same name with `.json`."""
+    for path in paths:
+        try:
+            found = read(path)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever the reader raises is what we ask for)
+            found = {"error": f"{type(error).__name__}: {error}"}
+        target = os.path.join(folder, os.path.basename(path) + ".json")
+        with open(target + ".part", "w", encoding="utf-8") as file:
+            json.dump(found | {"version": version}, file)
+        os.replace(target + ".part", target)
+
+
+if __name__ == "__main__":
+    name, package, folder, *paths = sys.argv[1:]
+    results(globals()[f"read_{name}"], importlib.metadata.version(package), folder, paths)

@@ -1,0 +1,116 @@
+"""Who is asked to read, how each is had, and what each is known not to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from tests.readers.kinds import SINGLE, SIX_DIGITS
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A program or library that reads mesh files.
+
+    Parameters
+    ----------
+    name : str
+        As people call it.
+    key : str
+        Its function is `read_` and this, in `libraries`, `programs` or `node.mjs`.
+    source : str
+        Package of PyPI or npm, and what else it needs; or the command of a program.
+    formats : str
+        What it reads.
+    tolerance : float
+        Relative error of what it gives.
+    limits : dict of kind to reason
+        What it does not read, though it reads the format. What is here must fail.
+    """
+
+    name: str
+    key: str
+    source: str
+    formats: str
+    tolerance: float = SINGLE
+    limits: dict[str, str] = field(default_factory=dict)
+
+
+NO_LINES = {"OBJ curve": "leaves lines out"}
+NO_EDGES = {"PLY curve": "leaves edges out", "PLY curve ascii": "leaves edges out"}
+REFUSES_EDGES = {"PLY curve": "refuses edges", "PLY curve ascii": "refuses edges"}
+NO_GLB_LINES = {"GLB curve": "leaves lines out"}
+
+LIBRARIES = (
+    Reader("trimesh", "trimesh", "trimesh scipy", "obj ply stl glb", limits=NO_LINES),
+    Reader("meshio", "meshio", "meshio", "obj ply stl", limits=NO_LINES | REFUSES_EDGES),
+    Reader("plyfile", "plyfile", "plyfile", "ply"),
+    Reader("numpy-stl", "numpy_stl", "numpy-stl", "stl"),
+    Reader("PyMeshLab", "pymeshlab", "pymeshlab", "obj ply stl glb", limits={"GLB curve": "crashes"}),
+    Reader("VTK", "vtk", "vtk", "obj ply stl glb", limits=NO_EDGES),
+    Reader("Open3D", "open3d", "open3d", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
+    Reader(
+        "Gmsh",
+        "gmsh",
+        "gmsh numpy",
+        "obj ply stl",
+        limits={
+            **NO_LINES,
+            **REFUSES_EDGES,
+            "PLY normals uv": "binary of positions only",
+            "PLY attributes": "binary of positions only",
+            "PLY model": "binary of positions only",
+            "PLY uv and u": "binary of positions only",
+            "STL 2 facets": "refuses so few",
+        },
+    ),
+    Reader("Blender", "bpy", "bpy", "obj ply stl glb"),
+    Reader(
+        "COMPAS",
+        "compas",
+        "compas",
+        "obj ply stl glb",
+        limits=NO_EDGES
+        | dict.fromkeys(("PLY", "PLY normals uv", "PLY attributes", "PLY uv and u", "PLY model"), "text only"),
+    ),
+    Reader("MeshLib", "meshlib", "meshlib", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
+    Reader("Lagrange", "lagrange", "adobe-lagrange", "obj ply stl glb", limits=NO_EDGES | NO_GLB_LINES),
+    Reader("tinyobjloader", "tinyobjloader", "tinyobjloader numpy", "obj"),
+    Reader(
+        "Mitsuba",
+        "mitsuba",
+        "mitsuba numpy",
+        "obj ply",
+        limits={**NO_LINES, **NO_EDGES, "PLY uv and u": "takes s and t for u and v"},
+    ),
+    Reader("potpourri3d", "potpourri3d", "potpourri3d", "obj ply stl", limits=NO_LINES | REFUSES_EDGES),
+)
+
+PROGRAMS = (
+    Reader("ADMesh", "admesh", "admesh", "stl", SIX_DIGITS, limits={"STL 2 facets": "refuses fewer than 4 facets"}),
+    Reader("Assimp", "assimp", "assimp", "obj ply stl glb", SIX_DIGITS, limits=REFUSES_EDGES),
+    Reader(
+        "PrusaSlicer",
+        "prusa_slicer",
+        "prusa-slicer",
+        "obj stl",
+        SIX_DIGITS,
+        limits=NO_LINES | {"STL 2 facets": "refuses so few"},
+    ),
+    Reader("OpenSCAD", "openscad", "openscad", "stl", SIX_DIGITS),
+    Reader(
+        "OpenCTM",
+        "ctmconv",
+        "ctmconv",
+        "obj ply stl",
+        SIX_DIGITS,
+        limits={**NO_LINES, **REFUSES_EDGES, "STL ascii": "binary only"},
+    ),
+    Reader("PCL", "pcl", "pcl_ply2ply", "ply", SIX_DIGITS),
+    Reader("gltfpack", "gltfpack", "gltfpack", "obj glb", limits=NO_LINES | {"GLB curve": "counts lines as triangles"}),
+    Reader("F3D", "f3d", "f3d", "obj ply stl glb", limits=NO_EDGES),
+)
+
+WEB = (
+    Reader("three.js", "three", "three", "obj ply stl glb", limits=NO_EDGES),
+    Reader("Khronos validator", "validator", "gltf-validator", "glb"),
+)
