@@ -69,3 +69,21 @@ def test_edges_between_the_same_vertices_are_reported(tmp_path):
     assert one.status == two.status == 0
     assert "with -n 1 edges of patches that have the same ends are one: 2 sides have more than two faces" in one.err
     assert "warning" not in two.err
+
+
+def test_a_patch_that_closes_on_itself_is_joined_as_a_model(tmp_path):
+    """A band of degree 5 by 1 whose first and last columns of control points are the same."""
+    ring = [(1, 0), (1, 3), (-3, 3), (-3, -3), (1, -3), (1, 0)]
+    knots = [[i, j] for j in range(2) for i in range(6)]
+    points = [[x, y, z] for z in (0, 1) for x, y in ring]
+    patch = {"name": "band", "knots": knots, "control_points": points, "coefficients": "binomial"}
+    for name, spec in (("patch", patch), ("model", {"patches": [patch]})):
+        (tmp_path / f"{name}.json").write_text(json.dumps(spec), encoding="utf-8")
+    alone = gtb("mesh", str(tmp_path / "patch.json"), "--require", "watertight")
+    assert alone.status == 1
+    assert "band edge 1 and edge 3 are the same curve, but only the edges of models are joined" in alone.err
+    joined = gtb("mesh", str(tmp_path / "model.json"), "--require", "watertight")
+    assert joined.status == 1
+    assert len(joined.err.splitlines()) == 2
+    solid = ("--thickness", "0.1", "--require", "watertight", "-o", str(tmp_path / "band.stl"))
+    assert gtb("mesh", str(tmp_path / "model.json"), *solid).status == 0

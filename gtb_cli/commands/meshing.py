@@ -276,11 +276,19 @@ def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
     count = len(mesh.open_sides)
     if not count:
         return
-    from gtb_cli.joints import find_joints, obstacles
+    from gtb_cli.joints import edge_name, find_joints, obstacles
     from gtb_cli.patch import Model
 
     patches = spec.patches if isinstance(spec, Model) else (spec,)
-    lines = obstacles(find_joints(patches), patches) or [f"{count} sides of triangles are open"]
+    joints = find_joints(patches)
+    lines = obstacles(joints, patches)
+    if not isinstance(spec, Model):
+        lines += [
+            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
+            "models are joined: write the patch as [[patches]]"
+            for joint in joints.shared
+        ]
+    lines = lines or [f"{count} sides of triangles are open"]
     raise RequirementError("\n".join(f"not watertight: {line}" for line in lines))
 
 
