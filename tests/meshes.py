@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 
 from gtb_cli.export import encode_mesh
@@ -52,6 +54,14 @@ def two_curves() -> Mesh:
 
 def encoded(mesh: Mesh, format: str, **options: bool) -> bytes:
     return b"".join(encode_mesh(mesh, format, **options))
+
+
+def glb_file(text: bytes, binary: bytes) -> bytes:
+    """A GLB file with this description and these numbers."""
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def lines(text: bytes | str, *kinds: str) -> list[str]:

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import struct
+import time
 
 import meshio
 import numpy as np
@@ -18,7 +19,8 @@ from hypothesis import strategies as st
 from gtb_cli.errors import GtbError
 from gtb_cli.mesh import Mesh
 from gtb_cli.meshfiles import FORMATS, decode_mesh, format_of, read_mesh
-from tests.meshes import curve, encoded, model, surface, two_curves
+from tests.meshes import curve, encoded, glb_file, model, surface, two_curves
+from tests.specs import SECONDS
 
 SINGLE = 2.0**-24
 """Relative error of rounding to a 32-bit number."""
@@ -292,11 +294,7 @@ def test_corners_of_facets_are_one_vertex_where_they_coincide():
 
 
 def glb(tree: dict, binary: bytes) -> bytes:
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    binary += b"\0" * (-len(binary) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+    return glb_file(json.dumps(tree).encode(), binary)
 
 
 def primitive(mode: int, count: int = 5, **more) -> dict:
@@ -363,7 +361,7 @@ def test_glb_nodes_within_nodes_and_interleaved_numbers():
         (b"v 0 0 0\nf 1 1 0\n", "obj", "line 2: vertices are counted from 1, got 0"),
         (b"v 0 0 0\nf 1 1 9\n", "obj", "face 0: expected vertices from 0 to 0, got 8"),
         (b"v 0 0 0\nf -9 1 1\n", "obj", "face 0: expected vertices from 0 to 0, got -8"),
-        (b"v 0 0 0\nf 1 1 99999999999999999999\n", "obj", "expected vertices from 0 to 0"),
+        (b"v 0 0 0\nf 1 1 99999999999999999999\n", "obj", "line 2: '99999999999999999999' is no whole number"),
         (b"v 0 0 0\nf 1 1 1.5\n", "obj", "line 2: '1.5' is no whole number"),
         (b"v 0 0 0\nf 1 1 1\nl 1 1\n", "obj", "has both faces (f) and polylines (l)"),
         (b"v 0 0 0\nsurf 0 1 0 1 1\n", "obj", "line 2: 'surf': free-form curves and surfaces are no mesh"),
@@ -420,8 +418,18 @@ def test_glb_nodes_within_nodes_and_interleaved_numbers():
         (
             glb(primitive(4) | {"scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]}, b""),
             "glb",
+            "has node 0 in two places",
+        ),
+        (
+            glb({"scenes": [{"nodes": [0]}], "nodes": [{"children": [k + 1]} for k in range(200)]}, b""),
+            "glb",
             "nodes within nodes",
         ),
+        (glb(primitive(4) | {"extensionsRequired": ["\x1b[2J\n"]}, b""), "glb", "needs \ufffd[2J\ufffd, which"),
+        (ply("", "element vert\x1bex 1"), "ply", "has no element vertex"),
+        (ply("z\n", "element \x1b 1", "property int x"), "ply", "element \ufffd: 'z' is no whole number"),
+        (ply("", *XYZ, *XYZ), "ply", "line 7: vertex is there twice"),
+        (ply("", *XYZ, "property int x"), "ply", "line 7: x is there twice"),
         (glb(primitive(4) | {"extensionsRequired": ["KHR_draco_mesh_compression"]}, b""), "glb", "needs KHR_draco"),
         (glb(primitive(9), POINTS.tobytes()), "glb", "unknown mode 9"),
         (glb(primitive(4), POINTS.tobytes()[:-4]), "glb", "is cut off: an accessor is longer than the data"),
@@ -431,6 +439,45 @@ def test_glb_nodes_within_nodes_and_interleaved_numbers():
 )
 def test_damaged_files_are_refused_with_what_is_wrong(data, format, message):
     assert message in refusal(data, format)
+
+
+def turned(count: int) -> bytes:
+    """A mesh in many nodes, which are turned by numbers that overflow."""
+    nodes = [{"mesh": 0, "rotation": [1e200] * 4} for _ in range(count)]
+    return glb(primitive(4, 3) | {"nodes": nodes}, POINTS[:3].tobytes())
+
+
+def alternating(count: int) -> bytes:
+    """Triangles and quadrangles by turns."""
+    header = "\n".join([XYZ[0].replace("3", "4"), *XYZ[1:], f"element face {count}", FACE[1]])
+    faces = b"".join(struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3) for _ in range(count // 2))
+    return ply(bytes(48) + faces, header, format="binary_little_endian")
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"solid\nendsolid\n" * 20_000, "has no vertices"),
+        (turned(5_000), "is not finite"),
+        (glb({"nodes": [*({"children": [k + 1] * 2} for k in range(30)), {}]}, b""), "in two places"),
+        (ply("", *(f"element a{k} 1" for k in range(20_000)), *XYZ[:1]), "has no property x"),
+        (alternating(20_000) + b"x", "has 1 bytes more"),
+        (b"".join(b"v 0 0 0\nf -1 -1 -1\n" for _ in range(10_000)) + b"x\n", "line 20001: unknown keyword"),
+    ],
+    ids=["solids", "nodes", "tree", "elements", "lists", "turns"],
+)
+def test_time_goes_with_the_size_of_a_file(data, message):
+    """Each of these took more than its square, or would have."""
+    start = time.process_time()
+    assert message in refusal(data)
+    assert time.process_time() - start < SECONDS
+
+
+def test_a_small_file_cannot_stand_for_a_mesh_that_fills_the_memory():
+    count = 15_000
+    parts = primitive(4, count)["meshes"][0]["primitives"] * 3_000
+    data = glb(primitive(4, count) | {"meshes": [{"primitives": parts}]}, bytes(12 * count))
+    assert "has more than 5180000 vertices or corners" in refusal(data)
 
 
 @pytest.mark.parametrize("kind", ["junk", "folder", "missing"])

@@ -28,6 +28,10 @@ ROUNDING = 2.0**-50
 """Part of the largest coordinate that is rounding: some operations of double precision."""
 
 
+MAX_TEXT = 300
+"""Characters of an error, or of a name."""
+
+
 @dataclass(frozen=True, eq=False)
 class KnownMesh:
     """A mesh, and how exactly its numbers are known.
@@ -91,9 +95,10 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
         content = _content(data, kind)
         _check(content)
     except GtbError as error:
-        raise GtbError(f"{shown}: {error}") from None
+        raise GtbError(f"{shown}: {_printable(str(error))}") from None
+    groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     half_steps = content.half_steps + rounding(content.vertices)
-    return KnownMesh(Mesh(content.vertices, content.cells, groups=content.groups), half_steps, kind)
+    return KnownMesh(Mesh(content.vertices, content.cells, groups=groups), half_steps, kind)
 
 
 def known_exactly(mesh: Mesh) -> KnownMesh:
@@ -144,6 +149,12 @@ def _content(data: bytes, kind: str) -> Content:
     from gtb_cli.meshfiles.glb import read_glb
 
     return read_glb(data)
+
+
+def _printable(text: str) -> str:
+    """Text of a file that may stand on a terminal: not long, and without control characters."""
+    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_TEXT])
+    return kept + ("…" if len(text) > MAX_TEXT else "")
 
 
 def _check(content: Content) -> None:

@@ -24,8 +24,8 @@ KNOWN = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", 
 MAX_DEPTH = 100
 """Nodes within nodes."""
 
-MAX_VERTICES = 50_000_000
-"""Vertices of all nodes; one mesh may stand in many."""
+MAX_REPEATED = 5_000_000
+"""Vertices, or corners of cells, that there may be beyond the bytes of the file: one mesh may stand in many nodes."""
 
 
 def read_glb(data: bytes) -> Content:
@@ -39,7 +39,8 @@ def read_glb(data: bytes) -> Content:
     tree, binary = _chunks(data)
     try:
         scene = _Scene(tree, binary)
-        scene.read()
+        with np.errstate(all="ignore"):  # what is no number in the end is refused with the mesh
+            scene.read()
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
         # The tree may hold anything anywhere, and what it is taken for fails in one of these ways.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
@@ -83,6 +84,8 @@ class _Scene:
         self.binary = binary
         self.vertices: list[FloatArray] = []
         self.count = 0
+        self.corners = 0
+        self.rows = 0
         self.cells: dict[int, list[IntArray]] = {2: [], 3: []}
         self.groups: list[tuple[str, int, int]] = []
 
@@ -97,8 +100,12 @@ class _Scene:
             inner = {child for node in nodes for child in node.get("children", ())}
             roots = [index for index in range(len(nodes)) if index not in inner]
         stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
+        seen = set()
         while stack:
             index, above, depth = stack.pop()
+            if index in seen:  # glTF has trees of nodes only; others can be longer than any file
+                raise GtbError(f"has node {index} in two places")
+            seen.add(index)
             if depth > MAX_DEPTH:
                 raise GtbError(f"has nodes within nodes more than {MAX_DEPTH} deep")
             node = nodes[index]
@@ -108,7 +115,7 @@ class _Scene:
             stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
 
     def _add(self, mesh: dict[str, Any], name: str, place: FloatArray) -> None:
-        before = sum(map(len, self.cells[3] or self.cells[2]))
+        before = self.rows
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
             if mode == 0:  # points
@@ -116,6 +123,7 @@ class _Scene:
             positions = self._accessor(primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != np.dtype("<f4"):
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
+            self._count(len(positions))
             points = positions.astype(np.float64)
             if not np.array_equal(place, np.eye(4)):
                 points = points @ place[:3, :3].T + place[:3, 3]
@@ -124,19 +132,25 @@ class _Scene:
                 read = self._accessor(primitive["indices"])
                 if read.shape[1] != 1 or read.dtype.kind != "u":
                     raise GtbError("indices: expected whole numbers")
+                self._count(0, len(read))
                 indices = read[:, 0].astype(np.int64)
             if len(indices) and int(indices.max()) >= len(points):
                 raise GtbError(f"indices: expected numbers below {len(points)}, got {int(indices.max())}")
             cells = _cells(indices, mode)
-            self.cells[cells.shape[1]].append(cells + self.count)
+            self.cells[cells.shape[1]].append(cells + (self.count - len(points)))
             self.vertices.append(points)
-            self.count += len(points)
-            if self.count > MAX_VERTICES:
-                raise GtbError(f"has more than {MAX_VERTICES} vertices in all nodes together")
-        after = sum(map(len, self.cells[3] or self.cells[2]))
+            self.rows += len(cells)
         name = name or str(mesh.get("name", ""))
-        if name and after > before:
-            self.groups.append((name, before, after))
+        if name and self.rows > before:
+            self.groups.append((name, before, self.rows))
+
+    def _count(self, vertices: int, corners: int = 0) -> None:
+        """Refuse more, before they are made, than a file of this size can mean."""
+        self.count += vertices
+        self.corners += corners
+        most = len(self.binary) + MAX_REPEATED
+        if max(self.count, self.corners) > most:
+            raise GtbError(f"has more than {most} vertices or corners of cells in all nodes together")
 
     def _accessor(self, number: object) -> NDArray[Any]:
         """(count, width) numbers."""

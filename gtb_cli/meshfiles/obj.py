@@ -22,6 +22,9 @@ FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp
 _TABLES = {b"v ": 3, b"f ": 3, b"l ": 2}
 """How lines start that are read many at once, and how many words such a line has at least."""
 
+FEW = 3
+"""Lines that are read faster one by one than as a table."""
+
 _SLASHES = re.compile(rb"/[^ \n]*")
 
 
@@ -63,7 +66,9 @@ class _Reader:
     def read(self, rows: list[bytes], number: int) -> None:
         """Read lines with the same first two characters; `number` is that of the first, for errors."""
         start = rows[0][:2]
-        if start in (b"vn", b"vt") or (start in _TABLES and self._read_table(start, rows)):
+        if start in (b"vn", b"vt"):
+            return
+        if len(rows) > FEW and start in _TABLES and self._read_table(start, rows):
             return
         for place, row in enumerate(rows, number):
             words = row.split()

@@ -117,6 +117,8 @@ def _header(data: bytes) -> tuple[list[_Element], str, int]:
         stop += 1
     order: str | None = None
     elements: list[_Element] = []
+    tables: set[str] = set()
+    columns: set[str] = set()
     for number, line in enumerate(data[:end].splitlines()[1:], 2):
         words = line.split()
         if not words or words[0] in (b"comment", b"obj_info"):
@@ -126,8 +128,11 @@ def _header(data: bytes) -> tuple[list[_Element], str, int]:
                 order = ORDERS[words[1]]
             elif words[0] == b"element" and len(words) == 3:
                 elements.append(_Element(_name(words[1]), _count(words[2])))
+                columns = set()
+                _note(elements[-1].name, tables)
             elif words[0] == b"property" and elements:
                 elements[-1].properties.append(_property(words[1:]))
+                _note(elements[-1].properties[-1].name, columns)
             else:
                 raise GtbError(f"cannot be read: {shown(line)}")
         except GtbError as error:
@@ -135,6 +140,13 @@ def _header(data: bytes) -> tuple[list[_Element], str, int]:
     if order is None:
         raise GtbError("has no line format in its header")
     return elements, order, stop + 1
+
+
+def _note(name: str, known: set[str]) -> None:
+    """Refuse a second element, or a second property of an element, of one name: their columns would be mixed up."""
+    if name in known:
+        raise GtbError(f"{name} is there twice")
+    known.add(name)
 
 
 def _name(word: bytes) -> str:
@@ -165,8 +177,10 @@ def _property(words: Sequence[bytes]) -> _Property:
 def _read_binary(data: bytes, start: int, element: _Element, order: str) -> int:
     """Read the rows of an element; return where they end."""
     left = element.count
+    window = left
     while left:
         # Rows whose lists are as long as the first one's, all at once; a file of triangles is a single such block.
+        # Where they end early, fewer are looked at next: else the time would go with the square of the rows.
         lengths = _lengths(data, start, element, order)
         row = np.dtype(
             [
@@ -177,7 +191,9 @@ def _read_binary(data: bytes, start: int, element: _Element, order: str) -> int:
         )
         if not row.itemsize:
             return start
-        rows = np.frombuffer(data, dtype=row, offset=start, count=min(left, (len(data) - start) // row.itemsize))
+        rows = np.frombuffer(
+            data, dtype=row, offset=start, count=min(left, window, (len(data) - start) // row.itemsize)
+        )
         same = np.ones(len(rows), dtype=bool)
         for index, (item, length) in enumerate(zip(element.properties, lengths, strict=True)):
             if item.count_type is not None:
@@ -191,6 +207,7 @@ def _read_binary(data: bytes, start: int, element: _Element, order: str) -> int:
             else:
                 element.add(item, np.empty((count, 0), dtype=item.type))
         start, left = start + count * row.itemsize, left - count
+        window = max(2 * window, 64) if count == len(rows) else 2 * count
         if not element.properties:
             break
     return start
@@ -260,15 +277,17 @@ class _rows:
     def __init__(self, data: bytes, start: int) -> None:
         self.blocks = lines_of(data, start)
         self.waiting: list[list[bytes]] = []
+        self.place = 0
 
     def take(self, most: int) -> list[list[bytes]]:
         """The next rows: at least one, if there is one."""
-        while not self.waiting:
+        while self.place == len(self.waiting):
             _, lines = next(self.blocks, (0, None))
             if lines is None:
                 return []
-            self.waiting = [words for words in map(bytes.split, lines) if words]
-        found, self.waiting = self.waiting[:most], self.waiting[most:]
+            self.waiting, self.place = [words for words in map(bytes.split, lines) if words], 0
+        found = self.waiting[self.place : self.place + most]
+        self.place += len(found)
         return found
 
 

@@ -62,6 +62,7 @@ def _read_text(data: bytes) -> Content:
     words: list[bytes] = []
     blocks: list[FloatArray] = []
     places = [*(edge for mark in marks for edge in mark.span()), len(data)]
+    count = 0
     for index, (begin, end) in enumerate(zip(places[1::2], places[2::2], strict=True)):
         while begin < end:
             stop = data.find(b"endfacet", begin + CHUNK, end)
@@ -69,7 +70,8 @@ def _read_text(data: bytes) -> Content:
             found = data[begin:stop].split()
             if found and index % 2:
                 raise GtbError(f"expected solid, got {shown(found[0])}")
-            numbers = _corners(found, sum(map(len, blocks)) // 9)
+            numbers = _corners(found, count)
+            count += len(numbers) // 9
             words += numbers[: max(0, SAMPLE - len(words))]
             blocks.append(floats(numbers))
             begin = stop
