@@ -62,14 +62,19 @@ class StagedFiles:
     """Several files of one folder that appear together when the `with` block ends, or not at all.
 
     ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is
-    written in full under a temporary name first; the renames come last. If anything
-    fails before them no file appears, and a folder made for them is removed again. A
-    Ctrl-C during the renames finishes them and is then passed on.
+    written in full under a temporary name first; the renames come last. A folder
+    that is not there yet is made under a temporary name, too, and appears with all
+    its files in one step. If anything fails before, no file appears and no folder
+    stays. A Ctrl-C during the renames finishes them and is then passed on.
 
     Parameters
     ----------
     folder : str or path-like
         Where the files go; made, with its parents, if missing.
+    record : str, optional
+        The name of the file that lists the others, to be added last. An old one is
+        removed before the first rename: should a process be killed between the
+        renames, no record says that old and new files belong together.
 
     Raises
     ------
@@ -77,25 +82,22 @@ class StagedFiles:
         The folder cannot be made or a file not be written.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: str | os.PathLike[str], record: str | None = None) -> None:
         self.folder = os.fspath(folder)
+        self._record = record
+        self._old_record = ""
         self._staged: dict[str, str] = {}  # target -> temporary
         self._made: list[str] = []
+        self._hidden: str | None = None  # the new folder, until it gets its name
 
     def __enter__(self) -> StagedFiles:
         _check_path(self.folder)
-        missing = []
         place = os.path.abspath(self.folder)
-        while not os.path.lexists(place):
-            missing.append(place)
-            place = os.path.dirname(place)
         complete = False
         try:
-            for place in reversed(missing):
-                self._made.append(place)
-                with suppress(FileExistsError):  # another process may make the same folder
-                    os.mkdir(place)
-            if not os.path.isdir(self.folder):
+            if not os.path.lexists(place):
+                self._make_hidden(place)
+            elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder}: it is not a folder")
             complete = True
         except OSError as error:
@@ -104,6 +106,20 @@ class StagedFiles:
             if not complete:
                 self._abandon()
         return self
+
+    def _make_hidden(self, place: str) -> None:
+        missing = []
+        parent = os.path.dirname(place)
+        while not os.path.lexists(parent):
+            missing.append(parent)
+            parent = os.path.dirname(parent)
+        for parent in reversed(missing):
+            self._made.append(parent)
+            with suppress(FileExistsError):  # another process may make the same folder
+                os.mkdir(parent)
+        self._hidden = _temporary_name(place)
+        self._made.append(self._hidden)
+        os.mkdir(self._hidden)
 
     def add(self, name: str, blocks: Iterable[bytes]) -> None:
         """Write `blocks` under a temporary name, to become the file `name` of the folder.
@@ -126,13 +142,19 @@ class StagedFiles:
         ExportError
             It was added before, or cannot be written.
         """
+        hidden = None
+        if self._hidden is not None and os.path.dirname(os.path.realpath(path)) == os.path.realpath(self.folder):
+            hidden = self._hidden
         try:
-            target = _target(path)
+            target = _target(path) if hidden is None else os.path.realpath(path)
             if target is None:
                 raise ExportError(f"cannot write {path}: it is not a regular file")
             if target in self._staged:
                 raise ExportError(f"cannot write {path}: two files of this name")
-            self._staged[target] = temporary = _temporary_name(target)
+            temporary = _temporary_name(target) if hidden is None else os.path.join(hidden, os.path.basename(target))
+            self._staged[target] = temporary
+            if os.path.basename(path) == self._record:
+                self._old_record = target
             _stage(temporary, target, blocks)
         except OSError as error:
             raise _refusal(path, error) from error
@@ -147,26 +169,31 @@ class StagedFiles:
             self._rename()
         except KeyboardInterrupt:
             # Half a sequence of old files and half of new ones would be worse than a late stop.
-            self._staged = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
             self._rename()
             raise
         finally:
-            for temporary in self._staged.values():
-                _discard(temporary)
+            self._abandon()
 
     def _rename(self) -> None:
-        for target, temporary in list(self._staged.items()):
+        """Give all files their names; again, where that was interrupted."""
+        if self._hidden is not None:
+            with suppress(OSError):  # someone else may have made the folder meanwhile: then its files are replaced
+                os.rename(self._hidden, os.path.abspath(self.folder))
+        left = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
+        if self._old_record in left:
+            _discard(self._old_record)
+        for target, temporary in left.items():
             try:
                 os.replace(temporary, target)
             except OSError as error:
                 raise _refusal(target, error) from error
-            del self._staged[target]
 
     def _abandon(self) -> None:
+        """Remove what has no name yet, and the folders made for it."""
         for temporary in self._staged.values():
             _discard(temporary)
         for place in reversed(self._made):
-            with suppress(OSError):  # someone else may have put a file there meanwhile
+            with suppress(OSError):  # not empty: what was made is in it, or what someone else put there
                 os.rmdir(place)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import signal
 import stat
 import subprocess
 import sys
@@ -283,6 +284,62 @@ def test_a_rename_that_fails_leaves_no_temporary_file(tmp_path, monkeypatch):
     with pytest.raises(ExportError, match=r"c\.obj: Input/output error"):
         replace_file(tmp_path / "c.obj", [b"new"])
     assert os.listdir(tmp_path) == []
+
+
+KILLED = """
+import os, signal, sys
+from gtb_cli.files import StagedFiles
+
+def killing(function):
+    def killed(*arguments):
+        global calls
+        calls -= 1
+        if calls < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return function(*arguments)
+    return killed
+
+folder, calls = sys.argv[1], int(sys.argv[2])
+with StagedFiles(folder, "record") as staged:
+    for name in ("a", "b", "record"):
+        staged.add(name, [b"new"])
+    os.replace, os.rename, os.unlink = killing(os.replace), killing(os.rename), killing(os.unlink)
+"""
+"""Kills itself before one of the steps by which files get their names."""
+
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("calls", range(5))
+def test_killed_between_the_renames_there_is_no_record_of_a_mixture(calls, there, tmp_path):
+    folder = tmp_path / "out"
+    if there:
+        folder.mkdir()
+        for name in ("a", "b", "record"):
+            (folder / name).write_text("old")
+    root = Path(__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(calls)], cwd=root)
+    assert done.returncode == -signal.SIGKILL or calls >= 4
+    found = {path.name: path.read_text() for path in folder.glob("[!.]*")}
+    if not there:  # in one step
+        assert found == ({} if calls == 0 else dict.fromkeys(("a", "b", "record"), "new"))
+        assert folder.exists() == (calls > 0)
+    elif "record" in found:
+        assert found == dict.fromkeys(("a", "b", "record"), "new" if calls == 4 else "old")
+    else:
+        assert 0 < calls < 4
+
+
+def test_a_folder_that_appears_meanwhile_keeps_its_other_files(tmp_path):
+    folder = tmp_path / "deep" / "out"
+    with StagedFiles(folder, "record") as staged:
+        staged.add("a", [b"new"])
+        staged.add("record", [b"new"])
+        assert not folder.exists()
+        folder.mkdir()
+        for name in ("a", "other"):
+            (folder / name).write_text("old")
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {"a": "new", "record": "new", "other": "old"}
+    assert os.listdir(tmp_path / "deep") == ["out"]
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b.obj", "../b.obj", "/b.obj"])

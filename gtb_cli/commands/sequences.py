@@ -171,7 +171,7 @@ def _write_folder(
     from gtb_cli.files import StagedFiles
 
     warnings: list[str] = []
-    with StagedFiles(folder) as files, console.progress(len(names)) as progress:
+    with StagedFiles(folder, RECORD) as files, console.progress(len(names)) as progress:
         for name, mesh in zip(names, sequence.meshes, strict=True):
             progress.label = name
             files.add(name, progress.over(options.encoded(mesh, kind), 1.0, expected_bytes(mesh)))
