@@ -2,12 +2,13 @@ PYTHON ?= python3
 VENV   := .venv
 RUN    := $(VENV)/bin/python -m
 BUILD  := build
+MINUTES ?= 60
 SPECS   = $(wildcard specs/*.toml specs/*.json)
 SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test lint types check specs golden bench fuzz readers clean
+.PHONY: help setup mesh test lint types check specs golden bench fuzz guided readers clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -40,8 +41,11 @@ golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
 	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks
 
-fuzz: $(VENV)/.development ## 20,000 mutated specs, and 200 processes of each format killed while they write
+fuzz: $(VENV)/.development ## 20,000 mutated specs, and 200 processes for each kind of output killed while they write
 	@$(RUN) tests.fuzz
+
+guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers
+	@$(BUILD)/atheris/bin/python -m tests.fuzz_guided --minutes $(MINUTES) --folder $(BUILD)/guided
 
 readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.readers
@@ -58,6 +62,12 @@ $(VENV)/.installed: pyproject.toml
 	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
 	$(RUN) pip install -qq --disable-pip-version-check --editable .
 	@$(RUN) compileall -q gtb_cli
+	@touch $@
+
+# atheris brings its own engine, and is needed for nothing else.
+$(BUILD)/atheris/.installed: pyproject.toml
+	$(PYTHON) -m venv $(BUILD)/atheris
+	$(BUILD)/atheris/bin/python -m pip install -qq --disable-pip-version-check --editable . atheris
 	@touch $@
 
 $(VENV)/.development: $(VENV)/.installed

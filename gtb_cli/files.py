@@ -142,6 +142,7 @@ class StagedFiles:
         ExportError
             It was added before, or cannot be written.
         """
+        _check_path(path)
         hidden = None
         if self._hidden is not None and os.path.dirname(os.path.realpath(path)) == os.path.realpath(self.folder):
             hidden = self._hidden

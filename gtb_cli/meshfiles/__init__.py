@@ -92,7 +92,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
         kind = format or format_of(data)
         if kind not in FORMATS:
             raise GtbError("is no mesh: expected OBJ, PLY, STL or GLB")
-        content = _content(data, kind)
+        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+            content = _content(data, kind)
         _check(content)
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None

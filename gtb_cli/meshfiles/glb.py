@@ -39,8 +39,7 @@ def read_glb(data: bytes) -> Content:
     tree, binary = _chunks(data)
     try:
         scene = _Scene(tree, binary)
-        with np.errstate(all="ignore"):  # what is no number in the end is refused with the mesh
-            scene.read()
+        scene.read()
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
         # The tree may hold anything anywhere, and what it is taken for fails in one of these ways.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
