@@ -74,7 +74,7 @@ DEGENERATE = ("degenerate", SPECS / "example-3.4.toml", "-n", 2000)
 KNOT_LIMIT = ("knot-limit", SPECS / "example-3.1.toml", "--merge", "1:2", "-n", 2000)
 
 VICTIMS: dict[str, tuple[tuple[object, ...], tuple[object, ...]]] = {
-    **{f"mesh.{kind}": (MESH, (*MESH, "--normals")) for kind in ("obj", "ply", "stl", "glb")},
+    **{f"mesh.{kind}": (MESH, (*MESH[:-1], 120)) for kind in ("obj", "ply", "stl", "glb")},
     "degenerate": ((*DEGENERATE, "-x5", "-x100", "--animate"), (*DEGENERATE, "-x7", "-x100")),
     "knot-limit": ((*KNOT_LIMIT, "--steps", "0.5,0.9"), (*KNOT_LIMIT, "--steps", "0,0.9", "--normals")),
 }
