@@ -1,6 +1,7 @@
 """`gtb degenerate` and `gtb knot-limit`: files, names, records, refusals."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -276,6 +277,18 @@ def test_options_that_a_sequence_takes(tmp_path):
 def test_options_that_a_sequence_refuses(tmp_path, command, options, message):
     assert message in refusal(gtb(*command, *options, "-o", tmp_path / "new"))
     assert listing(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["../../up", "/tmp/up", "a/../../b", "..", "~/x", "-o", "a\\\\b"])
+@pytest.mark.parametrize("arguments", [["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]])
+def test_a_name_stays_in_the_folder(name, arguments, tmp_path):
+    text = f'name = "{name}"\nknots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\nlifting = [0, 1, 0]\n'
+    out = tmp_path / "deep" / "out"
+    assert gtb(*arguments, "-", "-n2", "-o", out, stdin=text.encode()).status == 0
+    files = listing(out)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == list(out.iterdir())
+    assert "sequence.json" in files
+    assert all(re.fullmatch(r"[\w~][\w.~-]*", file) for file in files)
 
 
 # --- knot-limit

@@ -1,5 +1,6 @@
 """What only real processes show: pipes, signals, full disks, terminals, and the same bytes everywhere."""
 
+import ctypes
 import hashlib
 import os
 import pty
@@ -10,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -394,6 +396,55 @@ def test_a_disk_that_fills_up_leaves_the_old_file(jobs, start, tmp_path):
     assert (out / "pentagon.obj").read_text(encoding="utf-8") == "old"
 
 
+SEQUENCES = [
+    ["degenerate", SPECS / "example-3.4.toml", "-x", "5", "-n", "200"],
+    ["knot-limit", SPECS / "example-3.1.toml", "--merge", "1:2", "-n", "200"],
+]
+
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("arguments", SEQUENCES, ids=lambda arguments: arguments[0])
+def test_a_disk_that_fills_up_leaves_the_old_sequence(arguments, there, start, tmp_path):
+    out = tmp_path / "deep" / "out"
+    if there:
+        assert process(*arguments, "-n", "10", "-o", out).status == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    child = start(*arguments, "-o", out, stderr=subprocess.PIPE, preexec_fn=limit)
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert re.fullmatch(rf"gtb: error: cannot write {out}/example-3\.[14]-\S+\.obj: File too large\n", error.decode())
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert there or names(tmp_path) == []
+
+
+def without_power_over_files():
+    """Let even root need permissions: PR_CAPBSET_DROP of CAP_DAC_OVERRIDE, before the program starts."""
+    ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "output"),
+    [
+        (["mesh", PENTAGON], "x.obj"),
+        (["mesh", PENTAGON, BICUBIC], "."),
+        (["mesh", PENTAGON, BICUBIC], "new"),
+        (SEQUENCES[0], "new"),
+        (["elevate", PENTAGON], "x.toml"),
+    ],
+)
+def test_a_folder_without_permission(arguments, output, start, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "old.obj").write_text("old", encoding="utf-8")
+    folder.chmod(0o555)
+    child = start(*arguments, "-o", folder / output, stderr=subprocess.PIPE, preexec_fn=without_power_over_files)
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert re.fullmatch(rf"gtb: error: cannot write {folder}/\S+: Permission denied\n", error.decode())
+    assert names(folder) == ["old.obj"]
+
+
 @pytest.mark.parametrize(
     "arguments", [["-n", "99999"], ["--lifting", "1"], ["-f", "glb", "--ascii"], ["--tolerance", "1e-300"]]
 )
@@ -443,6 +494,24 @@ def test_memory_that_runs_out_is_an_error(start, tmp_path):
 def reference() -> dict[str, str]:
     """Digests of what one process wrote."""
     return {kind: digest(process("mesh", PENTAGON, "-f", kind, "--uv", "--normals").out) for kind in ("obj", "glb")}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", SPECS / "trapezoid.toml", "--json"],
+        ["diff", PENTAGON, BICUBIC, "-n", "6", "--json"],
+        ["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_the_same_answers_in_any_environment(arguments, tmp_path):
+    one = process(*arguments, PYTHONHASHSEED="3")
+    two = process(
+        *arguments, folder=tmp_path, PYTHONHASHSEED="4", LC_ALL="C", OPENBLAS_NUM_THREADS="2", OMP_NUM_THREADS="2"
+    )
+    assert one.out
+    assert one == two
 
 
 def digest(data: bytes) -> str:

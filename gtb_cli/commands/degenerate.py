@@ -132,7 +132,7 @@ def degenerate(
             normals=options.normals,
             max_faces=options.max_faces,
         )
-        write_sequence(sequence, "x", output, options, console, animation=animation)
+    write_sequence(sequence, "x", output, options, console, animation=animation)
 
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:

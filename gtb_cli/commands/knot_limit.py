@@ -111,13 +111,18 @@ def knot_limit(
                 normals=options.normals,
                 max_faces=options.max_faces,
             )
-            write_sequence(sequence, "step", output, options, console, animation=animation)
-        for message in _pointwise(limit):
-            console.warn(message)
+        text = ""
         if emit_spec:
             from gtb_cli.spec import dump
 
-            write_text(STANDARD, dump(limit.merged))
+            text = dump(limit.merged)
+    # What cannot be written is not the spec's fault.
+    if meshes:
+        write_sequence(sequence, "step", output, options, console, animation=animation)
+    for message in _pointwise(limit):
+        console.warn(message)
+    if emit_spec:
+        write_text(STANDARD, text)
 
 
 def _pointwise(limit: KnotLimit) -> list[str]:
