@@ -25,10 +25,10 @@ class Stopped(KeyboardInterrupt):
 
 def main() -> None:
     """Run the command line of this process, and exit."""
-    for name in THREADS:
-        os.environ[name] = "1"
-    _catch_signals()
     try:
+        _catch_signals()
+        for name in THREADS:
+            os.environ[name] = "1"
         import warnings
 
         if not sys.warnoptions:
