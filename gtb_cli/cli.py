@@ -66,7 +66,7 @@ class LazyGroup(click.Group):
 
             likely = difflib.get_close_matches(name, COMMANDS, n=1)
             suggestion = f" Did you mean {likely[0]}?" if likely else ""
-            raise click.UsageError(f"No such command: {name}.{suggestion}", ctx)
+            raise click.UsageError(f"No such command: {name or repr(name)}.{suggestion}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -148,7 +148,7 @@ def run(arguments: Sequence[str]) -> int:
     except click.ClickException as error:
         errors.append(error.format_message())
     except GtbError as error:
-        errors += str(error).splitlines()
+        errors += str(error).split("\n")
         status = REFUSED if isinstance(error, RequirementError) else FAILED
     except BrokenPipeError:
         abandon_stdout()

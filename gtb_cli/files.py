@@ -98,7 +98,7 @@ class StagedFiles:
             if not os.path.lexists(place):
                 self._make_hidden(place)
             elif not os.path.isdir(self.folder):
-                raise ExportError(f"cannot write to {self.folder}: it is not a folder")
+                raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
             complete = True
         except OSError as error:
             raise _refusal(self.folder, error) from error

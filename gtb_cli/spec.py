@@ -39,7 +39,7 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
         with open(source, "rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise SpecError(f"{source}: {error.strerror or error}") from None
+        raise SpecError(f"{source or repr(source)}: {error.strerror or error}") from None
     except ValueError as error:  # a null character in the path
         raise SpecError(f"{source!r}: {error}") from None
     suffix = os.path.splitext(source)[1].lower()

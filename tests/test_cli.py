@@ -102,6 +102,7 @@ def test_help_opens_with_an_example(name):
     [
         (["mehs"], "No such command: mehs. Did you mean mesh?"),
         (["qqq"], "No such command: qqq. Try 'gtb --help'."),
+        ([""], "No such command: ''."),
         (["--frob"], "No such option"),
         (["mesh"], "Missing argument 'SPEC...'. Try 'gtb mesh --help'."),
         (["mesh", PENTAGON, "--normal"], "--normals"),
@@ -122,12 +123,15 @@ def test_help_opens_with_an_example(name):
         (["mesh", PENTAGON, "-o", PENTAGON], "is the spec, and would be overwritten"),
         (["mesh", PENTAGON, "-o", "x.fbx"], "cannot tell the format of x.fbx"),
         (["mesh", PENTAGON, "-o", "x"], "cannot tell the format of x:"),
-        (["mesh", PENTAGON, "-o", ""], "cannot tell the format of"),
+        (["mesh", PENTAGON, "-o", ""], "cannot tell the format of '':"),
         (["mesh", CURVE, "-f", "stl"], "cubic-bezier.toml: STL holds triangles, and a curve has none"),
         (["mesh", PENTAGON, "-f", "glb", "--ascii"], "pentagon.toml: GLB has no text form"),
         (["mesh", "/nothing/there.toml"], "/nothing/there.toml: No such file or directory"),
         (["mesh", str(SPECS)], "specs: Is a directory"),
-        (["mesh", ""], "No such file or directory"),
+        (["mesh", ""], "'': No such file or directory"),
+        (["eval", PENTAGON, ""], "'': No such file or directory"),
+        (["degenerate", SPECS / "example-4.4.toml", "-x2", "-n1", "-o", ""], "cannot write to '': it is not a folder"),
+        (["mesh", "\x1b[2J\u2028.toml"], "\\x1b[2J\\u2028.toml: No such file or directory"),
         (["info", PENTAGON, PENTAGON], "unexpected extra argument"),
         (["eval", "-", "-"], "cannot both be standard input"),
         (["eval", PENTAGON, "/nothing/there"], "/nothing/there: No such file or directory"),
@@ -142,7 +146,7 @@ def test_usage_errors_are_one_line(arguments, message):
     assert message in one_line(gtb(*arguments))
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "", "%", "abc", "1%%", "1 2"])
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "", "%", "abc", "1%%", "1 2", "1_0", "٣"])
 def test_bad_tolerances(text):
     assert "is no positive number or percentage" in one_line(gtb("mesh", PENTAGON, "--tolerance", text))
 
@@ -339,6 +343,14 @@ def test_one_spec_goes_into_a_folder_too(specs, tmp_path):
     assert gtb("mesh", specs / "a.toml", "-o", f"{tmp_path}/new/", "-f", "ply").status == 0
     assert names(tmp_path / "there") == ["a.obj"]
     assert names(tmp_path / "new") == ["a.ply"]
+
+
+def test_names_of_files_do_nothing_to_a_terminal(specs, tmp_path):
+    path = specs / "a\x1b[2J.toml"
+    path.write_bytes(TRIANGLE)
+    assert gtb("mesh", path, "-n", 1, "-o", tmp_path / "\x9b2J.obj").err == (
+        f"gtb: {tmp_path}/\\x9b2J.obj: 3 vertices, 1 faces\n"
+    )
 
 
 @pytest.mark.parametrize(("name", "file"), [("../../up", "_._.._up.obj"), ("a/b", "a_b.obj"), ("", "patch.obj")])

@@ -329,6 +329,11 @@ def test_the_place_of_a_film_is_named(arguments, place):
     assert place in gtb("knot-limit", *arguments, "--emit-spec").err
 
 
+def test_minus_zero_is_zero(tmp_path):
+    assert gtb("knot-limit", PLAIN, "--merge", "1:2", "--steps", "-0", "-n2", "-o", tmp_path).status == 0
+    assert listing(tmp_path) == ["example-3.1-limit.obj", "example-3.1-step0.obj", "sequence.json"]
+
+
 def test_where_the_limit_is_uniform_nothing_is_said(tmp_path):
     merges = ["--merge", "1:2", "--merge", "3:2"]
     result = gtb("knot-limit", PLAIN, *merges, "--emit-spec", "--steps", "0.5", "-o", tmp_path)

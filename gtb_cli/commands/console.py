@@ -34,7 +34,12 @@ BAR = 30
 
 def complain(message: str) -> None:
     """Say what went wrong, in one line on standard error."""
-    say(f"gtb: error: {message}")
+    say(f"gtb: error: {printable(message)}")
+
+
+def printable(text: str) -> str:
+    """Text that does nothing to a terminal, whatever the names of files in it."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def say(line: str) -> None:
@@ -62,12 +67,12 @@ class Console:
     def note(self, message: str) -> None:
         """Say what was done."""
         if not self.quiet:
-            say(f"gtb: {message}")
+            say(f"gtb: {printable(message)}")
 
     def warn(self, message: str) -> None:
         """Say what the user might not expect."""
         if not self.quiet:
-            say(f"gtb: warning: {message}")
+            say(f"gtb: warning: {printable(message)}")
 
     def progress(self, total: float) -> Progress:
         """Return a progress bar for work of some size; it is invisible where no person would see it."""
@@ -134,7 +139,7 @@ class Progress:
                 share = min(self._done / self._total, 0.99)
                 seconds = int(time.monotonic() - start)
                 bar = "#" * int(share * BAR)
-                line = f"[{bar:-<{BAR}}] {share:4.0%} {seconds // 60}:{seconds % 60:02d} {self.label}"
+                line = f"[{bar:-<{BAR}}] {share:4.0%} {seconds // 60}:{seconds % 60:02d} {printable(self.label)}"
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 # The last column is left free: writing there makes some terminals start a new line.
                 sys.stderr.write("\r" + line[: width - 1].ljust(width - 1))
@@ -194,7 +199,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
 
 def shown_input(path: str) -> str:
     """Name an input in messages."""
-    return STDIN if path == STANDARD else path
+    return STDIN if path == STANDARD else path or "''"
 
 
 def write_blocks(output: str, blocks: Iterable[bytes]) -> None:

@@ -199,7 +199,8 @@ class MeshOptions:
             if kind not in FORMATS:
                 if output != STANDARD and not is_folder(output) and not is_device(output):
                     known = ", ".join(f".{name}" for name in FORMATS)
-                    raise ExportError(f"cannot tell the format of {output}: it does not end in {known}; -f FORMAT says")
+                    name = output or repr(output)
+                    raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; -f FORMAT says")
                 kind = "obj"
         if is_terminal(output) and (kind == "glb" or (kind in ("ply", "stl") and not self.ascii)):
             way_out = "-o FILE" if kind == "glb" else "-o FILE or --ascii"
@@ -298,7 +299,7 @@ def about(source: str) -> Iterator[None]:
     try:
         yield
     except GtbError as error:
-        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).splitlines())) from error
+        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).split("\n"))) from error
 
 
 def _where(mesh: Mesh, cells: IntArray) -> str:

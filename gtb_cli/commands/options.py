@@ -30,7 +30,7 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
         return None
     text = value.strip()
     try:
-        number = float(text.removesuffix("%"))
+        number = math.nan if "_" in text or not text.isascii() else float(text.removesuffix("%"))
     except ValueError:
         number = math.nan
     if not 0 < number < math.inf:

@@ -131,6 +131,7 @@ def number_text(value: float) -> str:
 
     Six digits, or as many as tell it from all other numbers.
     """
+    value += 0.0  # not -0
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
     mantissa, e, exponent = f"{value:.{max(digits, SHORT)}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")
