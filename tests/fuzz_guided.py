@@ -198,7 +198,8 @@ def fuzz(kind: str, seconds: float, folder: Path, seed: int) -> None:
             os._exit(0)
 
     options = [
-        f"-max_len={LONGEST[kind]}", f"-dict={words}", f"-seed={seed}", "-timeout=20", "-report_slow_units=100", f"-rss_limit_mb={MEGABYTES}",
+        f"-max_len={LONGEST[kind]}", f"-dict={words}", f"-seed={seed}", "-timeout=20", "-report_slow_units=99",
+        f"-rss_limit_mb={MEGABYTES}",
         f"-artifact_prefix={finds}/{kind}-", "-verbosity=0", "-print_final_stats=0", "-close_fd_mask=0",
     ]  # fmt: skip
     atheris.Setup([sys.argv[0], *options, str(inputs)], one)
