@@ -13,6 +13,7 @@ import importlib
 import math
 import os
 import re
+import resource
 import subprocess
 import sys
 import time
@@ -30,7 +31,7 @@ SECONDS = 1.0
 """Longest that an input may take, in processor time."""
 
 MEGABYTES = 1024
-"""Most memory that an input may need."""
+"""Most memory that an input may need, beyond the most that was needed before."""
 
 LONGEST = {"spec": 6000, "expression": 280, "mesh": 4000}
 """Longest inputs that are made, in bytes."""
@@ -126,6 +127,7 @@ READERS: dict[str, Callable[[bytes], None]] = {"spec": read_spec, "expression": 
 
 def judge(kind: str, data: bytes) -> tuple[str, str] | None:
     """What is wrong with how an input is read, if anything: in a word for this kind of fault, and at length."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.process_time()
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
@@ -138,6 +140,9 @@ def judge(kind: str, data: bytes) -> tuple[str, str] | None:
     seconds = time.process_time() - start
     if warned:
         return f"{warned[0].category.__name__}-{warned[0].lineno}", str(warned[0])
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    if grown > MEGABYTES:
+        return "large", f"{grown:.0f} MB"
     return ("slow", f"{seconds:.1f} s") if seconds > SECONDS else None
 
 
@@ -199,7 +204,7 @@ def fuzz(kind: str, seconds: float, folder: Path, seed: int) -> None:
 
     options = [
         f"-max_len={LONGEST[kind]}", f"-dict={words}", f"-seed={seed}", "-timeout=20", "-report_slow_units=99",
-        f"-rss_limit_mb={MEGABYTES}",
+        "-rss_limit_mb=3000",  # atheris itself keeps more and more
         f"-artifact_prefix={finds}/{kind}-", "-verbosity=0", "-print_final_stats=0", "-close_fd_mask=0",
     ]  # fmt: skip
     atheris.Setup([sys.argv[0], *options, str(inputs)], one)
@@ -230,6 +235,7 @@ def main() -> None:
             ended += 1
             left -= (time.process_time() + sum(os.times()[2:4]) - start) / 60
     finds = sorted(path.name for path in (options.folder / "finds").iterdir() if path.suffix != ".txt")
+    finds = [name for name in finds if "-oom-" not in name]  # memory is judged for each input
     print(f"{len(finds)} finds in {options.folder}/finds {' '.join(finds)}")
     sys.exit(bool(finds))
 
