@@ -75,7 +75,7 @@ KNOT_LIMIT = ("knot-limit", SPECS / "example-3.1.toml", "--merge", "1:2", "-n", 
 
 VICTIMS: dict[str, tuple[tuple[object, ...], tuple[object, ...]]] = {
     **{f"mesh.{kind}": (MESH, (*MESH[:-1], 120)) for kind in ("obj", "ply", "stl", "glb")},
-    "degenerate": ((*DEGENERATE, "-x5", "-x100", "--animate"), (*DEGENERATE, "-x7", "-x100")),
+    "degenerate": ((*DEGENERATE, "-x5", "-x100"), (*DEGENERATE, "-x7", "-x100")),
     "knot-limit": ((*KNOT_LIMIT, "--steps", "0.5,0.9"), (*KNOT_LIMIT, "--steps", "0,0.9", "--normals")),
 }
 """By what they write: the command that is killed, and that which made what was there before."""

@@ -130,7 +130,6 @@ def test_help_opens_with_an_example(name):
         (["mesh", str(SPECS)], "specs: Is a directory"),
         (["mesh", ""], "'': No such file or directory"),
         (["eval", PENTAGON, ""], "'': No such file or directory"),
-        (["degenerate", SPECS / "example-4.4.toml", "-x2", "-n1", "-o", ""], "cannot write to '': it is not a folder"),
         (["mesh", "\x1b[2J\u2028.toml"], "\\x1b[2J\\u2028.toml: No such file or directory"),
         (["info", PENTAGON, PENTAGON], "unexpected extra argument"),
         (["eval", "-", "-"], "cannot both be standard input"),

@@ -342,6 +342,15 @@ def test_a_folder_that_appears_meanwhile_keeps_its_other_files(tmp_path):
     assert os.listdir(tmp_path / "deep") == ["out"]
 
 
+def test_a_file_may_go_elsewhere_or_be_named_by_its_path_in_a_new_folder(tmp_path):
+    with StagedFiles(tmp_path / "new") as staged:
+        staged.add("a", [b"new"])
+        staged.add_path(str(tmp_path / "new" / "b"), [b"new"])
+        staged.add_path(str(tmp_path / "c"), [b"new"])
+        assert not (tmp_path / "new").exists()
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "b", "c", "new"]
+
+
 @pytest.mark.parametrize("name", ["", ".", "..", "a/b.obj", "../b.obj", "/b.obj"])
 def test_a_staged_name_is_plain(tmp_path, name):
     with pytest.raises(ExportError, match="is not a plain file name"):
