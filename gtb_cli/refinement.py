@@ -14,9 +14,10 @@ from gtb_cli.complex import Complex, Sampler
 from gtb_cli.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.domain import EPS
 from gtb_cli.errors import ToleranceError
+from gtb_cli.lattice import BULGES, lattice, quadratic_heights
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
-from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, sides_of
+from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, knots_inside, sides_of
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
@@ -63,11 +64,19 @@ FOLD = 1e-9
 FOLDS = 256
 """How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
 
+KNOWN = 1000
+"""Cells from which on it is estimated how many there will be."""
+
+SURE = 4.0
+"""How many times the cells that are allowed they must be, so that it is given up."""
+
 FEW_OF = 16
 """Of so many cells one is sampled first, where most complexes are not good enough."""
 
 
-def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
+def refine(
+    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, witnesses: FloatArray | None = None
+) -> tuple[Complex, FloatArray]:
     """Refine a complex until every sample of the surface is within a distance of its cell.
 
     Parameters
@@ -78,6 +87,8 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
     tolerance : float
         Largest distance from the surface to the mesh, in model units.
     max_cells : int
+    witnesses : (m, 3) float, optional
+        Points of the surface, known otherwise, that must be as near to the mesh.
 
     Returns
     -------
@@ -96,7 +107,7 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
     have them, on a lattice of `FINE_LATTICE` steps; and at the knots inside. `MARGIN` is for what happens between.
     """
     work = _Refinement(start, sampler, tolerance, max_cells)
-    while work.step():
+    while work.step() or (witnesses is not None and work.step_towards(witnesses)):
         pass
     return work.result()
 
@@ -113,6 +124,12 @@ def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatAr
     work = _Refinement(start, sampler, tolerance, len(start.cells))
     work.marks()
     return work.points, max(work.worst, float(work.error.max())) / MARGIN
+
+
+def are_near(mosaic: Complex, points: FloatArray, witnesses: FloatArray, tolerance: float) -> bool:
+    """Whether (m, 3) points are within a distance of a complex with given (v, 3) vertices."""
+    nearest = NearestCells(points[mosaic.cells])
+    return bool(nearest.search(witnesses, *nearest.start(witnesses))[0].max() <= tolerance)
 
 
 def is_flat(patch: Patch, tolerance: float) -> bool:
@@ -178,12 +195,28 @@ class _Refinement:
         marked = self.marks()
         if not marked.any():
             return False
+        self.advance(marked)
+        return True
+
+    def step_towards(self, witnesses: FloatArray) -> bool:
+        """Split the cells that are nearest to points that are too far from all; False when none is."""
+        nearest = NearestCells(self.points[self.cells.cells])
+        distance, cell = nearest.search(witnesses, *nearest.start(witnesses))
+        failing = np.unique(cell[distance > self.tolerance])
+        if not len(failing):
+            return False
+        marked = np.zeros(len(self.error), dtype=bool)
+        self.mark_worst(marked, failing)
+        self.advance(marked)
+        return True
+
+    def advance(self, marked: BoolArray) -> None:
+        """Split edges and sample what is new."""
         if self.cells.cells.shape[1] == 3:
             self.mark_thin(marked)
         changed = self.split(marked)
         self.measure()
         self.bulging[changed] = self.bulge(changed) > self.tolerance
-        return True
 
     def marks(self) -> BoolArray:
         """(e,) which edges are to be split, by what is known of them, or else by verifying cells."""
@@ -248,7 +281,7 @@ class _Refinement:
         """Largest height over some cells of the quadratic surface through their corners and their sides' middles."""
         if self.cells.cells.shape[1] == 2:
             return np.zeros(len(rows))
-        return np.asarray(np.abs(_QUADRATIC.T @ self.heights(rows)).max(axis=0))
+        return np.asarray(np.abs(BULGES @ self.heights(rows)).max(axis=0))
 
     def verify(self, marked: BoolArray) -> bool:
         """Sample the cells that were not verified yet on a lattice, and mark the worst edge of those that fail.
@@ -273,7 +306,7 @@ class _Refinement:
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
         if self.cells.cells.shape[1] == 3:
-            cell, u = self.knots_inside(bent)
+            cell, u = knots_inside(self.cells, bent, self.sampler.patches)
             failing[cell[self.distance(cell, u) > self.tolerance]] = True
             self.mark_worst(marked, np.flatnonzero(failing))
         self.verified[todo] = ~failing[todo]
@@ -292,7 +325,7 @@ class _Refinement:
         if marked.any():
             return False
         bent = False
-        weights = _lattice(steps if steps > LATTICE else CENTROID)
+        weights = lattice(steps if steps > LATTICE else CENTROID)
         for index in np.unique(self.cells.patch[todo]).tolist():
             rows = np.flatnonzero(self.cells.patch == index)
             failing = self.folded_or_not_covering(rows, weights)
@@ -344,16 +377,15 @@ class _Refinement:
         marked[chosen] = self.error[chosen] > self.tolerance
         rough = np.maximum.reduce([self.roughness[side[rows]] for side in self.cells.sides.T])
         seen = np.maximum.reduce([self.error[side[rows]] for side in self.cells.sides.T])
-        weights = _lattice(steps if steps > LATTICE else CENTROID)
-        a, b, c = weights.T
-        quadratic = 4 * np.stack([a * b, b * c, c * a], axis=1)
+        weights = lattice(steps if steps > LATTICE else CENTROID)
+        expected_of = quadratic_heights(weights)
         length = max(1, 200_000 // len(weights))
         for begin in range(0, len(rows) if self.cells.cells.shape[1] == 3 else 0, length):
             part = rows[begin : begin + length]
             u = np.einsum("wc,kcd->kwd", weights, self.cells.corners[part]).reshape(-1, 2)
             distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
             failing[part] = (distance > self.tolerance).any(axis=1)
-            expected = np.abs(quadratic @ self.heights(part)).T
+            expected = np.abs(expected_of @ self.heights(part)).T
             block = slice(begin, begin + length)
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
@@ -377,20 +409,6 @@ class _Refinement:
         self.worst = max(self.worst, float(distance.max(initial=0.0)))
         return distance
 
-    def knots_inside(self, todo: IntArray) -> tuple[IntArray, FloatArray]:
-        """Knots inside given cells: with extreme weights the linear parametrisation has its peaks there."""
-        found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
-        for index, patch in enumerate(self.sampler.patches):
-            knots = patch.knots[~patch.domain.incidence.any(axis=1)]
-            cells = todo[self.cells.patch[todo] == index]
-            a, b, c = np.moveaxis(self.cells.corners[cells], 1, 0)
-            for knot in knots:
-                signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
-                inside = cells[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
-                found_cells.append(inside)
-                found.append(np.repeat(knot[None], len(inside), axis=0))
-        return np.concatenate(found_cells), np.concatenate(found)
-
     def split(self, marked: BoolArray) -> IntArray:
         """Split marked edges in the middle, and the cells beside them by pattern; the cells that are new."""
         chosen = np.flatnonzero(marked)
@@ -401,12 +419,17 @@ class _Refinement:
                 f"tolerance: {self.asked:g} needs more than {self.max_cells} faces; with {len(self.cells.cells)} "
                 f"the distance is still {reached:.3g}"
             )
+        if len(self.verified) > KNOWN and self.needed() > SURE * self.max_cells:
+            raise ToleranceError(
+                f"tolerance: {self.asked:g} needs about {self.needed():.1g} faces, more than {self.max_cells}; with "
+                f"{len(self.verified)} the distance is still {reached:.3g}"
+            )
         old = self.edges[chosen]
         width = np.abs(old.parameters[:, 1] - old.parameters[:, 0]).max(axis=1)
         if (width < SHORTEST * self.sizes[old.patch]).any():
             raise ToleranceError(
-                f"tolerance: {self.asked:g} is not reached where parameters are too close to tell apart; "
-                f"the distance is still {reached:.3g}"
+                f"tolerance: {self.asked:g} is not reached where {self.sampler.parametrization} parameters are too "
+                f"close to tell apart; the distance is still {reached:.3g}"
             )
         vertex = np.full(len(marked), -1)
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
@@ -441,6 +464,16 @@ class _Refinement:
         self.verified[rows] = False
         return changed
 
+    def needed(self) -> float:
+        """How many cells there will be, if errors fall with the square of the width from here on.
+
+        A cell is taken to bend in two directions only as far as its straightest side bends.
+        """
+        errors = self.error[self.cells.sides]
+        parts = np.sqrt(np.maximum(errors / self.tolerance, 1.0))
+        number = parts.max(axis=1) * (parts.min(axis=1) if errors.shape[1] == 3 else 1.0)
+        return float(number.sum())
+
     def result(self) -> tuple[Complex, FloatArray]:
         """The refined complex; cells ordered by patch, else in the order in which they were made."""
         order = np.argsort(self.cells.patch, kind="stable")
@@ -454,26 +487,3 @@ class _Refinement:
             self.collapsed,
         )
         return refined, self.points
-
-
-def _lattice(steps: int) -> FloatArray:
-    """Barycentric coordinates of the inner points of a triangle's lattice."""
-    i, j = np.mgrid[1:steps, 1:steps]
-    inner = i + j < steps
-    return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-
-
-def _quadratic() -> FloatArray:
-    """(3, 7) heights at seven places of a triangle of the quadratic with given heights at the sides' middles."""
-    places = np.array(
-        [[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]], dtype=np.float64
-    )
-    a, b, c = (places / 4).T
-    return 4 * np.stack([a * b, b * c, c * a])
-
-
-_QUADRATIC = _quadratic()

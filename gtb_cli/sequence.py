@@ -155,6 +155,8 @@ def degeneration_sequence(
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
+    few = degenerating(patch, [], decomposition)
+    _refuse_too_many(few, len(values) + 1, resolution if tolerance is None else 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     values.append(INF if upward else 0.0)
     return _sequence(patch.name or "patch", "x", values, family, resolution, tolerance, normals, max_faces)
@@ -219,11 +221,7 @@ def _sequence(
     film: Mesh | None = None,
 ) -> MeshSequence:
     if tolerance is None:
-        count = family.cell_count(resolution)
-        if count * len(values) > max_faces:
-            raise ToleranceError(
-                f"{len(values)} meshes of {count} faces have more than {max_faces}: lower -n or raise --max-faces"
-            )
+        _refuse_too_many(family, len(values), resolution, max_faces)
         mosaic = family.uniform(resolution)
     else:
         mosaic = family.refined(tolerance, max_faces // len(values))
@@ -245,6 +243,14 @@ def _sequence(
         None if film is None else tuple(film_distances),
         tuple(doubts),
     )
+
+
+def _refuse_too_many(family: Family, meshes: int, resolution: int, max_faces: int) -> None:
+    count = family.cell_count(resolution)
+    if count * meshes > max_faces:
+        raise ToleranceError(
+            f"{meshes} meshes of {count} faces have more than {max_faces}: lower -n or raise --max-faces"
+        )
 
 
 def _is_upward(values: Sequence[float]) -> bool:

@@ -216,3 +216,22 @@ def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
         both = zero[0] & zero[1]
         face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
     return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
+
+
+def knots_inside(cells: Cells, rows: IntArray, patches: Sequence[Patch]) -> tuple[IntArray, FloatArray]:
+    """Triangles with knots inside, and these: with extreme weights the linear parametrisation has its peaks there."""
+    found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+    for index, patch in enumerate(patches):
+        knots = patch.knots[~patch.domain.incidence.any(axis=1)]
+        own = rows[cells.patch[rows] == index]
+        a, b, c = np.moveaxis(cells.corners[own], 1, 0)
+        for knot in knots:
+            signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
+            inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
+            found_cells.append(inside)
+            found.append(np.repeat(knot[None], len(inside), axis=0))
+    return np.concatenate(found_cells), np.concatenate(found)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

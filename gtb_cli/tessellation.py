@@ -25,6 +25,9 @@ MAX_FACES = 5_000_000
 UNIFORM_TRIALS = 2
 """Uniform complexes tried in place of a refined one."""
 
+WITNESSES = 48
+"""Segments of each edge of an even mesh in the linear parametrisation, whose vertices a toric one must be near to."""
+
 COARSEST = (1, 2, 3)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices."""
 
@@ -108,13 +111,21 @@ def fewest_cells(
 
     Refinement halves; on a gentle surface a number of cells between its steps can be enough.
     """
-    from gtb_cli.refinement import refine, sampled
+    from gtb_cli.refinement import are_near, refine, sampled
 
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
         if start.is_simplicial:
             break
-    refined = found = refine(start, sampler, tolerance, max_faces)
+    witnesses = None
+    if sampler.parametrization == "toric":
+        # Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
+        linear = Sampler(patches, "linear", False)
+        even = joined_complex(patches, joints, WITNESSES)
+        witnesses = np.concatenate(
+            [refine(start, linear, tolerance, max_faces)[1], linear.points(even.patch, even.parameters, even.face)]
+        )
+    refined = found = refine(start, sampler, tolerance, max_faces, witnesses)
 
     # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
     # cannot hold: only what is too wide is halved. From there down by the square law of chord errors.
@@ -128,7 +139,7 @@ def fewest_cells(
             break
         candidate = joined_complex(patches, joints, n)
         points, distance = sampled(candidate, sampler, tolerance)
-        if distance <= tolerance:
+        if distance <= tolerance and (witnesses is None or are_near(candidate, points, witnesses, tolerance)):
             found, high = (candidate, points), n
         elif found is refined:
             break

@@ -15,7 +15,9 @@ PACKAGE = Path(gtb_cli.__file__).parent
 REPOSITORY = PACKAGE.parent
 
 GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch moment"
-MESHES = "limits mesh triangulation film joints complex distance nearest overlay splitting refinement tessellation"
+MESHES = (
+    "limits mesh triangulation film joints complex distance nearest overlay lattice splitting refinement tessellation"
+)
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"
 FILES = "expression syntax reader schema spec templates meshfiles difference"

@@ -136,6 +136,27 @@ def test_toric_parametrisation_keeps_the_promise_too():
     assert_conforming(mesh)
 
 
+@pytest.mark.parametrize("scale", [0.3, 0.1])
+def test_toric_meshes_reach_points_that_toric_parameters_hardly_reach(scale):
+    """With small knots, exponents are: half of the surface is nearer to an edge of Δ than 1e-3 of its size."""
+    shape = patch(knots=PENTAGON * scale)
+    mesh = tessellate(shape, tolerance=0.1, parametrization="toric")
+    points = tessellate(shape, 70, parametrization="linear").vertices
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    assert cells.search(points, *cells.start(points))[0].max() <= 0.1
+    assert_conforming(mesh)
+
+
+def test_where_toric_parameters_cannot_be_told_apart_the_error_says_so():
+    with pytest.raises(ToleranceError, match="where toric parameters are too close to tell apart"):
+        tessellate(patch(knots=PENTAGON * 0.03), tolerance=0.1, parametrization="toric")
+
+
+def test_hopeless_tolerances_are_refused_before_the_work_is_done():
+    with pytest.raises(ToleranceError, match=r"needs about \de\+\d+ faces, more than 5000000; with \d{4} the distance"):
+        tessellate(patch(), tolerance=1e-10)
+
+
 def test_a_flat_patch_takes_the_triangles_of_its_domain():
     flat = patch(z=PENTAGON.sum(axis=1))
     assert len(tessellate(flat, tolerance=1e-6).faces) == 5

@@ -1,0 +1,26 @@
+"""Barycentric lattices of a triangle, and the quadratic that is known by its heights over the sides' middles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+
+
+def lattice(steps: int) -> FloatArray:
+    """(k, 3) barycentric coordinates of the inner points of a triangle's lattice."""
+    i, j = np.mgrid[1:steps, 1:steps]
+    inner = i + j < steps
+    return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
+
+
+def quadratic_heights(places: FloatArray) -> FloatArray:
+    """(k, 3) factors of the heights over the middles of sides 0, 1 and 2 in those over (k, 3) barycentric places."""
+    a, b, c = places.T
+    return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
+
+
+BULGES = quadratic_heights(
+    np.array([[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]]) / 4
+)
+"""(7, 3): at the middles of the sides, of the triangle, and between these."""
