@@ -268,6 +268,13 @@ def test_tolerance_in_percent_is_of_the_diagonal_of_the_surface():
     assert len(gtb("mesh", PENTAGON, "--tolerance", "0.1%").out) > 4 * len(percent.out)
 
 
+def test_a_percentage_of_a_point_is_refused(tmp_path):
+    spec = tmp_path / "point.toml"
+    spec.write_text("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[1, 1, 1], [1, 1, 1], [1, 1, 1]]\n")
+    message = one_line(gtb("mesh", spec, "--tolerance", "5%"))
+    assert message == f"{spec}: tolerance: 5% of the size of a single point is nothing"
+
+
 def test_too_many_faces_are_refused_with_their_number():
     message = one_line(gtb("mesh", PENTAGON, "-n", 2000))
     assert message == (

@@ -15,7 +15,6 @@ from gtb_cli.commands.sequences import (
     check_kind,
     check_length,
     is_animation,
-    model_tolerance,
     output_option,
     read_patch,
     write_sequence,
@@ -128,7 +127,7 @@ def degenerate(
             xs,
             _values(patch, lifting),
             options.resolution,
-            model_tolerance(options, patch),
+            options.tolerance_for(patch),
             normals=options.normals,
             max_faces=options.max_faces,
         )

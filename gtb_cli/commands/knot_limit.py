@@ -14,7 +14,6 @@ from gtb_cli.commands.sequences import (
     check_kind,
     check_length,
     is_animation,
-    model_tolerance,
     output_option,
     read_patch,
     write_sequence,
@@ -107,7 +106,7 @@ def knot_limit(
                 moves,
                 steps,
                 options.resolution,
-                model_tolerance(options, patch),
+                options.tolerance_for(patch),
                 normals=options.normals,
                 max_faces=options.max_faces,
             )

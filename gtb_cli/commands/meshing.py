@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_blocks
-from gtb_cli.errors import ExportError, GtbError, RequirementError, ToleranceError
+from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, ToleranceError
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import IntArray
@@ -148,7 +148,10 @@ class MeshOptions:
         from gtb_cli.tessellation import tessellate
 
         low, high = tessellate(spec, BOUNDS_RESOLUTION, normals=False).bounds
-        return float(self.tolerance.removesuffix("%")) / 100 * math.dist(low, high)
+        diagonal = math.dist(low, high)
+        if diagonal == 0:
+            raise DomainError(f"tolerance: {self.tolerance} of the size of a single point is nothing")
+        return float(self.tolerance.removesuffix("%")) / 100 * diagonal
 
     def parametrization_for(self, spec: Patch | Model) -> Parametrization:
         """Return the parametrization that was asked for, or else the one that suits."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -12,7 +11,6 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input, write_blocks
 from gtb_cli.commands.meshing import (
-    BOUNDS_RESOLUTION,
     FORMATS,
     MeshOptions,
     expected_bytes,
@@ -114,16 +112,6 @@ def check_kind(options: MeshOptions, patch: Patch) -> None:
         raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
     if options.format == ANIMATED and options.ascii:
         raise ExportError("GLB has no text form: expected obj, ply or stl with --ascii")
-
-
-def model_tolerance(options: MeshOptions, patch: Patch) -> float | None:
-    """Return the tolerance in model units; a percentage is of the patch that the spec describes."""
-    if not isinstance(options.tolerance, str):
-        return options.tolerance
-    from gtb_cli.tessellation import tessellate
-
-    low, high = tessellate(patch, BOUNDS_RESOLUTION, normals=False).bounds
-    return float(options.tolerance.removesuffix("%")) / 100 * math.dist(low, high)
 
 
 def number_text(value: float) -> str:
