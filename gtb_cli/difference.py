@@ -130,7 +130,7 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
         asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
         allowed = asked
     allowed = max(allowed, resolution)
-    pairs = _pairs(a.mesh, b.mesh)
+    pairs = _pairs(a.mesh, b.mesh, allowed)
     if pairs is None:
         pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
     if pairs is not None:
@@ -215,19 +215,30 @@ def _group(mesh: Mesh, vertex: int) -> str:
     return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
 
 
-def _pairs(a: Mesh, b: Mesh) -> tuple[IntArray, IntArray] | None:
+def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None:
     """Indices of the vertices that belong together, if both meshes have the same cells, else None."""
     if a.cells.shape != b.cells.shape:
         return None
     if len(a.vertices) == len(b.vertices) and np.array_equal(a.cells, b.cells):
         every = np.arange(len(a.vertices))
         return every, every
+    corners, other_corners = a.cells.ravel(), b.cells.ravel()
     for kind in (np.float64, np.float32):  # what coincides in a file of 32-bit numbers may not in another
         with np.errstate(over="ignore", under="ignore"):
-            corners, labels = weld(a.vertices.astype(kind).astype(np.float64)[a.cells.ravel()])
-            _, other_labels = weld(b.vertices.astype(kind).astype(np.float64)[b.cells.ravel()])
-        if np.array_equal(labels, other_labels):
-            return a.cells.ravel()[corners], b.cells.ravel()[corners]
+            first, labels = weld(a.vertices.astype(kind).astype(np.float64)[corners])
+            other_first, other_labels = weld(b.vertices.astype(kind).astype(np.float64)[other_corners])
+        if not np.array_equal(labels, other_labels):
+            continue
+        if kind is np.float64:
+            return corners[first], other_corners[first]
+        # Not all at one place: each corner counts, and none may be far from those that it was taken for.
+        spread = max(
+            float(_distances(mesh.vertices[used], mesh.vertices[used[start][labels]]).max())
+            for mesh, used, start in ((a, corners, first), (b, other_corners, other_first))
+        )
+        if spread <= allowed:
+            pairs = np.unique(np.stack([corners, other_corners], axis=1), axis=0)
+            return pairs[:, 0], pairs[:, 1]
     return None
 
 

@@ -141,6 +141,27 @@ def test_what_coincides_in_32_bits_only():
     assert (found.same, found.method) == (True, "vertices")
 
 
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+def test_what_coincides_in_32_bits_is_compared_in_64(offset):
+    """A corner that leaves its vertex by less than 32-bit numbers tell apart, in meshes that have more digits."""
+    mesh = surface(4)
+    here = Mesh(mesh.vertices + offset, mesh.cells)
+    soup = here.vertices[mesh.cells.ravel()]
+    corner = int(np.flatnonzero(mesh.cells.ravel() == mesh.cells[-1, 0])[-1])  # not the first one at its place
+    step = 2e-8 if not offset else 0.25
+    soup[corner, 2] += step
+    found = difference(known_exactly(here), known_exactly(Mesh(soup, np.arange(len(soup)).reshape(-1, 3))))
+    assert not found.same
+    assert found.distance > step / 10  # of the surfaces: the corner is beside others
+
+
+def test_another_order_far_from_the_origin():
+    """In 32-bit numbers all vertices are at one place, and tell nothing."""
+    far = Mesh(surface(4).vertices + 1e8, surface(4).cells)
+    found = difference(known_exactly(far), known_exactly(shuffled(far)[0]))
+    assert (found.same, found.method) == (True, "vertices")
+
+
 @pytest.mark.parametrize("exponent", [-280, 280])
 def test_extreme_sizes(exponent):
     scale = 10.0**exponent
