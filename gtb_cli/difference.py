@@ -70,6 +70,9 @@ class Difference:
         Of the meshes; None where vertices were compared.
     same_kind : bool
         False where one is a curve and the other a surface: these are never the same.
+    turned : int
+        Faces of the second mesh that look to the other side than in the first, where vertices were compared. They are
+        in the same place, so that this alone is no difference.
     """
 
     method: Method
@@ -88,6 +91,7 @@ class Difference:
     first: Measures | None
     second: Measures | None
     same_kind: bool = True
+    turned: int = 0
 
     @property
     def same(self) -> bool:
@@ -131,10 +135,13 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
         allowed = asked
     allowed = max(allowed, resolution)
     pairs = _pairs(a.mesh, b.mesh, allowed)
+    turned = 0
     if pairs is None:
-        pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
+        found_pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
+        if found_pairs is not None:
+            pairs, turned = found_pairs
     if pairs is not None:
-        return _by_vertices(a.mesh, b.mesh, pairs, allowed, asked, resolution, diagonal)
+        return _by_vertices(a.mesh, b.mesh, pairs, turned, allowed, asked, resolution, diagonal)
     found = surface_distance(a.mesh, b.mesh, PART * allowed)
     return Difference(
         method="surface",
@@ -160,6 +167,7 @@ def _by_vertices(
     a: Mesh,
     b: Mesh,
     pairs: tuple[IntArray, IntArray],
+    turned: int,
     tolerance: float,
     asked: float | None,
     resolution: float,
@@ -185,6 +193,7 @@ def _by_vertices(
         group=_group(a, vertex),
         first=None,
         second=None,
+        turned=turned,
     )
 
 
@@ -242,8 +251,11 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
     return None
 
 
-def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray] | None:
-    """The same, whatever the order of vertices, cells and their corners, if these vertices are within the tolerance."""
+def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntArray, IntArray], int] | None:
+    """The same, whatever the order of vertices, cells and their corners, if these vertices are within the tolerance.
+
+    And how many faces look to the other side.
+    """
     if a.cells.shape != b.cells.shape:
         return None
     (first, cells), (second, other_cells) = (_welded(mesh) for mesh in (a, b))
@@ -259,12 +271,23 @@ def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, I
     if (np.bincount(place, minlength=len(first)) != 1).any():
         return None
     # Rows of sorted corners, of which each mesh must have the same, and as many.
-    rows = np.sort(np.concatenate([cells, place[other_cells]]), axis=1)
-    _, labels = weld(np.pad(rows, ((0, 0), (0, 3 - rows.shape[1]))).astype(np.float64))
-    here, there = (np.bincount(part, minlength=len(rows)) for part in np.split(labels, 2))
+    rows = np.concatenate([cells, place[other_cells]])
+    here, there = _counted(np.sort(rows, axis=1))
     if not np.array_equal(here, there):
         return None
-    return first[place], second
+    turned = 0
+    if not a.is_curve:
+        start = rows.argmin(axis=1)[:, None]
+        here, there = _counted(np.take_along_axis(rows, (start + np.arange(3)) % 3, axis=1))
+        turned = int(np.maximum(there - here, 0).sum())
+    return (first[place], second), turned
+
+
+def _counted(rows: IntArray) -> tuple[IntArray, IntArray]:
+    """How often each row of all is in the first half of them, and in the second."""
+    _, labels = weld(np.pad(rows, ((0, 0), (0, 3 - rows.shape[1]))).astype(np.float64))
+    here, there = (np.bincount(part, minlength=len(rows)) for part in np.split(labels, 2))
+    return here, there
 
 
 def _welded(mesh: Mesh) -> tuple[IntArray, IntArray]:

@@ -111,6 +111,16 @@ def test_a_tolerance_that_the_file_cannot_hold_is_said(tmp_path):
     assert "in place of 1e-12: the numbers in the files hold no less" in result.err
 
 
+def test_faces_that_look_to_the_other_side_are_said(tmp_path):
+    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
+    write_mesh(surface(4), one)
+    write_mesh(Mesh(surface(4).vertices, surface(4).cells[:, ::-1]), two)
+    result = gtb("diff", one, two, "--json")
+    assert result.status == 0
+    assert json.loads(result.out)["turned_faces"] == len(surface(4).cells)
+    assert f"{len(surface(4).cells)} faces are turned" in result.err
+
+
 def test_the_part_of_a_model_that_differs_is_named(tmp_path):
     mesh = model()
     vertices = mesh.vertices.copy()

@@ -155,6 +155,17 @@ def test_what_coincides_in_32_bits_is_compared_in_64(offset):
     assert found.distance > step / 10  # of the surfaces: the corner is beside others
 
 
+@pytest.mark.parametrize("kind", ["spec", "obj", "stl"])
+def test_faces_that_look_to_the_other_side_are_counted(kind):
+    mesh = surface(4)
+    cells = mesh.cells.copy()
+    cells[[3, 8]] = cells[[3, 8], ::-1]
+    found = difference(through(mesh, kind), through(Mesh(mesh.vertices, cells), kind))
+    assert (found.same, found.method, found.turned) == (True, "vertices", 2)
+    rolled = Mesh(mesh.vertices, np.roll(mesh.cells, 1, axis=1)[::-1])
+    assert difference(through(mesh, kind), through(rolled, kind)).turned == 0
+
+
 def test_another_order_far_from_the_origin():
     """In 32-bit numbers all vertices are at one place, and tell nothing."""
     far = Mesh(surface(4).vertices + 1e8, surface(4).cells)

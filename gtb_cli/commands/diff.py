@@ -94,12 +94,12 @@ def diff(
     Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed.
 
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
-    a point of one from the other, both ways. Normals and texture coordinates do not count. Of two folders, files of the
-    same name are compared, and a missing or an extra file is a difference. The tolerance is never less than what the
-    numbers in the files can hold; the size is the diagonal of the bounding box of the smaller mesh. The distance of
-    surfaces is found to a tenth of the tolerance; of large meshes a warning, the report and "proved" in JSON say where
-    that took too long. Exit status 0 where all is the same within the tolerance, 1 where it is not, 2 where something
-    cannot be read.
+    a point of one from the other, both ways. Normals and texture coordinates do not count; where faces are the same but
+    look to the other side, a warning says how many. Of two folders, files of the same name are compared, and a missing
+    or an extra file is a difference. The tolerance is never less than what the numbers in the files can hold; the size
+    is the diagonal of the bounding box of the smaller mesh. The distance of surfaces is found to a tenth of the
+    tolerance; of large meshes a warning, the report and "proved" in JSON say where that took too long. Exit status 0
+    where all is the same within the tolerance, 1 where it is not, 2 where something cannot be read.
     """
     if a == b == STANDARD:
         raise click.UsageError("standard input can be read once only")
@@ -256,6 +256,8 @@ def _say_limits(found: Difference, names: tuple[str, str], console: Console) -> 
             f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} in place of {found.asked:.3g}: "
             "the numbers in the files hold no less at this size"
         )
+    if found.turned:
+        console.warn(f"{names[0]}, {names[1]}: {found.turned} faces are turned: they look to the other side")
     if not found.is_proved:
         console.warn(
             f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, but it is not proved: "
@@ -275,6 +277,7 @@ def _data(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
         "asked_tolerance": found.asked,
         "resolution": found.resolution,
         "diagonal": found.diagonal,
+        "turned_faces": found.turned if found.method == "vertices" else None,
         "vertices": None if found.vertex is None else [found.vertex, found.other_vertex],
         "group": found.group or None,
         "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
