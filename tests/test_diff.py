@@ -166,6 +166,18 @@ def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
     assert result.err.count(str(two / "a.obj")) == 1
 
 
+def test_linked_folders_are_compared_too(folders):
+    for folder, n in zip(folders, (3, 5), strict=True):
+        (folder / "inner").rename(folder.parent / f"real-{folder.name}")
+        (folder / "inner").symlink_to(folder.parent / f"real-{folder.name}")
+        (folder / "inner" / "loop").symlink_to(folder)
+        write_mesh(surface(n), folder / "inner" / "b.ply")
+    (folders[0] / "again").symlink_to(folders[0] / "inner")
+    (folders[1] / "again").symlink_to(folders[1] / "inner")
+    result = gtb("diff", *folders)
+    assert (result.status, result.text.splitlines()[-1]) == (1, "1 same, 2 different, 0 missing, 0 extra")
+
+
 def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
     one, _ = folders
     assert gtb("diff", one, one / "a.obj").status == 0

@@ -158,6 +158,11 @@ def completions(words: str, count: int) -> list[str]:
     return result.out.decode().split()
 
 
+@pytest.mark.parametrize("words", ["gtb diff sp", "gtb diff one.obj sp", "gtb eval one.toml sp", "gtb check sp"])
+def test_files_are_completed(words):
+    assert completions(words, len(words.split()) - 1) == ["file,sp"]
+
+
 def test_commands_options_and_files_are_completed():
     assert completions("gtb ", 1) == [f"plain,{name}" for name in COMMANDS]
     assert completions("gtb che", 1) == ["plain,check"]

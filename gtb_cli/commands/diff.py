@@ -14,6 +14,7 @@ from gtb_cli.commands.meshing import FORMATS, MAX_FACES, RESOLUTION, MeshOptions
 from gtb_cli.commands.options import (
     MAX_RESOLUTION,
     console_option,
+    file_names,
     json_option,
     output_option,
     parametrization_option,
@@ -42,8 +43,8 @@ class Side(NamedTuple):
 
 
 @click.command
-@click.argument("a", metavar="A")
-@click.argument("b", metavar="B")
+@click.argument("a", metavar="A", shell_complete=file_names)
+@click.argument("b", metavar="B", shell_complete=file_names)
 @click.option(
     "--tolerance",
     callback=tolerance_of,
@@ -221,8 +222,14 @@ def _names(folder: str) -> Iterator[str]:
     def refuse(error: OSError) -> None:
         raise GtbError(f"{error.filename}: {error.strerror}") from error
 
-    for place, folders, files in os.walk(folder, onerror=refuse):
-        folders[:] = [name for name in folders if not name.startswith(".")]
+    above: dict[str, tuple[str, ...]] = {}
+    for place, folders, files in os.walk(folder, onerror=refuse, followlinks=True):
+        here, outer = os.path.realpath(place), above.get(os.path.dirname(place), ())
+        above[place] = (*outer, here)
+        if here in outer:  # a link to a folder that it is in
+            folders.clear()
+            continue
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in files:
             if not name.startswith("."):
                 yield os.path.relpath(os.path.join(place, name), folder)

@@ -13,6 +13,7 @@ import click
 from gtb_cli.commands.console import STANDARD, Console, opened, read_spec, shown_input, write_blocks
 from gtb_cli.commands.options import (
     console_option,
+    file_names,
     json_option,
     output_option,
     parametrization_option,
@@ -37,7 +38,7 @@ MAX_LINE = 10_000
 
 @click.command("eval")
 @spec_argument
-@click.argument("params", metavar="[PARAMS]", default=STANDARD)
+@click.argument("params", metavar="[PARAMS]", default=STANDARD, shell_complete=file_names)
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
 @parametrization_option
 @json_option
