@@ -17,7 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.lattice import BULGES, lattice, quadratic_heights
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
-from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, knots_inside, sides_of
+from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, knots_inside, sides_of, slimness
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
@@ -37,6 +37,9 @@ MARGIN = 0.9
 THIN = 12.0
 """A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers do not
 get thinner, and refinement ends."""
+
+SLIM = 0.01
+"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin."""
 
 ROUGH = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
@@ -162,6 +165,9 @@ class _Refinement:
             [surface and is_flat(p, tolerance) for surface, p in zip(surfaces, sampler.patches, strict=True)]
         )
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
+        self.slimmest = 0.0
+        if start.cells.shape[1] == 3:
+            self.slimmest = SLIM * min(1.0, float(slimness(start.corners)[0].min()))
         self.edges, sides = sides_of(start, sampler.patches)
         self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
         self.growth = Growth()
@@ -252,7 +258,10 @@ class _Refinement:
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
     def mark_thin(self, marked: BoolArray) -> None:
-        """Mark the longest edge of thin triangles that have another one marked, until there is none."""
+        """Mark the longest edge of thin triangles that have another one marked, until there is none.
+
+        Of those thin in Δ, too: else parts of a surface that bends to and fro along one could be split for ever.
+        """
         before = np.zeros(len(self.cells.cells), dtype=bool)
         while True:
             touched = self.has_mark(marked, slice(None))
@@ -265,6 +274,9 @@ class _Refinement:
             length = self.lengths(self.cells.sides[rows])
             thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
             marked[self.cells.sides[rows[thin], length[thin].argmax(axis=1)]] = True
+            share, longest = slimness(self.cells.corners[rows])
+            thin = share < self.slimmest
+            marked[self.cells.sides[rows[thin], longest[thin]]] = True
 
     def heights(self, rows: IntArray) -> FloatArray:
         """(3, k) heights of the sides' middles over some triangles."""

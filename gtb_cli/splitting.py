@@ -233,5 +233,12 @@ def knots_inside(cells: Cells, rows: IntArray, patches: Sequence[Patch]) -> tupl
     return np.concatenate(found_cells), np.concatenate(found)
 
 
+def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
+    lengths = np.stack([np.hypot(*(corners[:, (i + 1) % 3] - corners[:, i]).T) for i in range(3)])
+    area = np.abs(_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    return area / lengths.max(axis=0) ** 2, lengths.argmax(axis=0)
+
+
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
