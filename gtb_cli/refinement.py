@@ -14,22 +14,15 @@ from gtb_cli.complex import Complex, Sampler
 from gtb_cli.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.domain import EPS
 from gtb_cli.errors import ToleranceError
-from gtb_cli.lattice import BULGES, lattice, quadratic_heights
+from gtb_cli.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
 from gtb_cli.nearest import NearestCells
-from gtb_cli.patch import Patch
-from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, knots_inside, sides_of
+from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, is_flat, knots_inside, sides_of
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
 
 SHORTEST = 1e-13
 """Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
-
-LATTICE = 4
-"""Edges are verified at this many steps; all numbers of steps are multiples of it."""
-
-CENTROID = 3
-"""Steps of the lattice that has one inner point: enough for a triangle on which all samples are a quadratic's."""
 
 MARGIN = 0.9
 """Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
@@ -44,15 +37,13 @@ ROUGH = 0.1
 EVEN = 0.02
 """The same at one quarter of an edge, before the other one is sampled, too."""
 
+SLIDE = 0.1
+"""Part of an edge by which its curve may run ahead along it; else it may turn back beyond the other end."""
+
 HIDDEN = 5.0
 """How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
 
 FINE_LATTICE = 12
-
-SAMPLES = 20_000
-"""A coarse mesh is verified on a finer lattice: at least about this many points in all."""
-
-FINEST_LATTICE = 32
 
 NEARBY = 0.01
 """Part of the tolerance by which a sample may be beside the place it is asked for. It is a point of the surface anyway,
@@ -122,20 +113,9 @@ def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatAr
         if float(few.error.max()) > few.tolerance:
             return few.points, float(few.error.max()) / MARGIN
     work = _Refinement(start, sampler, tolerance, len(start.cells))
-    work.marks()
-    return work.points, max(work.worst, float(work.error.max())) / MARGIN
-
-
-def are_near(mosaic: Complex, points: FloatArray, witnesses: FloatArray, tolerance: float) -> bool:
-    """Whether (m, 3) points are within a distance of a complex with given (v, 3) vertices."""
-    nearest = NearestCells(points[mosaic.cells])
-    return bool(nearest.search(witnesses, *nearest.start(witnesses))[0].max() <= tolerance)
-
-
-def is_flat(patch: Patch, tolerance: float) -> bool:
-    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
-    centred = patch.control_points - patch.control_points.mean(axis=0)
-    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
+    # Cells that bulge, or do not cover a flat patch, fail though no sample may be far from its own cell.
+    beyond = np.nextafter(tolerance, np.inf) if work.marks().any() else 0.0
+    return work.points, max(work.worst / MARGIN, float(work.error.max()) / MARGIN, beyond)
 
 
 class _Refinement:
@@ -298,10 +278,13 @@ class _Refinement:
         self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
         flat = self.flat[self.cells.patch[todo]]
         bent = todo[~flat]
-        steps = 4 * int(np.clip(np.sqrt(2 * SAMPLES / len(todo)) / 4, 1, FINEST_LATTICE / 4))
+        steps_at = self.steps_at(todo)
         failing = np.zeros(len(self.verified), dtype=bool)
-        doubt = self.sample(bent, steps, failing, marked)
-        doubtful = bent[doubt] if steps < FINE_LATTICE else todo[:0]
+        doubt = np.zeros(len(self.verified), dtype=bool)
+        for steps in np.unique(steps_at[~flat]).tolist():
+            rows = todo[~flat & (steps_at == steps)]
+            doubt[rows] = self.sample(rows, steps, failing, marked) & (steps < FINE_LATTICE)
+        doubtful = np.flatnonzero(doubt)
         if not failing.any() and not marked.any() and len(doubtful):
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
@@ -311,9 +294,19 @@ class _Refinement:
             self.mark_worst(marked, np.flatnonzero(failing))
         self.verified[todo] = ~failing[todo]
         self.verified[doubtful] = False
-        return bool(flat.any()) and not marked.any() and self.verify_flat(todo[flat], steps, marked)
+        if marked.any():
+            # Flat patches wait until the others hold.
+            self.verified[todo[flat]] = False
+            return False
+        return bool(flat.any()) and self.verify_flat(todo[flat], marked)
 
-    def verify_flat(self, todo: IntArray, steps: int, marked: BoolArray) -> bool:
+    def steps_at(self, rows: IntArray) -> IntArray:
+        """(k,) steps of the lattices of some cells."""
+        corners = self.cells.corners[rows]
+        width = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=(1, 2)) / self.sizes[self.cells.patch[rows]]
+        return steps_for(width)
+
+    def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
         """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
 
         Where it does not, the patch is refined like others: the result is whether there is such a patch.
@@ -323,12 +316,12 @@ class _Refinement:
         self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
         marked[sides] = self.error[sides] > self.tolerance
         if marked.any():
+            self.verified[todo] = False
             return False
         bent = False
-        weights = lattice(steps if steps > LATTICE else CENTROID)
         for index in np.unique(self.cells.patch[todo]).tolist():
             rows = np.flatnonzero(self.cells.patch == index)
-            failing = self.folded_or_not_covering(rows, weights)
+            failing = self.folded_or_not_covering(rows)
             if not failing.any():
                 continue
             self.verified[rows] = False
@@ -342,7 +335,7 @@ class _Refinement:
             self.error[inner] = to_segments(self.middle[inner], *np.moveaxis(self.points[self.edges.ends[inner]], 1, 0))
         return bent and not marked.any()
 
-    def folded_or_not_covering(self, rows: IntArray, weights: FloatArray) -> BoolArray:
+    def folded_or_not_covering(self, rows: IntArray) -> BoolArray:
         """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all."""
         corners = self.points[self.cells.cells[rows]]
         area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -350,8 +343,14 @@ class _Refinement:
         failing = turn < -FOLD * turn.max()
         if failing.any():
             return np.asarray(failing)
-        u = np.einsum("wc,kcd->kwd", weights, self.cells.corners[rows]).reshape(-1, 2)
-        own = np.repeat(np.arange(len(rows)), len(weights))
+        steps_at = self.steps_at(rows)
+        places, owners = [], []
+        for steps in np.unique(steps_at).tolist():
+            part = np.flatnonzero(steps_at == steps)
+            weights = lattice(steps if steps > LATTICE else CENTROID)
+            places.append(np.einsum("wc,kcd->kwd", weights, self.cells.corners[rows[part]]).reshape(-1, 2))
+            owners.append(np.repeat(part, len(weights)))
+        u, own = np.concatenate(places), np.concatenate(owners)
         sample = self.sampler.points(self.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), self.nearby)
         nearest = NearestCells(corners)
         distance = nearest.distances(sample, own)
@@ -369,8 +368,8 @@ class _Refinement:
         if steps <= LATTICE:
             chosen &= np.isnan(self.roughness)
             sides = np.flatnonzero(chosen)
-            self.sample_sides(sides, np.array([0.25]))
-            sides = sides[self.roughness[sides] > EVEN * self.tolerance]
+            quarter = self.sample_sides(sides, np.array([0.25]))
+            sides = sides[(self.roughness[sides] > EVEN * self.tolerance) | self.slides(sides, quarter[:, 0])]
             self.sample_sides(sides, np.array([0.75]))
         else:
             self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
@@ -391,16 +390,25 @@ class _Refinement:
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
         return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
 
-    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> None:
-        """Sample edges at fractions, quarters among them, and note how far and how rough they are."""
+    def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
+        """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
+        start, end = np.moveaxis(self.points[self.edges.ends[rows]], 1, 0)
+        chord = end - start
+        square = dot(chord, chord)
+        places = [(dot(point - start, chord), at) for point, at in ((quarter, 0.25), (self.middle[rows], 0.5))]
+        return np.asarray(np.logical_or.reduce([np.abs(along - at * square) > SLIDE * square for along, at in places]))
+
+    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
+        """(e, f, 3) points of edges at fractions, quarters among them; how far and how rough they are is noted."""
         if not len(rows):
-            return
-        distance = self.along(rows, fractions, self.nearby)[1]
+            return np.empty((0, len(fractions), 3))
+        samples, distance = self.along(rows, fractions, self.nearby)
         middle = to_segments(self.middle[rows], *np.moveaxis(self.points[self.edges.ends[rows]], 1, 0))
         # A parabola is three quarters as far from its chord at the quarters as in the middle.
         off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * middle[:, None]).max(axis=1)
         self.roughness[rows] = np.fmax(self.roughness[rows], off)
         self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
+        return samples
 
     def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""

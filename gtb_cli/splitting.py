@@ -218,6 +218,12 @@ def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
     return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
 
 
+def is_flat(patch: Patch, tolerance: float) -> bool:
+    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
+    centred = patch.control_points - patch.control_points.mean(axis=0)
+    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
+
+
 def knots_inside(cells: Cells, rows: IntArray, patches: Sequence[Patch]) -> tuple[IntArray, FloatArray]:
     """Triangles with knots inside, and these: with extreme weights the linear parametrisation has its peaks there."""
     found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]

@@ -29,7 +29,8 @@ WITNESSES = 48
 """Segments of each edge of an even mesh in the linear parametrisation, whose vertices a toric one must be near to."""
 
 COARSEST = (1, 2, 3)
-"""Cells along an edge from which refinement may start: the first with which no two cells have the same vertices."""
+"""Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
+and no patch is left without cells."""
 
 
 def tessellate(
@@ -111,21 +112,24 @@ def fewest_cells(
 
     Refinement halves; on a gentle surface a number of cells between its steps can be enough.
     """
-    from gtb_cli.refinement import are_near, refine, sampled
+    from gtb_cli.nearest import are_near
+    from gtb_cli.refinement import refine, sampled
 
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
-        if start.is_simplicial:
+        if not start.is_simplicial and coarsest < COARSEST[-1]:
+            continue
+        witnesses = None
+        if sampler.parametrization == "toric":
+            # Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
+            linear = Sampler(patches, "linear", False)
+            even = joined_complex(patches, joints, WITNESSES)
+            witnesses = np.concatenate(
+                [refine(start, linear, tolerance, max_faces)[1], linear.points(even.patch, even.parameters, even.face)]
+            )
+        refined = found = refine(start, sampler, tolerance, max_faces, witnesses)
+        if refined[0].keeps_patches:
             break
-    witnesses = None
-    if sampler.parametrization == "toric":
-        # Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
-        linear = Sampler(patches, "linear", False)
-        even = joined_complex(patches, joints, WITNESSES)
-        witnesses = np.concatenate(
-            [refine(start, linear, tolerance, max_faces)[1], linear.points(even.patch, even.parameters, even.face)]
-        )
-    refined = found = refine(start, sampler, tolerance, max_faces, witnesses)
 
     # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
     # cannot hold: only what is too wide is halved. From there down by the square law of chord errors.
@@ -139,7 +143,8 @@ def fewest_cells(
             break
         candidate = joined_complex(patches, joints, n)
         points, distance = sampled(candidate, sampler, tolerance)
-        if distance <= tolerance and (witnesses is None or are_near(candidate, points, witnesses, tolerance)):
+        holds = distance <= tolerance and candidate.keeps_patches
+        if holds and (witnesses is None or are_near(witnesses, points[candidate.cells], tolerance)):
             found, high = (candidate, points), n
         elif found is refined:
             break
