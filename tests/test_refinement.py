@@ -304,14 +304,13 @@ def overshooting(by: float) -> Patch:
     return Patch(GRID, points, None, BICUBIC)
 
 
-def test_a_flat_patch_is_looked_at_beside_others_that_are_split():
-    """One that bends, and a flat one with bent sides: the cells that they split must not hide the ones it fails at."""
-    lower = GRID + np.array([10, 0])
-    lower[[4, 8], 1] -= 1.5
-    for other in (bicubic(3.0, 10.0), Patch(GRID, lower, None, BICUBIC)):
-        for patches in ((other, overshooting(2.0)), (overshooting(2.0), other)):
-            mesh = tessellate(Model(patches), tolerance=0.02)
-            assert max(nearest_distance(each, mesh) for each in patches) <= 0.02 * (1 + SLACK)
+def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
+    """While the other one still fails, nothing is known of it."""
+    points = np.column_stack([GRID + np.array([10, 0]), 3 * bicubic().control_points[:, 2]])
+    bent = Patch(GRID, points, None, BICUBIC)
+    for patches in ((bent, overshooting(2.0)), (overshooting(2.0), bent)):
+        mesh = tessellate(Model(patches), tolerance=2e-3)
+        assert max(nearest_distance(each, mesh) for each in patches) <= 2e-3 * (1 + SLACK)
 
 
 def test_a_surface_that_turns_back_along_a_side_is_reached():
