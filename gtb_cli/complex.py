@@ -80,6 +80,15 @@ class Complex:
         pairs = ordered[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
         return self.cells.shape[1] == 2 or len(np.unique(pairs, axis=0)) == self.sides
 
+    @property
+    def keeps_patches(self) -> bool:
+        """Whether each patch has a cell left where those with a side on an edge that is one point vanish."""
+        if not len(self.collapsed):
+            return True
+        label = merged(len(self.patch), self.collapsed)
+        proper = (np.diff(np.sort(label[self.cells], axis=1), axis=1) > 0).all(axis=1)
+        return bool(np.isin(self.cell_patch, self.cell_patch[proper]).all())
+
 
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
     """Triangulate each domain with `resolution` cells along an edge, and join them.

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
+
+LATTICE = 4
+"""Edges are verified at this many steps; all numbers of steps are multiples of it."""
+
+CENTROID = 3
+"""Steps of the lattice that has one inner point: enough for a triangle on which all samples are a quadratic's."""
+
+SAMPLES = 20_000
+"""A coarse mesh is verified on a finer lattice: at least about this many points in all."""
+
+FINEST_LATTICE = 32
 
 
 def lattice(steps: int) -> FloatArray:
@@ -12,6 +23,13 @@ def lattice(steps: int) -> FloatArray:
     i, j = np.mgrid[1:steps, 1:steps]
     inner = i + j < steps
     return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
+
+
+def steps_for(width: FloatArray) -> IntArray:
+    """(k,) steps of the lattices of cells of given widths in Δ: many for few, and for wide ones among any number."""
+    few = np.clip(np.sqrt(2 * SAMPLES / len(width)) / LATTICE, 1, FINEST_LATTICE / LATTICE)
+    wide = np.exp2(np.ceil(np.log2(np.maximum(width * FINEST_LATTICE / LATTICE, 1)) - 1e-9))
+    return np.asarray(LATTICE * np.maximum(few.astype(np.int64), wide.astype(np.int64)))
 
 
 def quadratic_heights(places: FloatArray) -> FloatArray:

@@ -14,22 +14,26 @@ from gtb_cli.complex import Complex, Sampler
 from gtb_cli.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.domain import EPS
 from gtb_cli.errors import ToleranceError
-from gtb_cli.lattice import BULGES, lattice, quadratic_heights
+from gtb_cli.flatness import is_flat, left_out, turned_over
+from gtb_cli.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
 from gtb_cli.nearest import NearestCells
-from gtb_cli.patch import Patch
-from gtb_cli.splitting import Cells, Edges, Growth, divide_segments, divide_triangles, knots_inside, sides_of, slimness
+from gtb_cli.splitting import (
+    Cells,
+    Edges,
+    Growth,
+    cells_needed,
+    divide_segments,
+    divide_triangles,
+    knots_inside,
+    sides_of,
+    slimness,
+)
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
 
 SHORTEST = 1e-13
 """Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
-
-LATTICE = 4
-"""Edges are verified at this many steps; all numbers of steps are multiples of it."""
-
-CENTROID = 3
-"""Steps of the lattice that has one inner point: enough for a triangle on which all samples are a quadratic's."""
 
 MARGIN = 0.9
 """Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
@@ -38,8 +42,9 @@ THIN = 12.0
 """A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers do not
 get thinner, and refinement ends."""
 
-SLIM = 0.01
-"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin."""
+SLIM = {"linear": 0.01, "toric": 1e-12}
+"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin. In
+toric parameters triangles along edges of Δ have to be."""
 
 ROUGH = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
@@ -47,22 +52,17 @@ ROUGH = 0.1
 EVEN = 0.02
 """The same at one quarter of an edge, before the other one is sampled, too."""
 
+SLIDE = 0.1
+"""Part of an edge by which its curve may run ahead along it; else it may turn back beyond the other end."""
+
 HIDDEN = 5.0
 """How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
 
 FINE_LATTICE = 12
 
-SAMPLES = 20_000
-"""A coarse mesh is verified on a finer lattice: at least about this many points in all."""
-
-FINEST_LATTICE = 32
-
 NEARBY = 0.01
 """Part of the tolerance by which a sample may be beside the place it is asked for. It is a point of the surface anyway,
 and it is found sooner."""
-
-FOLD = 1e-9
-"""Part of the largest triangle's area by which another one of a flat patch may be turned over, by rounding."""
 
 FOLDS = 256
 """How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
@@ -125,20 +125,9 @@ def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatAr
         if float(few.error.max()) > few.tolerance:
             return few.points, float(few.error.max()) / MARGIN
     work = _Refinement(start, sampler, tolerance, len(start.cells))
-    work.marks()
-    return work.points, max(work.worst, float(work.error.max())) / MARGIN
-
-
-def are_near(mosaic: Complex, points: FloatArray, witnesses: FloatArray, tolerance: float) -> bool:
-    """Whether (m, 3) points are within a distance of a complex with given (v, 3) vertices."""
-    nearest = NearestCells(points[mosaic.cells])
-    return bool(nearest.search(witnesses, *nearest.start(witnesses))[0].max() <= tolerance)
-
-
-def is_flat(patch: Patch, tolerance: float) -> bool:
-    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
-    centred = patch.control_points - patch.control_points.mean(axis=0)
-    return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
+    # Cells that bulge, or do not cover a flat patch, fail though no sample may be far from its own cell.
+    beyond = np.nextafter(tolerance, np.inf) if work.marks().any() else 0.0
+    return work.points, max(work.worst / MARGIN, float(work.error.max()) / MARGIN, beyond)
 
 
 class _Refinement:
@@ -165,9 +154,9 @@ class _Refinement:
             [surface and is_flat(p, tolerance) for surface, p in zip(surfaces, sampler.patches, strict=True)]
         )
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
-        self.slimmest = 0.0
+        self.slimmest = SLIM[sampler.parametrization]
         if start.cells.shape[1] == 3:
-            self.slimmest = SLIM * min(1.0, float(slimness(start.corners)[0].min()))
+            self.slimmest *= min(1.0, float(slimness(start.corners)[0].min()))
         self.edges, sides = sides_of(start, sampler.patches)
         self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
         self.growth = Growth()
@@ -310,10 +299,13 @@ class _Refinement:
         self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
         flat = self.flat[self.cells.patch[todo]]
         bent = todo[~flat]
-        steps = 4 * int(np.clip(np.sqrt(2 * SAMPLES / len(todo)) / 4, 1, FINEST_LATTICE / 4))
+        steps_at = self.steps_at(todo)
         failing = np.zeros(len(self.verified), dtype=bool)
-        doubt = self.sample(bent, steps, failing, marked)
-        doubtful = bent[doubt] if steps < FINE_LATTICE else todo[:0]
+        doubt = np.zeros(len(self.verified), dtype=bool)
+        for steps in np.unique(steps_at[~flat]).tolist():
+            rows = todo[~flat & (steps_at == steps)]
+            doubt[rows] = self.sample(rows, steps, failing, marked) & (steps < FINE_LATTICE)
+        doubtful = np.flatnonzero(doubt)
         if not failing.any() and not marked.any() and len(doubtful):
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
@@ -323,9 +315,19 @@ class _Refinement:
             self.mark_worst(marked, np.flatnonzero(failing))
         self.verified[todo] = ~failing[todo]
         self.verified[doubtful] = False
-        return bool(flat.any()) and not marked.any() and self.verify_flat(todo[flat], steps, marked)
+        if marked.any():
+            # Flat patches wait until the others hold.
+            self.verified[todo[flat]] = False
+            return False
+        return bool(flat.any()) and self.verify_flat(todo[flat], marked)
 
-    def verify_flat(self, todo: IntArray, steps: int, marked: BoolArray) -> bool:
+    def steps_at(self, rows: IntArray) -> IntArray:
+        """(k,) steps of the lattices of some cells."""
+        corners = self.cells.corners[rows]
+        width = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=(1, 2)) / self.sizes[self.cells.patch[rows]]
+        return steps_for(width)
+
+    def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
         """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
 
         Where it does not, the patch is refined like others: the result is whether there is such a patch.
@@ -335,12 +337,12 @@ class _Refinement:
         self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
         marked[sides] = self.error[sides] > self.tolerance
         if marked.any():
+            self.verified[todo] = False
             return False
         bent = False
-        weights = lattice(steps if steps > LATTICE else CENTROID)
         for index in np.unique(self.cells.patch[todo]).tolist():
             rows = np.flatnonzero(self.cells.patch == index)
-            failing = self.folded_or_not_covering(rows, weights)
+            failing = self.folded_or_not_covering(rows)
             if not failing.any():
                 continue
             self.verified[rows] = False
@@ -354,24 +356,23 @@ class _Refinement:
             self.error[inner] = to_segments(self.middle[inner], *np.moveaxis(self.points[self.edges.ends[inner]], 1, 0))
         return bent and not marked.any()
 
-    def folded_or_not_covering(self, rows: IntArray, weights: FloatArray) -> BoolArray:
+    def folded_or_not_covering(self, rows: IntArray) -> BoolArray:
         """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all."""
         corners = self.points[self.cells.cells[rows]]
-        area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        turn = area @ area.sum(axis=0)
-        failing = turn < -FOLD * turn.max()
+        failing = turned_over(corners)
         if failing.any():
-            return np.asarray(failing)
-        u = np.einsum("wc,kcd->kwd", weights, self.cells.corners[rows]).reshape(-1, 2)
-        own = np.repeat(np.arange(len(rows)), len(weights))
+            return failing
+        steps_at = self.steps_at(rows)
+        places, owners = [], []
+        for steps in np.unique(steps_at).tolist():
+            part = np.flatnonzero(steps_at == steps)
+            weights = lattice(steps if steps > LATTICE else CENTROID)
+            places.append(np.einsum("wc,kcd->kwd", weights, self.cells.corners[rows[part]]).reshape(-1, 2))
+            owners.append(np.repeat(part, len(weights)))
+        u, own = np.concatenate(places), np.concatenate(owners)
         sample = self.sampler.points(self.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), self.nearby)
-        nearest = NearestCells(corners)
-        distance = nearest.distances(sample, own)
-        far = np.flatnonzero(distance > self.tolerance)
-        if len(far):
-            far = far[nearest.search(sample[far], distance[far], own[far])[0] > self.tolerance]
-            failing[own[far]] = True
-        return np.asarray(failing)
+        failing[own[left_out(sample, own, corners, self.tolerance)]] = True
+        return failing
 
     def sample(self, rows: IntArray, steps: int, failing: BoolArray, marked: BoolArray) -> BoolArray:
         """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are in doubt."""
@@ -381,8 +382,8 @@ class _Refinement:
         if steps <= LATTICE:
             chosen &= np.isnan(self.roughness)
             sides = np.flatnonzero(chosen)
-            self.sample_sides(sides, np.array([0.25]))
-            sides = sides[self.roughness[sides] > EVEN * self.tolerance]
+            quarter = self.sample_sides(sides, np.array([0.25]))
+            sides = sides[(self.roughness[sides] > EVEN * self.tolerance) | self.slides(sides, quarter[:, 0])]
             self.sample_sides(sides, np.array([0.75]))
         else:
             self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
@@ -403,16 +404,25 @@ class _Refinement:
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
         return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
 
-    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> None:
-        """Sample edges at fractions, quarters among them, and note how far and how rough they are."""
+    def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
+        """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
+        start, end = np.moveaxis(self.points[self.edges.ends[rows]], 1, 0)
+        chord = end - start
+        square = dot(chord, chord)
+        places = [(dot(point - start, chord), at) for point, at in ((quarter, 0.25), (self.middle[rows], 0.5))]
+        return np.asarray(np.logical_or.reduce([np.abs(along - at * square) > SLIDE * square for along, at in places]))
+
+    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
+        """(e, f, 3) points of edges at fractions, quarters among them; how far and how rough they are is noted."""
         if not len(rows):
-            return
-        distance = self.along(rows, fractions, self.nearby)[1]
+            return np.empty((0, len(fractions), 3))
+        samples, distance = self.along(rows, fractions, self.nearby)
         middle = to_segments(self.middle[rows], *np.moveaxis(self.points[self.edges.ends[rows]], 1, 0))
         # A parabola is three quarters as far from its chord at the quarters as in the middle.
         off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * middle[:, None]).max(axis=1)
         self.roughness[rows] = np.fmax(self.roughness[rows], off)
         self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
+        return samples
 
     def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
@@ -426,22 +436,18 @@ class _Refinement:
         chosen = np.flatnonzero(marked)
         count = len(self.cells.cells) + int(marked[self.cells.sides].sum())
         reached = float(self.error[self.cells.sides].max())
-        if count > self.max_cells:
-            raise ToleranceError(
-                f"tolerance: {self.asked:g} needs more than {self.max_cells} faces; with {len(self.cells.cells)} "
-                f"the distance is still {reached:.3g}"
-            )
-        if len(self.verified) > KNOWN and self.needed() > SURE * self.max_cells:
-            raise ToleranceError(
-                f"tolerance: {self.asked:g} needs about {self.needed():.1g} faces, more than {self.max_cells}; with "
-                f"{len(self.verified)} the distance is still {reached:.3g}"
-            )
         old = self.edges[chosen]
         width = np.abs(old.parameters[:, 1] - old.parameters[:, 0]).max(axis=1)
-        if (width < SHORTEST * self.sizes[old.patch]).any():
+        why, needed = "", cells_needed(self.error[self.cells.sides] / self.tolerance)
+        if count > self.max_cells:
+            why = f"needs more than {self.max_cells} faces"
+        elif len(self.verified) > KNOWN and needed > SURE * self.max_cells:
+            why = f"needs about {needed:.1g} faces, more than {self.max_cells}"
+        elif (width < SHORTEST * self.sizes[old.patch]).any():
+            why = f"is not reached where {self.sampler.parametrization} parameters are too close to tell apart"
+        if why:
             raise ToleranceError(
-                f"tolerance: {self.asked:g} is not reached where {self.sampler.parametrization} parameters are too "
-                f"close to tell apart; the distance is still {reached:.3g}"
+                f"tolerance: {self.asked:g} {why}; with {len(self.verified)} the distance is still {reached:.3g}"
             )
         vertex = np.full(len(marked), -1)
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
@@ -475,16 +481,6 @@ class _Refinement:
         self.bulging = self.growth.append("bulging", self.bulging, unknown)
         self.verified[rows] = False
         return changed
-
-    def needed(self) -> float:
-        """How many cells there will be, if errors fall with the square of the width from here on.
-
-        A cell is taken to bend in two directions only as far as its straightest side bends.
-        """
-        errors = self.error[self.cells.sides]
-        parts = np.sqrt(np.maximum(errors / self.tolerance, 1.0))
-        number = parts.max(axis=1) * (parts.min(axis=1) if errors.shape[1] == 3 else 1.0)
-        return float(number.sum())
 
     def result(self) -> tuple[Complex, FloatArray]:
         """The refined complex; cells ordered by patch, else in the order in which they were made."""

@@ -233,6 +233,16 @@ def knots_inside(cells: Cells, rows: IntArray, patches: Sequence[Patch]) -> tupl
     return np.concatenate(found_cells), np.concatenate(found)
 
 
+def cells_needed(errors: FloatArray) -> float:
+    """How many cells there will be, if errors fall with the square of the width.
+
+    (k, 1 or 3) errors of the sides, in units of the tolerance. A triangle is taken to bend in two directions only as
+    far as its straightest side bends.
+    """
+    parts = np.sqrt(np.maximum(errors, 1.0))
+    return float((parts.max(axis=1) * (parts.min(axis=1) if errors.shape[1] == 3 else 1.0)).sum())
+
+
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
     lengths = np.stack([np.hypot(*(corners[:, (i + 1) % 3] - corners[:, i]).T) for i in range(3)])

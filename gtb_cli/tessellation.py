@@ -28,8 +28,13 @@ UNIFORM_TRIALS = 2
 WITNESSES = 48
 """Segments of each edge of an even mesh in the linear parametrisation, whose vertices a toric one must be near to."""
 
+TORIC_LEAST, TORIC_MOST = 20_000, 100
+"""A toric mesh of more cells than this, and as many for each of the linear one, is given up: where parameters near the
+edges of Δ are too close to tell apart, more do not help."""
+
 COARSEST = (1, 2, 3)
-"""Cells along an edge from which refinement may start: the first with which no two cells have the same vertices."""
+"""Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
+and no patch is left without cells."""
 
 
 def tessellate(
@@ -111,21 +116,21 @@ def fewest_cells(
 
     Refinement halves; on a gentle surface a number of cells between its steps can be enough.
     """
-    from gtb_cli.refinement import are_near, refine, sampled
+    from gtb_cli.nearest import are_near
+    from gtb_cli.refinement import refine, sampled
 
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
-        if start.is_simplicial:
+        if not start.is_simplicial and coarsest < COARSEST[-1]:
+            continue
+        witnesses = None
+        if sampler.parametrization == "toric":
+            refined, witnesses = refined_in_toric(start, sampler, tolerance, max_faces)
+        else:
+            refined = refine(start, sampler, tolerance, max_faces)
+        found = refined
+        if refined[0].keeps_patches:
             break
-    witnesses = None
-    if sampler.parametrization == "toric":
-        # Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
-        linear = Sampler(patches, "linear", False)
-        even = joined_complex(patches, joints, WITNESSES)
-        witnesses = np.concatenate(
-            [refine(start, linear, tolerance, max_faces)[1], linear.points(even.patch, even.parameters, even.face)]
-        )
-    refined = found = refine(start, sampler, tolerance, max_faces, witnesses)
 
     # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
     # cannot hold: only what is too wide is halved. From there down by the square law of chord errors.
@@ -139,7 +144,8 @@ def fewest_cells(
             break
         candidate = joined_complex(patches, joints, n)
         points, distance = sampled(candidate, sampler, tolerance)
-        if distance <= tolerance and (witnesses is None or are_near(candidate, points, witnesses, tolerance)):
+        holds = distance <= tolerance and candidate.keeps_patches
+        if holds and (witnesses is None or are_near(witnesses, points[candidate.cells], tolerance)):
             found, high = (candidate, points), n
         elif found is refined:
             break
@@ -147,6 +153,27 @@ def fewest_cells(
             low = n
         n = min(max(math.ceil(n * math.sqrt(distance / tolerance)), low + 1), high - 1)
     return found
+
+
+def refined_in_toric(
+    start: Complex, sampler: Sampler, tolerance: float, max_faces: int
+) -> tuple[tuple[Complex, FloatArray], FloatArray]:
+    """Refine a complex in toric parameters, until it is near to points of linear ones, too; and these points.
+
+    Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
+    """
+    from gtb_cli.refinement import refine
+
+    linear = Sampler(sampler.patches, "linear", False)
+    even = joined_complex(sampler.patches, None, WITNESSES)
+    simple, points = refine(start, linear, tolerance, max_faces)
+    witnesses = np.concatenate([points, linear.points(even.patch, even.parameters, even.face)])
+    count = len(simple.cells)
+    try:
+        refined = refine(start, sampler, tolerance, min(max_faces, TORIC_LEAST + TORIC_MOST * count), witnesses)
+    except ToleranceError as error:
+        raise ToleranceError(f"{error}; linear parameters take {count} faces") from None
+    return refined, witnesses
 
 
 def narrowest(mosaic: Complex, patches: Sequence[Patch]) -> float:

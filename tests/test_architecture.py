@@ -16,7 +16,8 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch moment"
 MESHES = (
-    "limits mesh triangulation film joints complex distance nearest overlay lattice splitting refinement tessellation"
+    "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting refinement"
+    " tessellation"
 )
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"

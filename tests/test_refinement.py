@@ -12,10 +12,11 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.mesh import Mesh
 from gtb_cli.moment import linear_locations
 from gtb_cli.nearest import NearestCells
-from gtb_cli.patch import Patch
+from gtb_cli.patch import Model, Patch
 from gtb_cli.spec import load
 from gtb_cli.tessellation import tessellate
 from tests.specs import SPECS
+from tests.surfaces import rim
 
 PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
 HEIGHTS = np.array([0, 4, 2, 5, 2, 0, 2, 0.0])
@@ -147,9 +148,10 @@ def test_toric_meshes_reach_points_that_toric_parameters_hardly_reach(scale):
     assert_conforming(mesh)
 
 
-def test_where_toric_parameters_cannot_be_told_apart_the_error_says_so():
-    with pytest.raises(ToleranceError, match="where toric parameters are too close to tell apart"):
-        tessellate(patch(knots=PENTAGON * 0.03), tolerance=0.1, parametrization="toric")
+@pytest.mark.parametrize("scale", [0.05, 0.03])
+def test_where_toric_parameters_cannot_be_told_apart_the_error_says_so(scale):
+    with pytest.raises(ToleranceError, match=r"; linear parameters take \d+ faces"):
+        tessellate(patch(knots=PENTAGON * scale), tolerance=0.1, parametrization="toric")
 
 
 def test_hopeless_tolerances_are_refused_before_the_work_is_done():
@@ -284,3 +286,56 @@ def test_triangles_are_well_shaped_where_the_surface_is_gentle():
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     shape = 4 * math.sqrt(3) * area / sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
     assert shape.min() > 0.5
+
+
+def nearest_distance(shape: Patch, mesh: Mesh, samples: int = 4000) -> float:
+    """From points of the surface, and of its rim, to the nearest of all triangles."""
+    corners = shape.domain.vertices
+    shares = np.random.default_rng(5).dirichlet(np.full(len(corners), 0.7), samples)
+    points = shape.evaluate(np.concatenate([shares @ corners, rim(shape)]))
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    return float(cells.search(points, *cells.start(points))[0].max())
+
+
+def overshooting(by: float) -> Patch:
+    """A flat bicubic whose inner control points pull it over its straight sides."""
+    points = GRID.copy()
+    points[5, 0] -= 2 * by
+    points[9, 0] += by
+    return Patch(GRID, points, None, BICUBIC)
+
+
+def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
+    """While the other one still fails, nothing is known of it."""
+    points = np.column_stack([GRID + np.array([10, 0]), 3 * bicubic().control_points[:, 2]])
+    bent = Patch(GRID, points, None, BICUBIC)
+    for patches in ((bent, overshooting(2.0)), (overshooting(2.0), bent)):
+        mesh = tessellate(Model(patches), tolerance=2e-3)
+        assert max(nearest_distance(each, mesh) for each in patches) <= 2e-3 * (1 + SLACK)
+
+
+def test_a_surface_that_turns_back_along_a_side_is_reached():
+    """In the plane, the middle and one quarter of such a side are on it: only the other quarter shows."""
+    shape = overshooting(5.0)
+    assert nearest_distance(shape, tessellate(shape, tolerance=2e-3), 60_000) <= 2e-3 * (1 + SLACK)
+
+
+@pytest.mark.parametrize("tolerance", [0.56, 0.6, 0.65])
+def test_a_uniform_mesh_that_bulges_is_not_taken(tolerance):
+    """A paraboloid whose sides are 0.5 from a triangle, its middle 2/3."""
+    knots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (0, 2)]
+    points = [(i + j / 2, j * 3**0.5 / 2, z) for (i, j), z in zip(knots, [0, 1, 0, 1, 1, 0], strict=True)]
+    shape = Patch(knots, points, None, [1, 2, 1, 2, 2, 1])
+    assert nearest_distance(shape, tessellate(shape, tolerance=tolerance)) <= tolerance * (1 + SLACK)
+
+
+@pytest.mark.parametrize("tolerance", [1.0, 0.3, 0.05])
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_patch_with_an_edge_that_is_a_point_does_not_vanish(tolerance, alone):
+    """Two sides and a point: as one triangle it would be a line, and the patch would have no faces."""
+    knots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (0, 2)]
+    points = [(0, 0, 0)] * 3 + [(5, -0.4, 0), (5, 0.4, 0), (10, 0, 0)]
+    lens = Patch(knots, points, None, [1, 2, 1, 2, 2, 1])
+    mesh = tessellate(Model((lens,) if alone else (lens, bicubic(1.0, 20.0))), tolerance=tolerance)
+    assert mesh.groups[0][2] > 0
+    assert nearest_distance(lens, mesh) <= tolerance * (1 + SLACK)
