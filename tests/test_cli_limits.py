@@ -25,7 +25,7 @@ def quick(monkeypatch):
     """Distances measured roughly: their accuracy is tested in test_sequence."""
     monkeypatch.setattr(sequence_room, "MEASURED", {1: 1e-3, 2: 0.02})
     monkeypatch.setattr(sequence_room, "MEASURED_CELLS", {1: 16, 2: 100})
-    monkeypatch.setattr("gtb_cli.refinement.SAMPLES", 100)
+    monkeypatch.setattr("gtb_cli.lattice.SAMPLES", 100)
 
 
 def lines(path: Path, kind: str) -> list[str]:
