@@ -324,16 +324,17 @@ class MomentMap:
 
     def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
-        e = self._exponents @ np.concatenate([s, np.ones((1, s.shape[1]))])
-        shift = np.zeros(s.shape[1])
-        bound = self._reach @ np.append(np.abs(s).max(axis=1, initial=0.0), 1.0)
-        if not bound <= SAFE_EXPONENT:
+        d, count = s.shape
+        columns = np.empty((d + 1, count))
+        columns[:d], columns[d] = s, 1.0
+        e = self._exponents @ columns
+        shift: FloatArray | float = 0.0
+        if not self._reach @ np.abs(columns).max(axis=1, initial=0.0) <= SAFE_EXPONENT:
             shift = e.max(axis=0)
             e -= shift
             np.maximum(e, UNDERFLOW, out=e)
         np.exp(e, out=e)
         sums = self._summed @ e
-        d = len(s)
         moments = sums[1:] / sums[0]
         mu = moments[:d]
         hessian = moments[d:]
@@ -435,4 +436,6 @@ def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatA
     rest = yy - ratio * xy
     rest = np.maximum(np.where(rest > 0, rest, yy), TINY)
     over = (ratio * gradient[0] - gradient[1]) / rest
-    return np.asarray(np.stack([-(gradient[0] + xy * over) / np.maximum(xx, TINY), over]))
+    step = np.empty_like(gradient)
+    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, TINY), over
+    return step

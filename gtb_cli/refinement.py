@@ -61,8 +61,7 @@ HIDDEN = 5.0
 FINE_LATTICE = 12
 
 NEARBY = 0.01
-"""Part of the tolerance by which a sample may be beside the place it is asked for. It is a point of the surface anyway,
-and it is found sooner."""
+"""Part of the tolerance by which a sample may be beside the place it is asked for: it is found sooner."""
 
 FOLDS = 256
 """How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
@@ -163,7 +162,7 @@ class _Refinement:
         self.middle = np.empty((0, 3))
         self.error = np.empty(0)
         self.roughness = np.empty(0)
-        self.worst = 0.0
+        self.worst, self.estimated = 0.0, 0
         self.measure()
         self.bulging = self.bulge(np.arange(len(start.cells))) > self.tolerance
 
@@ -293,8 +292,10 @@ class _Refinement:
         todo = np.flatnonzero(~self.verified)
         if not len(todo):
             return False
-        sides = np.unique(self.cells.sides[todo])
-        width = np.abs(self.edges.parameters[sides, 1] - self.edges.parameters[sides, 0]).max(axis=1)
+        chosen = np.zeros(len(self.error), dtype=bool)
+        chosen[self.cells.sides[todo]] = True
+        sides = np.flatnonzero(chosen)
+        width = np.ptp(self.edges.parameters[sides], axis=1).max(axis=1)
         speed = float((self.lengths(sides) * self.sizes[self.edges.patch[sides]] / width).max())
         self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
         flat = self.flat[self.cells.patch[todo]]
@@ -323,9 +324,9 @@ class _Refinement:
 
     def steps_at(self, rows: IntArray) -> IntArray:
         """(k,) steps of the lattices of some cells."""
-        corners = self.cells.corners[rows]
-        width = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=(1, 2)) / self.sizes[self.cells.patch[rows]]
-        return steps_for(width)
+        corners = list(np.moveaxis(self.cells.corners[rows], 1, 0))
+        extent = np.maximum.reduce(corners) - np.minimum.reduce(corners)
+        return steps_for(np.maximum(extent[:, 0], extent[:, -1]) / self.sizes[self.cells.patch[rows]])
 
     def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
         """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
@@ -438,10 +439,12 @@ class _Refinement:
         reached = float(self.error[self.cells.sides].max())
         old = self.edges[chosen]
         width = np.abs(old.parameters[:, 1] - old.parameters[:, 0]).max(axis=1)
-        why, needed = "", cells_needed(self.error[self.cells.sides] / self.tolerance)
+        why, needed = "", 0.0
+        if len(self.verified) > max(KNOWN, 2 * self.estimated):
+            self.estimated, needed = len(self.verified), cells_needed(self.error[self.cells.sides] / self.tolerance)
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} faces"
-        elif len(self.verified) > KNOWN and needed > SURE * self.max_cells:
+        elif needed > SURE * self.max_cells:
             why = f"needs about {needed:.1g} faces, more than {self.max_cells}"
         elif (width < SHORTEST * self.sizes[old.patch]).any():
             why = f"is not reached where {self.sampler.parametrization} parameters are too close to tell apart"

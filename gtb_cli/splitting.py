@@ -239,8 +239,8 @@ def cells_needed(errors: FloatArray) -> float:
     (k, 1 or 3) errors of the sides, in units of the tolerance. A triangle is taken to bend in two directions only as
     far as its straightest side bends.
     """
-    parts = np.sqrt(np.maximum(errors, 1.0))
-    return float((parts.max(axis=1) * (parts.min(axis=1) if errors.shape[1] == 3 else 1.0)).sum())
+    parts = np.sqrt(np.maximum(errors.T, 1.0))
+    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
 
 
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
