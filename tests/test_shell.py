@@ -336,13 +336,16 @@ from gtb_cli.commands.processes import in_processes
 
 def work(task):
     if task:  # the length of a result that never comes, as if it was killed while it writes that
+        os.read(start, 1)
         os.write(sys._getframe(1).f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1_000_000))
-        os.write(task, b".")
+        os.write(there, b".")
         time.sleep(600)
 
 here, there = os.pipe()
-results = in_processes(work, [0, there, 0], 2)
+start, go = os.pipe()
+results = in_processes(work, [0, 1, 0], 2)
 next(results)
+os.write(go, b".")
 os.read(here, 1)
 time.sleep(0.1)
 results.close()

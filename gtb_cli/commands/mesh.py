@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     type=click.IntRange(1, MAX_JOBS),
     metavar="JOBS",
     default=1,
-    help="Processes that share the work on several specs. The files are the same with any number.",
+    help="Processes that share the work on several specs; 1 without this option. Any number makes the same files.",
 )
 @click.option(
     "--manifest",

@@ -94,7 +94,8 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON."
 parametrization_option = click.option(
     "--parametrization",
     type=click.Choice(["toric", "linear"]),
-    help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear).",
+    help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear). "
+    "Without it: toric, but linear for meshes of models and with --tolerance.",
 )
 
 lifting_option = click.option(
@@ -153,20 +154,20 @@ def mesh_options(function: Function) -> Function:
         "--radius",
         callback=length_of,
         metavar="R",
-        help="Make a tube of this radius around a curve.",
+        help="Make a tube of this radius, in model units, around a curve.",
     )
     @click.option(
         "--thickness",
         callback=length_of,
         metavar="D",
-        help="Make a solid of this thickness out of a surface: on the side of its normals, or the other if negative.",
+        help="Make a solid of this thickness, in model units: on the side of the normals, or the other if negative.",
     )
     @click.option(
         "--attribute",
         "attributes",
         type=click.Choice(ATTRIBUTES),
         multiple=True,
-        help="Write this scalar at each vertex of a PLY file. May be given several times.",
+        help="Write this scalar at each vertex of a PLY file (curvatures in 1/length² and 1/length). May be repeated.",
     )
     @click.option(
         "--require",
