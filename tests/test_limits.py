@@ -18,6 +18,7 @@ from gtb_cli.limits import degenerate, merge_knots, move_knots, regular_control_
 from gtb_cli.moment import linear_locations
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
+from gtb_cli.sequence import degeneration_sequence
 from gtb_cli.tessellation import tessellate
 from tests.patches import bicubic, bumps, irrational_curve
 from tests.shell import SPECS
@@ -63,6 +64,17 @@ def test_ordinary_weights_stay_floats():
     np.testing.assert_allclose(found.weights, expected, rtol=EXACT)
     for name in ("knots", "control_points", "coefficients"):
         assert (getattr(found, name) == getattr(patch, name)).all()
+
+
+@pytest.mark.parametrize("x", [0.02, 3.0, 37.0])
+def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
+    """The meshes evaluate each cell with a lifting of its own; the gaps of these are not 0 and 1 only."""
+    patch = dataclasses.replace(spec("example-4.4"), lifting=spec("example-4.4").lifting * 1.7)
+    mesh = degeneration_sequence(patch, [x], resolution=3).meshes[0]
+    inside = (patch.domain.heights_of_columns(mesh.parameters) > 0).all(axis=0)
+    assert inside.sum() > 20
+    expected = linear_points(degenerate(patch, x), mesh.parameters[inside])
+    np.testing.assert_allclose(mesh.vertices[inside], expected, atol=ROUNDING * 100)
 
 
 def test_x_of_one_gives_the_patch_back():
