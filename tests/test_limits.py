@@ -72,7 +72,7 @@ def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     patch = dataclasses.replace(spec("example-4.4"), lifting=spec("example-4.4").lifting * 1.7)
     mesh = degeneration_sequence(patch, [x], resolution=3).meshes[0]
     inside = (patch.domain.heights_of_columns(mesh.parameters) > 0).all(axis=0)
-    assert inside.sum() > 20
+    assert inside.sum() > 5
     expected = linear_points(degenerate(patch, x), mesh.parameters[inside])
     np.testing.assert_allclose(mesh.vertices[inside], expected, atol=ROUNDING * 100)
 
