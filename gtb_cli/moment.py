@@ -27,6 +27,7 @@ from gtb_cli.basis import (
 from gtb_cli.domain import EPS, Domain, domain
 from gtb_cli.errors import ToleranceError
 from gtb_cli.lifting import regular_decomposition
+from gtb_cli.starts import Corrections, LayerStarts
 
 RESIDUAL = 1e-12
 """Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
@@ -48,9 +49,6 @@ CELL_FLOOR = 1e-3
 """How near the border of its cell, as a fraction of the next layer's distance, a tropical start may be: on the border
 itself it is infinite."""
 
-START_FLOOR = 1e-17
-"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
-
 LAST_CORNER = 1e-6
 """How near the last corner of its edge, as a fraction of the hull's size, coordinates of a point start from there."""
 
@@ -69,12 +67,17 @@ CANCELLED = 1 - 8 * EPS
 TINY = 1e-300
 """Smallest curvature that is divided by."""
 
-PARTS = 64
-"""The box around Δ is cut into this many parts each way; the first point solved in each is remembered, and what it
-added to its start serves the others."""
+SHORT = 2.0
+"""Largest exponent by which a plain step of Newton's method may change what knots weigh."""
 
-FARTHEST = 1.0
-"""Largest exponent by which the slope of what was added may move a start: beyond, it is no guide."""
+SHORT_STEPS = 6
+"""Points that take more of them are left to the safe method."""
+
+OFTEN = 2
+"""A point of a part of the hull with so many points, of which nothing is known, is solved before the others …"""
+
+MANY = 50
+"""… if there are so many parts like that: few points are solved together in less time than one after the other."""
 
 POOR = 0.05
 """Residual of a start, as a fraction of the hull's size, from which the cells' limits are tried too."""
@@ -215,54 +218,39 @@ class MomentMap:
         unit = (p - self._origin) / self._extents
         if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
             unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
-        start = self._start(unit)
-        if p.shape[1] == 2:
-            low, high = self._unit_knots.min(axis=0), self._unit_knots.max(axis=0)
-            part = np.clip((unit - low) / (high - low) * PARTS, 0, PARTS - 1).astype(np.int64) @ np.array([1, PARTS])
-            first = np.full(PARTS * PARTS, -1)
-            first[part] = np.arange(len(p))
-            first = first[(first >= 0) & np.isnan(self._corrections[0])]
-            self._remember(part[first], unit[first].T, start[:, first])
-            move = unit.T - self._places[:, part]
-            slope = self._slopes[:, :, part]
-            turn = slope[:, 0] * move[0] + slope[:, 1] * move[1]
-            start += self._corrections[:, part] + np.where(np.abs(turn) < FARTHEST, turn, 0.0)
+        unit = unit.T
+        s = self._layer_starts(unit)
+        if len(unit) == 2:
+            part = self._corrections.part(unit)
+            often = self._corrections.unknown(part, OFTEN)
+            if len(often) >= MANY:
+                start = s[:, often]
+                self._learn(part[often], unit[:, often], start, self._solve(unit[:, often], start, TARGET))
+            seldom = self._corrections.unknown(part, 1)
+            plain = s[:, seldom]
+            s += self._corrections(part, unit)
         length = block_length(len(self.knots))
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
-            start[:, block] = self._newton(unit[block].T, start[:, block], target)
-        return np.asarray(start / self._extents[:, None])
+            s[:, block] = self._solve(unit[:, block], s[:, block], target)
+        if len(unit) == 2 and len(seldom):
+            self._learn(part[seldom], unit[:, seldom], plain, s[:, seldom])
+        return np.asarray(s / self._extents[:, None])
 
-    @cached_property
-    def _corrections(self) -> FloatArray:
-        """(2, PARTS²): what the first point solved in each part of the hull's box added to its start; NaN: none yet."""
-        return np.full((2, PARTS * PARTS), np.nan)
-
-    @cached_property
-    def _places(self) -> FloatArray:
-        """(2, PARTS²): where that point is."""
-        return np.zeros((2, PARTS * PARTS))
-
-    @cached_property
-    def _slopes(self) -> FloatArray:
-        """(2, 2, PARTS²): derivative there of what is added: Cov⁻¹ less that of `_start`."""
-        return np.zeros((2, 2, PARTS * PARTS))
-
-    def _remember(self, part: IntArray, unit: FloatArray, start: FloatArray) -> None:
-        """Solve one point in each of some parts."""
-        if not len(part):
-            return
-        solution = self._newton(unit, start, TARGET)
-        self._places[:, part] = unit
-        self._corrections[:, part] = solution - start
+    def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
+        """Remember what was added to the starts of some points that were solved."""
         _, _, (xx, yy, xy) = self._evaluate(solution)
-        shape = self._shape
-        layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
-        heights = shape.normals @ unit - np.einsum("jk,jk->j", shape.normals, shape.vertices)[:, None]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            own = np.einsum("jk,jl,jm->klm", shape.normals, shape.normals / layer[:, None], 1 / heights)
-            slope = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - own
-        self._slopes[:, :, part] = np.where(np.isfinite(slope), slope, 0.0)
+            slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._layer_starts.slopes(unit)
+        self._corrections.learn(part, unit, solution - start, slopes)
+
+    @cached_property
+    def _layer_starts(self) -> LayerStarts:
+        return LayerStarts(domain(self._unit_knots, "unit"))
+
+    @cached_property
+    def _corrections(self) -> Corrections:
+        return Corrections(self._unit_knots.min(axis=0), self._unit_knots.max(axis=0))
 
     @cached_property
     def _extents(self) -> FloatArray:
@@ -279,11 +267,6 @@ class MomentMap:
     @cached_property
     def _unit_knots(self) -> FloatArray:
         return np.asarray((self.knots - self._origin) / self._extents)
-
-    @cached_property
-    def _shape(self) -> Domain:
-        """The hull of the unit knots."""
-        return domain(self._unit_knots, "unit")
 
     @cached_property
     def _exponents(self) -> FloatArray:
@@ -314,14 +297,6 @@ class MomentMap:
             for cell, gradient in zip(parts.cells, parts.gradients, strict=True)
         )
 
-    def _start(self, unit: FloatArray, floor: float = START_FLOOR) -> FloatArray:
-        """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)`` of (m, d) unit p, δ_j the distance of edge j's nearest layer of knots."""
-        shape = self._shape
-        layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
-        heights = shape.normals @ unit.T - np.einsum("jk,jk->j", shape.normals, shape.vertices)[:, None]
-        logs = np.log(np.maximum(heights / layer[:, None], floor))
-        return np.asarray((shape.normals / layer[:, None]).T @ logs)
-
     def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
         d, count = s.shape
@@ -342,6 +317,39 @@ class MomentMap:
         hessian[d:] -= mu[:1] * mu[1:]
         return np.log(sums[0]) + shift, mu, hessian
 
+    def _solve(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
+        """Take Newton's plain steps where they are short; other columns are left to `_newton`.
+
+        Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. So how
+        large the residual is after a step is known before it is taken, and a point that it brings near enough is done.
+        """
+        solution = s = start
+        active = np.arange(start.shape[1])
+        p, far = unit, []
+        for number in range(SHORT_STEPS):
+            _, mu, hessian = self._evaluate(s)
+            gradient = mu - p
+            step = _plain_step(gradient, hessian)
+            length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
+            short = length <= SHORT
+            going = -0.5 * np.exp(np.minimum(length, SHORT)) * _dot(gradient, step) > target
+            s = s + step
+            if number:
+                solution[:, active] = s
+            else:
+                solution = s
+            if not short.all():
+                far.append(active[~short])
+                going &= short
+            keep = np.flatnonzero(going)
+            active, s, p = active[keep], s.take(keep, axis=1), p.take(keep, axis=1)
+            if not len(keep):
+                break
+        left = np.concatenate([*far, active])
+        if len(left):
+            solution[:, left] = self._newton(unit[:, left], start[:, left], target)
+        return solution
+
     def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
         """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower."""
         s = start
@@ -349,7 +357,7 @@ class MomentMap:
         value -= _dot(unit, s)
         poor = np.flatnonzero(_size(mu - unit) > POOR) if self._cells else NOTHING
         for cell, gradient in self._cells if len(poor) else ():
-            limit = cell._start((unit[:, poor].T - cell._origin) / cell._extents, CELL_FLOOR)
+            limit = cell._layer_starts(((unit[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
             other = limit / cell._extents[:, None] - gradient[:, None]
             their_value, their_mu, their_hessian = self._evaluate(other)
             their_value -= _dot(unit[:, poor], other)
@@ -424,6 +432,19 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 def _size(a: FloatArray) -> FloatArray:
     """(m,) largest absolute entry of (d, m) columns."""
     return np.asarray(np.abs(a[0]) if len(a) == 1 else np.maximum(np.abs(a[0]), np.abs(a[1])))
+
+
+def _plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
+    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
+    first = np.where(hessian[0] > 0, hessian[0], np.nan)
+    if len(gradient) == 1:
+        return np.asarray(-gradient / first)
+    ratio = hessian[2] / first
+    rest = hessian[1] - ratio * hessian[2]
+    step = np.empty_like(gradient)
+    step[1] = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.nan)
+    step[0] = -gradient[0] / first - ratio * step[1]
+    return step
 
 
 def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from gtb_cli.cli import COMMANDS
 PACKAGE = Path(gtb_cli.__file__).parent
 REPOSITORY = PACKAGE.parent
 
-GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch moment"
+GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch starts moment"
 MESHES = (
     "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting refinement"
     " tessellation"
