@@ -26,11 +26,12 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """(m,) distances of (m, 3) points, each from its own segment from (m, 3) `a` to `b`; equal ends are a point."""
-    direction, relative = b - a, points - a
-    square = dot(direction, direction)
-    t = dot(relative, direction) / np.where(square > 0, square, 1.0)
-    nearest = relative - np.clip(t, 0.0, 1.0)[:, None] * direction
-    return np.asarray(np.sqrt(dot(nearest, nearest)))
+    result = np.empty(len(points))
+    for start in range(0, len(points), BLOCK):
+        rows = slice(start, start + BLOCK)
+        p, origin, end = (np.ascontiguousarray(each[rows].T) for each in (points, a, b))
+        result[rows] = np.sqrt(_to_side(p - origin, end - origin))
+    return result
 
 
 def to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.complex import Complex
-from gtb_cli.patch import Patch
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -43,7 +41,12 @@ class Edges:
     face: IntArray
 
     def __getitem__(self, rows: IntArray) -> Edges:
-        return Edges(self.ends[rows], self.patch[rows], self.parameters[rows], self.face[rows])
+        return Edges(
+            self.ends.take(rows, axis=0),
+            self.patch.take(rows),
+            self.parameters.take(rows, axis=0),
+            self.face.take(rows),
+        )
 
     def followed_by(self, growth: Growth, *others: Edges) -> Edges:
         """Append others to these."""
@@ -57,7 +60,13 @@ class Edges:
     @property
     def middles(self) -> FloatArray:
         """(e, d) parameters halfway."""
-        return np.asarray(self.parameters.mean(axis=1))
+        return np.asarray((self.parameters[:, 0] + self.parameters[:, 1]) / 2)
+
+    @property
+    def widths(self) -> FloatArray:
+        """(e,) largest differences of parameters."""
+        width = np.abs(self.parameters[:, 1] - self.parameters[:, 0])
+        return np.maximum(width[:, 0], width[:, -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +78,13 @@ class Cells:
     corners: FloatArray
     patch: IntArray
 
-    def __getitem__(self, rows: IntArray | slice) -> Cells:
-        return Cells(self.cells[rows], self.sides[rows], self.corners[rows], self.patch[rows])
+    def __getitem__(self, rows: IntArray) -> Cells:
+        return Cells(
+            self.cells.take(rows, axis=0),
+            self.sides.take(rows, axis=0),
+            self.corners.take(rows, axis=0),
+            self.patch.take(rows),
+        )
 
     def replaced(self, growth: Growth, rows: IntArray, pieces: Sequence[Cells]) -> Cells:
         """Put pieces in the place of the given cells, and those for which there is none at the end."""
@@ -195,60 +209,3 @@ _OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2))
 def half_at(edges: Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
     """The half of each split edge that ends at the given vertex."""
     return np.asarray(np.where(edges.ends[split, 0] == vertex, child[split, 0], child[split, 1]))
-
-
-def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
-    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
-    k = start.cells.shape[1]
-    if k == 2:
-        edges = Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
-        return edges, np.arange(len(start.cells))[:, None]
-    following = [1, 2, 0]
-    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
-    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
-    patch = np.repeat(start.cell_patch, 3)
-    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
-    # A side lies on an edge of its domain if both ends do.
-    face = np.zeros(len(first), dtype=np.int64)
-    for index, domain in enumerate(shape.domain for shape in patches):
-        rows = np.flatnonzero(patch[first] == index)
-        zero = [domain.heights_of_columns(places[first[rows], end]) == 0 for end in (0, 1)]
-        both = zero[0] & zero[1]
-        face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
-    return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
-
-
-def knots_inside(cells: Cells, rows: IntArray, patches: Sequence[Patch]) -> tuple[IntArray, FloatArray]:
-    """Triangles with knots inside, and these: with extreme weights the linear parametrisation has its peaks there."""
-    found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
-    for index, patch in enumerate(patches):
-        knots = patch.knots[~patch.domain.incidence.any(axis=1)]
-        own = rows[cells.patch[rows] == index]
-        a, b, c = np.moveaxis(cells.corners[own], 1, 0)
-        for knot in knots:
-            signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
-            inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
-            found_cells.append(inside)
-            found.append(np.repeat(knot[None], len(inside), axis=0))
-    return np.concatenate(found_cells), np.concatenate(found)
-
-
-def cells_needed(errors: FloatArray) -> float:
-    """How many cells there will be, if errors fall with the square of the width.
-
-    (k, 1 or 3) errors of the sides, in units of the tolerance. A triangle is taken to bend in two directions only as
-    far as its straightest side bends.
-    """
-    parts = np.sqrt(np.maximum(errors.T, 1.0))
-    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
-
-
-def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
-    lengths = np.stack([np.hypot(*(corners[:, (i + 1) % 3] - corners[:, i]).T) for i in range(3)])
-    area = np.abs(_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return area / lengths.max(axis=0) ** 2, lengths.argmax(axis=0)
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -16,7 +16,7 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch starts moment"
 MESHES = (
-    "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting refinement"
+    "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting subdivision refinement"
     " tessellation"
 )
 SHAPES = "welding measures tangents curvature tube solid"
