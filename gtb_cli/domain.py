@@ -156,8 +156,8 @@ class Domain:
                 if normal:
                     row += (coordinates - vertex) * normal
         if faces is not None:
-            known = self.vanishing[faces].T
-            h[known] = 0.0
+            known = np.flatnonzero(faces)
+            h[:, known] = np.where(self.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
         near = ~(h >= self._near[:, None])  # also NaN
         if near.any():
             edges, points = np.nonzero(near)
@@ -165,7 +165,7 @@ class Domain:
             distance = self._distance_without_cancellation(edges, u[points])
             distance[np.abs(distance) <= self.tolerance] = 0.0
             if faces is not None:
-                distance[known[edges, points]] = 0.0
+                distance[self.vanishing[faces[points], edges]] = 0.0
             if not (distance >= 0).all():
                 self._refuse(u, first + int(points[~(distance >= 0)].min()), first, float(-distance.min()))
             h[edges, points] = distance * lengths

@@ -67,7 +67,7 @@ CANCELLED = 1 - 8 * EPS
 TINY = 1e-300
 """Smallest curvature that is divided by."""
 
-SHORT = 2.0
+SHORT = 8.0
 """Largest exponent by which a plain step of Newton's method may change what knots weigh."""
 
 SHORT_STEPS = 6

@@ -8,6 +8,7 @@ hold, every cell that was not sampled yet is sampled densely, and cells that fai
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -245,7 +246,8 @@ class _Refinement:
         normal = cross(corners[1] - corners[0], corners[2] - corners[0])
         length = np.sqrt(dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
-        middles = [self.middle.take(side.take(rows), axis=0) for side in self.mesh.cells.sides.T]
+        sides = self.mesh.cells.sides.take(rows, axis=0)
+        middles = [self.middle.take(side, axis=0) for side in sides.T]
         return np.stack([dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
@@ -296,7 +298,7 @@ class _Refinement:
     def steps_at(self, rows: IntArray) -> IntArray:
         """(k,) steps of the lattices of some cells."""
         corners = np.moveaxis(self.mesh.cells.corners.take(rows, axis=0), 1, 0)
-        extent = np.maximum.reduce(corners) - np.minimum.reduce(corners)
+        extent = reduce(np.maximum, corners) - reduce(np.minimum, corners)
         return steps_for(np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows]))
 
     def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
@@ -363,8 +365,8 @@ class _Refinement:
         else:
             self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
         marked[chosen] = self.error[chosen] > self.tolerance
-        rough = np.maximum.reduce([self.roughness.take(side) for side in cells.sides.T])
-        seen = np.maximum.reduce([self.error.take(side) for side in cells.sides.T])
+        rough = reduce(np.maximum, [self.roughness.take(side) for side in cells.sides.T])
+        seen = reduce(np.maximum, [self.error.take(side) for side in cells.sides.T])
         weights = lattice(steps if steps > LATTICE else CENTROID)
         expected_of = quadratic_heights(weights)
         length = max(1, 200_000 // len(weights))

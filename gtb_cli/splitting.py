@@ -9,7 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.distance import dot
+
+TIE = 1 + 1e-9
+"""Squares of diagonals whose ratio is less are equal: rounding, of which processors differ in, does not choose."""
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -138,58 +142,49 @@ def divide_triangles(
     made : list of Edges
         New ones inside cells, to be numbered after `edges`.
     """
-    marks = vertex[whole.sides] >= 0
+    marks = vertex.take(whole.sides) >= 0
     pieces: list[Cells] = []
     made: list[Edges] = []
     count = marks.sum(axis=1)
     next_edge = len(edges.ends)
     for number in (1, 2, 3):
         rows = np.flatnonzero(count == number)
-        if not len(rows):
-            continue
         # Turned so that the marked sides come first.
         turn = marks[rows].argmax(axis=1)
         if number == 2:
             turn = (np.argmin(marks[rows], axis=1) + 1) % 3
-        order = (np.arange(3) + turn[:, None]) % 3
-        v, e = np.take_along_axis(whole.cells[rows], order, 1), np.take_along_axis(whole.sides[rows], order, 1)
-        p = np.take_along_axis(whole.corners[rows], order[:, :, None], 1)
-        patch = whole.patch[rows]
-        # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
-        around = np.concatenate([v, vertex[e]], axis=1)
-        places = np.concatenate([p, (p + np.roll(p, -1, axis=1)) / 2], axis=1)
-        halves = {
-            (side, end): half_at(edges, child, e[:, side], v[:, end])
-            for side in range(number)
-            for end in (side, (side + 1) % 3)
-        }
-        patterns = [(np.arange(len(rows)), _PATTERNS[number])]
+        order = 3 * rows[:, None] + (np.arange(3) + turn[:, None]) % 3
+        v, e = whole.cells.ravel().take(order), whole.sides.ravel().take(order)
+        patterns: list[tuple[slice | BoolArray, _Pattern]] = [(slice(None), _PATTERNS[number])]
         if number == 2:
-            xyz = points[around]
-            other = np.linalg.norm(xyz[:, 4] - xyz[:, 0], axis=1) > np.linalg.norm(xyz[:, 3] - xyz[:, 2], axis=1)
-            patterns = [(np.flatnonzero(~other), _PATTERNS[2]), (np.flatnonzero(other), _OTHER_DIAGONAL)]
-        for chosen, (triangles, new_edges) in patterns:
+            start, end = points.take(v, axis=0), points.take(vertex.take(e[:, :2]), axis=0)
+            across = [end[:, 1] - start[:, 0], end[:, 0] - start[:, 2]]
+            other = dot(across[0], across[0]) > TIE * dot(across[1], across[1])
+            patterns = [(~other, _PATTERNS[2]), (other, _OTHER_DIAGONAL)]
+        for chosen, (triangles, lines) in patterns:
+            own, corner, side = order[chosen], v[chosen], e[chosen]
+            if not len(own):
+                continue
+            # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
+            around = np.concatenate([corner, vertex.take(side)], axis=1)
+            p = whole.corners.reshape(-1, 2).take(own, axis=0)
+            places = np.concatenate([p, (p + p.take((1, 2, 0), axis=1)) / 2], axis=1)
+            patch = whole.patch.take(own[:, 0] // 3)
             edge_of: dict[tuple[int, int], IntArray] = {}
-            for a, b in new_edges:
-                edge_of[a, b] = edge_of[b, a] = next_edge + np.arange(len(chosen))
-                next_edge += len(chosen)
-                made.append(
-                    Edges(around[chosen][:, [a, b]], patch[chosen], places[chosen][:, [a, b]], np.zeros_like(chosen))
-                )
-            for side in range(3):
-                near, far = side, (side + 1) % 3
-                if side < number:
-                    for end in (near, far):
-                        edge_of[end, 3 + side] = edge_of[3 + side, end] = halves[side, end][chosen]
-                else:
-                    edge_of[near, far] = e[chosen, side]
+            for line in lines:
+                edge_of[line] = edge_of[line[::-1]] = next_edge + np.arange(len(own))
+                next_edge += len(own)
+                inner = np.zeros(len(own), dtype=np.int64)
+                made.append(Edges(around.take(line, axis=1), patch, places.take(line, axis=1), inner))
+            for near, far in ((0, 1), (1, 2), (2, 0)):
+                edge_of[near, far] = side[:, near]
+                for end in (near, far) if near < number else ():
+                    half = half_at(edges, child, side[:, near], corner[:, end])
+                    edge_of[end, 3 + near] = edge_of[3 + near, end] = half
             for triangle in triangles:
                 sides = [edge_of[triangle[i], triangle[(i + 1) % 3]] for i in range(3)]
-                pieces.append(
-                    Cells(
-                        around[chosen][:, triangle], np.stack(sides, axis=1), places[chosen][:, triangle], patch[chosen]
-                    )
-                )
+                cells, corners = around.take(triangle, axis=1), places.take(triangle, axis=1)
+                pieces.append(Cells(cells, np.stack(sides, axis=1), corners, patch))
     return pieces, made
 
 
@@ -208,4 +203,5 @@ _OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2))
 
 def half_at(edges: Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
     """The half of each split edge that ends at the given vertex."""
-    return np.asarray(np.where(edges.ends[split, 0] == vertex, child[split, 0], child[split, 1]))
+    second = edges.ends.ravel().take(2 * split) != vertex
+    return np.asarray(child.ravel().take(2 * split + second))

@@ -13,6 +13,9 @@ START_FLOOR = 1e-17
 PARTS = 64
 """The box around Δ is cut into this many parts each way."""
 
+COARSE = 8
+"""The same, for the parts of which nothing is known."""
+
 FARTHEST = 1.0
 """Largest exponent by which the slope of a correction may move a start: beyond, it is no guide."""
 
@@ -58,35 +61,47 @@ class Corrections:
 
     def __init__(self, low: FloatArray, high: FloatArray) -> None:
         self.low, self.high = low, high
-        self.places = np.zeros((2, PARTS * PARTS))
-        self.values = np.full((2, PARTS * PARTS), np.nan)
-        self.slopes = np.zeros((2, 2, PARTS * PARTS))
+        count = PARTS * PARTS + COARSE * COARSE
+        self.places = np.zeros((2, count))
+        self.values = np.full((2, count), np.nan)
+        self.slopes = np.zeros((2, 2, count))
 
     def part(self, p: FloatArray) -> IntArray:
         """(m,) numbers of the parts that (2, m) points lie in."""
-        along, over = np.clip((p - self.low[:, None]) / (self.high - self.low)[:, None], 0, 1)
-        column, row = (
-            np.minimum(share * PARTS, PARTS - 1).astype(np.int64)
-            for share in (np.arccos(1 - 2 * along) / np.pi, np.sqrt(over))
+        along, over = (p - self.low[:, None]) / (self.high - self.low)[:, None]
+        column = PARTS / np.pi * np.arccos(np.clip(1 - 2 * along, -1, 1))
+        row = PARTS * np.sqrt(np.maximum(over, 0))
+        return np.asarray(
+            np.minimum(column, PARTS - 1).astype(np.int64) + PARTS * np.minimum(row, PARTS - 1).astype(np.int64)
         )
-        return np.asarray(column + PARTS * row)
 
     def unknown(self, part: IntArray, uses: int) -> IntArray:
         """The first points in parts of which nothing is known, and where so many points are at least."""
         first = np.full(PARTS * PARTS, -1)
         first[part[::-1]] = np.arange(len(part))[::-1]
-        chosen = (np.bincount(part, minlength=PARTS * PARTS) >= uses) & np.isnan(self.values[0])
+        chosen = (np.bincount(part, minlength=PARTS * PARTS) >= uses) & np.isnan(self.values[0, : PARTS * PARTS])
         return np.asarray(first[chosen])
 
     def learn(self, part: IntArray, p: FloatArray, values: FloatArray, slopes: FloatArray) -> None:
         """Remember, of (k,) parts, (2, k) points, their corrections and the (2, 2, k) slopes of these."""
-        self.places[:, part], self.values[:, part] = p, values
-        self.slopes[:, :, part] = np.where(np.isfinite(slopes), slopes, 0.0)
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        for place in (part, self._coarse(part)):
+            self.places[:, place], self.values[:, place], self.slopes[:, :, place] = p, values, slopes
+
+    def _coarse(self, part: IntArray) -> IntArray:
+        """Numbers of the larger parts that contain some parts."""
+        row, column = np.divmod(part, PARTS)
+        return np.asarray(PARTS * PARTS + row * COARSE // PARTS * COARSE + column * COARSE // PARTS)
 
     def __call__(self, part: IntArray, p: FloatArray) -> FloatArray:
         """(2, m) corrections at (2, m) points; 0 in parts of which nothing is known."""
-        move = p - self.places[:, part]
-        slope = self.slopes[:, :, part]
+        unknown = np.flatnonzero(np.isnan(self.values[0, part]))
+        if len(unknown):
+            part = part.copy()
+            part[unknown] = self._coarse(part[unknown])
+        move = p - self.places.take(part, axis=1)
+        slope = self.slopes.take(part, axis=2)
         turn = slope[:, 0] * move[0] + slope[:, 1] * move[1]
-        correction = self.values[:, part] + np.where(np.abs(turn) < FARTHEST, turn, 0.0)
-        return np.asarray(np.where(np.isnan(correction), 0.0, correction))
+        turn[~(np.abs(turn) < FARTHEST)] = 0.0
+        turn += self.values.take(part, axis=1)
+        return np.asarray(np.nan_to_num(turn, copy=False))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -45,7 +46,8 @@ class Subdivision:
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
         """(k, 3) points of the first vertices of some cells, of the second ones …."""
-        return [self.points.take(vertex.take(rows), axis=0) for vertex in self.cells.cells.T]
+        cells = self.cells.cells.take(rows, axis=0)
+        return [self.points.take(vertex, axis=0) for vertex in cells.T]
 
     def ends(self, rows: IntArray) -> list[FloatArray]:
         """(e, 3) points of both ends of some edges."""
@@ -60,8 +62,8 @@ class Subdivision:
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
         """Whether any side of all cells, or of some, is marked; column by column: short rows are slow to reduce."""
-        columns = [marked.take(side if rows is None else side.take(rows)) for side in self.cells.sides.T]
-        return np.asarray(np.logical_or.reduce(columns))
+        sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
+        return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of thin triangles that have another one marked, until there is none.
