@@ -17,7 +17,7 @@ from gtb_cli.triangulation import Triangulation, central_triangulation, triangul
 
 if TYPE_CHECKING:
     from gtb_cli.joints import Joints
-    from gtb_cli.moment import LinearParametrization
+    from gtb_cli.linear import LinearParametrization
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
@@ -80,14 +80,23 @@ class Complex:
         pairs = ordered[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
         return self.cells.shape[1] == 2 or len(np.unique(pairs, axis=0)) == self.sides
 
+    @cached_property
+    def without_collapsed(self) -> tuple[IntArray, IntArray]:
+        """Cells with vertices that are one point made one, and the rows of those with no side left on one.
+
+        Edges that are one point are never split: their ends become one, and the cells beside them vanish.
+        """
+        if not len(self.collapsed):
+            return self.cells, np.arange(len(self.cells))
+        cells = merged(len(self.patch), self.collapsed)[self.cells]
+        rows = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1))
+        return cells[rows], rows
+
     @property
     def keeps_patches(self) -> bool:
-        """Whether each patch has a cell left where those with a side on an edge that is one point vanish."""
-        if not len(self.collapsed):
-            return True
-        label = merged(len(self.patch), self.collapsed)
-        proper = (np.diff(np.sort(label[self.cells], axis=1), axis=1) > 0).all(axis=1)
-        return bool(np.isin(self.cell_patch, self.cell_patch[proper]).all())
+        """Whether each patch has a cell left where edges are one point."""
+        _, rows = self.without_collapsed
+        return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all())
 
 
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
@@ -224,7 +233,7 @@ class Sampler:
         """
         result = np.empty((len(patch), 3))
         for index, rows in _groups(patch):
-            where = self._locations(index, parameters[rows], face[rows], within)
+            where = self.locations(index, parameters[rows], face[rows], within)
             result[rows] = self.patches[index].points_at(where, len(parameters[rows]))
         return result
 
@@ -232,18 +241,19 @@ class Sampler:
         """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
         result = np.empty((len(patch), 3))
         for index, rows in _groups(patch):
-            where = self._locations(index, parameters[rows], face[rows])
+            where = self.locations(index, parameters[rows], face[rows])
             sign = -1.0 if self.flipped and self.flipped[index] else 1.0
             result[rows] = sign * self.patches[index].normals_at(where, len(parameters[rows]))
         return result
 
     @cached_property
     def _linear(self) -> list[LinearParametrization]:
-        from gtb_cli.moment import LinearParametrization  # a small toric mesh is made without it
+        from gtb_cli.linear import LinearParametrization  # a small toric mesh is made without it
 
         return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
 
-    def _locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
+    def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
+        """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
         if self.parametrization == "linear":
             yield from self._linear[index].locations(u, face, within)
             return

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray
 from gtb_cli.basis import UNDERFLOW, Location, block_length, exponents, is_corner
-from gtb_cli.complex import Parametrization
+from gtb_cli.complex import Parametrization, Sampler
 from gtb_cli.domain import EPS, Domain, knot_tolerance
 from gtb_cli.errors import DomainError
 from gtb_cli.mesh import Mesh
@@ -156,14 +156,12 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
         return curvature(shape, u, parametrization)
     assert mesh.origin is not None
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
+    sampler = Sampler(shape.patches, parametrization, shared_edges=True)
     for index in np.unique(mesh.origin.patch).tolist():
         patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
-        # On edges a model's parameters are linear in either parametrisation.
-        on_edge = (patch.domain.heights_of_columns(u[rows]) == 0).any(axis=0)
-        parts: list[tuple[IntArray, Parametrization]] = [(rows[on_edge], "linear"), (rows[~on_edge], parametrization)]
-        for part, kind in parts:
-            gaussian, mean = curvature(patch, u[part], kind)
-            found.gaussian[part], found.mean[part] = gaussian, -mean if mesh.origin.turned[index] else mean
+        face = patch.domain.face_of(patch.domain.heights_of_columns(u[rows]))
+        gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
+        found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -58,12 +59,12 @@ class Difference:
         Distance of two points with the same coordinates but for what the files cannot hold; no tolerance is below.
     diagonal : float
         Of the bounding box of the smaller mesh.
+    forward, backward : Farthest
+        From the first mesh to the second, and the other way.
     mean : float or None
         Mean distance of vertices.
     vertex, other_vertex : int or None
         Indices of the vertices at the largest distance.
-    forward, backward : Farthest
-        From the first mesh to the second, and the other way.
     group : str
         Name of the part of the first mesh that has the farthest vertex, where it has parts.
     first, second : Measures or None
@@ -82,14 +83,14 @@ class Difference:
     asked: float | None
     resolution: float
     diagonal: float
-    mean: float | None
-    vertex: int | None
-    other_vertex: int | None
     forward: Farthest
     backward: Farthest
-    group: str
-    first: Measures | None
-    second: Measures | None
+    mean: float | None = None
+    vertex: int | None = None
+    other_vertex: int | None = None
+    group: str = ""
+    first: Measures | None = None
+    second: Measures | None = None
     same_kind: bool = True
     turned: int = 0
 
@@ -140,60 +141,34 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
         found_pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
         if found_pairs is not None:
             pairs, turned = found_pairs
+    made = partial(Difference, tolerance=allowed, asked=asked, resolution=resolution, diagonal=diagonal)
     if pairs is not None:
-        return _by_vertices(a.mesh, b.mesh, pairs, turned, allowed, asked, resolution, diagonal)
+        distances = _distances(a.mesh.vertices[pairs[0]], b.mesh.vertices[pairs[1]])
+        place = int(distances.argmax())
+        vertex, other = int(pairs[0][place]), int(pairs[1][place])
+        distance = float(distances[place])
+        return made(
+            method="vertices",
+            distance=distance,
+            bound=distance,
+            forward=Farthest(distance, _point(a.mesh, vertex)),
+            backward=Farthest(distance, _point(b.mesh, other)),
+            mean=float(distances.mean()),
+            vertex=vertex,
+            other_vertex=other,
+            group=_group(a.mesh, vertex),
+            turned=turned,
+        )
     found = surface_distance(a.mesh, b.mesh, PART * allowed)
-    return Difference(
+    return made(
         method="surface",
         distance=found.value,
         bound=found.bound,
-        tolerance=allowed,
-        asked=asked,
-        resolution=resolution,
-        diagonal=diagonal,
-        mean=None,
-        vertex=None,
-        other_vertex=None,
         forward=Farthest(found.forward, found.forward_at),
         backward=Farthest(found.backward, found.backward_at),
-        group="",
         first=measure(a.mesh),
         second=measure(b.mesh),
         same_kind=a.mesh.is_curve == b.mesh.is_curve,
-    )
-
-
-def _by_vertices(
-    a: Mesh,
-    b: Mesh,
-    pairs: tuple[IntArray, IntArray],
-    turned: int,
-    tolerance: float,
-    asked: float | None,
-    resolution: float,
-    diagonal: float,
-) -> Difference:
-    distances = _distances(a.vertices[pairs[0]], b.vertices[pairs[1]])
-    place = int(distances.argmax())
-    vertex, other = int(pairs[0][place]), int(pairs[1][place])
-    distance = float(distances[place])
-    return Difference(
-        method="vertices",
-        distance=distance,
-        bound=distance,
-        tolerance=tolerance,
-        asked=asked,
-        resolution=resolution,
-        diagonal=diagonal,
-        mean=float(distances.mean()),
-        vertex=vertex,
-        other_vertex=other,
-        forward=Farthest(distance, _point(a, vertex)),
-        backward=Farthest(distance, _point(b, other)),
-        group=_group(a, vertex),
-        first=None,
-        second=None,
-        turned=turned,
     )
 
 

@@ -13,8 +13,8 @@ from gtb_cli.arrays import FloatArray, IntArray, read_only
 from gtb_cli.domain import domain
 from gtb_cli.errors import DomainError
 from gtb_cli.limits import ends_of_moves, merge_knots
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.mesh import Mesh
-from gtb_cli.moment import LinearParametrization
 from gtb_cli.patch import Patch
 from gtb_cli.triangulation import triangulation
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.moment import LinearParametrization
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.patch import Patch
 
 EdgeRef = tuple[int, int]

@@ -12,7 +12,7 @@ from gtb_cli.basis import Location, exponents, is_corner, toric_locations
 from gtb_cli.complex import Parametrization
 from gtb_cli.domain import EPS, knot_tolerance
 from gtb_cli.errors import DomainError
-from gtb_cli.moment import LinearParametrization
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
 from gtb_cli.patch import Patch
 

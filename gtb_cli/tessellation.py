@@ -191,17 +191,13 @@ def _mesh(
     with_normals: bool,
 ) -> Mesh:
     name = shape.name or ("model" if isinstance(shape, Model) else "patch")
-    cells, cell_patch = mosaic.cells, mosaic.cell_patch
-    used = np.arange(len(points))
+    cells, rows = mosaic.without_collapsed
+    cell_patch, used = mosaic.cell_patch[rows], np.arange(len(points))
+    if not len(cells):
+        raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     if len(mosaic.collapsed):
-        # Edges that are one point are never split: their ends become one, and cells with a side there vanish.
-        label = merged(len(points), mosaic.collapsed)
-        cells = label[cells]
-        proper = (np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)
-        used, cells = np.unique(cells[proper], return_inverse=True)
-        cells, cell_patch = cells.reshape(-1, mosaic.cells.shape[1]), cell_patch[proper]
-        if not len(cells):
-            raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
+        used, cells = np.unique(cells, return_inverse=True)
+        cells = cells.reshape(-1, mosaic.cells.shape[1])
     vertices = points[used]
     normals = None
     inward = np.zeros(len(sampler.patches), dtype=bool)

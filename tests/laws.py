@@ -13,7 +13,7 @@ import numpy as np
 
 from gtb_cli.basis import Location, torus_coordinates
 from gtb_cli.errors import DomainError
-from gtb_cli.moment import linear_locations
+from gtb_cli.linear import linear_locations
 from gtb_cli.patch import Patch
 
 EPS = float(np.finfo(np.float64).eps)

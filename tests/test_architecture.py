@@ -14,10 +14,10 @@ from gtb_cli.cli import COMMANDS
 PACKAGE = Path(gtb_cli.__file__).parent
 REPOSITORY = PACKAGE.parent
 
-GROUND = "__init__ errors arrays domain basis upper_hull lifting normals patch starts moment"
+GROUND = "__init__ errors arrays domain basis upper_hull upper_faces lifting normals patch starts moment linear"
 MESHES = (
-    "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting subdivision refinement"
-    " tessellation"
+    "limits mesh triangulation film joints complex distance nearest overlay lattice flatness splitting subdivision"
+    " refinement tessellation"
 )
 SHAPES = "welding measures tangents curvature tube solid"
 REPORTS = "binomial description elevation fitting checks compare"

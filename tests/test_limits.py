@@ -15,7 +15,7 @@ import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.film import film_mesh, knot_limit
 from gtb_cli.limits import degenerate, merge_knots, move_knots, regular_control_surface
-from gtb_cli.moment import linear_locations
+from gtb_cli.linear import linear_locations
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Patch
 from gtb_cli.sequence import degeneration_sequence

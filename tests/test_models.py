@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from gtb_cli.complex import joined_complex
 from gtb_cli.errors import DomainError
 from gtb_cli.joints import Joint, edge_points, find_joints
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.mesh import Mesh
-from gtb_cli.moment import LinearParametrization
 from gtb_cli.patch import Model, Patch
 from gtb_cli.spec import load
 from gtb_cli.tessellation import tessellate

@@ -12,7 +12,8 @@ from gtb_cli import moment
 from gtb_cli.basis import blend
 from gtb_cli.domain import domain
 from gtb_cli.errors import DomainError
-from gtb_cli.moment import LinearParametrization, MomentMap, linear_locations
+from gtb_cli.linear import LinearParametrization, linear_locations
+from gtb_cli.moment import MomentMap
 from gtb_cli.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL, heights, linear_points, parameters

@@ -9,8 +9,8 @@ import pytest
 
 from gtb_cli.distance import to_segments, to_triangles
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.linear import linear_locations
 from gtb_cli.mesh import Mesh
-from gtb_cli.moment import linear_locations
 from gtb_cli.nearest import NearestCells
 from gtb_cli.patch import Model, Patch
 from gtb_cli.spec import load

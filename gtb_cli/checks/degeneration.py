@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
 from gtb_cli.lifting import regular_decomposition
 from gtb_cli.limits import cells_of, degenerate
-from gtb_cli.moment import LinearParametrization
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.triangulation import cell_count, triangulation
 
 FADED = 30 * math.log(10)

@@ -14,7 +14,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.basis import Location, torus_coordinates
 from gtb_cli.domain import EPS
 from gtb_cli.limits import merge_knots
-from gtb_cli.moment import LinearParametrization
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.patch import Patch
 from gtb_cli.triangulation import cell_count, triangulation
 

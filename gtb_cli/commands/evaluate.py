@@ -79,7 +79,7 @@ def evaluate(
 def _values(patch: Patch, linear: bool, basis: bool) -> Callable[[FloatArray], FloatArray]:
     """Return what is evaluated, as a function of (m, d) parameters."""
     from gtb_cli.basis import rational_basis, toric_locations
-    from gtb_cli.moment import LinearParametrization
+    from gtb_cli.linear import LinearParametrization
 
     locate = LinearParametrization(patch.domain, patch.log_products).locations
 

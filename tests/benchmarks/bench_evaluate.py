@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
-from gtb_cli.moment import LinearParametrization
+from gtb_cli.linear import LinearParametrization
 from gtb_cli.patch import Patch
 from gtb_cli.spec import load
 from gtb_cli.triangulation import triangulation
