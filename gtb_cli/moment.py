@@ -53,6 +53,9 @@ NEAR = 1.0
 WEAKEST = 1e-8
 """Smallest regularisation, times the residual: less is lost in the rounding of the Hessian's determinant."""
 
+FIRST = 1e-2
+"""The same to begin with, and after a step that was refused: `REFUSALS` of these lead to short steps."""
+
 CANCELLED = 1 - 8 * EPS
 """Of μ², what is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
 
@@ -116,22 +119,22 @@ class MomentMap:
         if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
             unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
         unit = unit.T
-        s = self._layer_starts(unit)
+        safe = self._layer_starts(unit)
+        s = safe.copy()
         if len(unit) == 2:
             part = self._corrections.part(unit)
             often = self._corrections.unknown(part, OFTEN)
             if len(often) >= MANY:
-                start = s[:, often]
-                self._learn(part[often], unit[:, often], start, self._solve(unit[:, often], start, TARGET))
+                start = safe[:, often]
+                self._learn(part[often], unit[:, often], start, self._solve(unit[:, often], start, start, TARGET))
             seldom = self._corrections.unknown(part, 1)
-            plain = s[:, seldom]
             s += self._corrections(part, unit)
         length = block_length(len(self.knots))
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
-            s[:, block] = self._solve(unit[:, block], s[:, block], target)
+            s[:, block] = self._solve(unit[:, block], s[:, block], safe[:, block], target)
         if len(unit) == 2 and len(seldom):
-            self._learn(part[seldom], unit[:, seldom], plain, s[:, seldom])
+            self._learn(part[seldom], unit[:, seldom], safe[:, seldom], s[:, seldom])
         return np.asarray(s / self._extents[:, None])
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
@@ -214,16 +217,25 @@ class MomentMap:
         hessian[d:] -= mu[:1] * mu[1:]
         return np.log(sums[0]) + shift, mu, hessian
 
-    def _solve(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
-        """Take Newton's plain steps where they are short; other columns are left to `_newton`.
+    def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
+        """Solve by short steps from `start`; columns that these do not bring there by `_newton` from `safe` before."""
+        solution, left = self._short_steps(unit, start, target)
+        if len(left):
+            p = unit[:, left]
+            solution[:, left], _ = self._short_steps(p, self._newton(p, safe[:, left], target), target)
+        return solution
+
+    def _short_steps(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
+        """Take Newton's plain steps while they are short; where that is not enough, columns are left as they were.
 
         Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. So how
         large the residual is after a step is known before it is taken, and a point that it brings near enough is done.
         """
-        solution = s = start
+        s, p = start, unit
+        solution = start.copy()
         active = np.arange(start.shape[1])
-        p, far = unit, []
-        for number in range(SHORT_STEPS):
+        left = []
+        for _ in range(SHORT_STEPS):
             _, mu, hessian = self._evaluate(s)
             gradient = mu - p
             step = _plain_step(gradient, hessian)
@@ -231,21 +243,14 @@ class MomentMap:
             short = length <= SHORT
             going = -0.5 * np.exp(np.minimum(length, SHORT)) * _dot(gradient, step) > target
             s = s + step
-            if number:
-                solution[:, active] = s
-            else:
-                solution = s
-            if not short.all():
-                far.append(active[~short])
-                going &= short
-            keep = np.flatnonzero(going)
+            done = np.flatnonzero(short & ~going)
+            solution[:, active[done]] = s.take(done, axis=1)
+            left.append(active[~short])
+            keep = np.flatnonzero(short & going)
             active, s, p = active[keep], s.take(keep, axis=1), p.take(keep, axis=1)
             if not len(keep):
                 break
-        left = np.concatenate([*far, active])
-        if len(left):
-            solution[:, left] = self._newton(unit[:, left], start[:, left], target)
-        return solution
+        return solution, np.concatenate([*left, active])
 
     def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
         """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower."""
@@ -280,7 +285,7 @@ class MomentMap:
             gradient[:, rows] = mu - unit[:, rows]
         solution = s.copy()
         active = np.arange(s.shape[1])
-        sigma = np.full(s.shape[1], 1e-2)
+        sigma = np.full(s.shape[1], FIRST)
         refusals = np.zeros(s.shape[1], dtype=np.int64)
         for _ in range(ITERATIONS):
             residual = _size(gradient)
@@ -309,7 +314,7 @@ class MomentMap:
                     np.where(lower, new, old)
                     for new, old in ((trial, s), (new_value, value), (new_gradient, gradient), (new_hessian, hessian))
                 )
-            sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.minimum(sigma * 8, 1e9))
+            sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         residual = _size(gradient)
         if (residual > max(ACCEPTED, target)).any():
