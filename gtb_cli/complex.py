@@ -103,7 +103,7 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     """Triangulate each domain with `resolution` cells along an edge, and join them.
 
     Where joined patches would have a side between the same two vertices inside each, as at the corner between two
-    edges that they share, they are cut around their centres.
+    edges that they share, they are cut around their centres; so are those with a tip, and there a side once more.
 
     Parameters
     ----------
@@ -114,11 +114,27 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     """
     parts = [triangulation(patch.domain, resolution) for patch in patches]
     mosaic, confused = _joined(patches, joints, parts)
-    if len(confused):
-        for index in confused.tolist():
+    tips = _tips(patches, joints)
+    again = {*confused.tolist(), *(index for index, _ in tips)}
+    if again:
+        for index in again:
             parts[index] = central_triangulation(patches[index].domain, resolution)
+        for index, corner in tips:
+            parts[index] = parts[index].with_cut_beside(corner)
         mosaic, _ = _joined(patches, joints, parts)
     return mosaic
+
+
+def _tips(patches: Sequence[Patch], joints: Joints | None) -> list[tuple[int, int]]:
+    """Patches and corners of them between two edges that are the same curve, as at the tip of a cone."""
+    tips = []
+    for joint in joints.shared if joints is not None else ():
+        (index, edge), (other, following) = joint.first, joint.second
+        count = len(patches[index].domain.vertices)
+        for a, b in ((edge, following), (following, edge)):
+            if index == other and joint.opposite and b == (a + 1) % count and patches[index].dimension == 2:
+                tips.append((index, b))
+    return tips
 
 
 def _joined(

@@ -27,6 +27,18 @@ class Triangulation:
     cells: IntArray
     boundary: IntArray
 
+    def with_cut_beside(self, corner: int) -> Triangulation:
+        """Cut the side that the first vertex after a corner has with the inner vertex of their cell, in the middle."""
+        first = corner * self.boundary.shape[1]
+        at, after = self.boundary.ravel().take([first, first + 1], mode="wrap")
+        cell = self.cells[(np.isin(self.cells, (at, after)).sum(axis=1) == 2).argmax()]
+        inner = int(cell[~np.isin(cell, (at, after))][0])
+        rows = np.flatnonzero(np.isin(self.cells, (inner, after)).sum(axis=1) == 2)
+        middle = self.parameters[[inner, after]].mean(axis=0)
+        halves = [np.where(self.cells[rows] == end, len(self.parameters), self.cells[rows]) for end in (inner, after)]
+        cells = np.concatenate([np.delete(self.cells, rows, axis=0), *halves])
+        return Triangulation(np.concatenate([self.parameters, middle[None]]), cells, self.boundary)
+
 
 def cell_count(domain: Domain, resolution: int) -> int:
     """Number of cells of `triangulation`, without making it."""

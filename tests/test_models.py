@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from io import BytesIO
+from math import factorial
 
 import numpy as np
 import pytest
@@ -463,6 +464,48 @@ def test_slices_of_a_melon_have_two_edges_that_are_points(count, options):
     assert_closed(tessellate(model, **options))
     with pytest.raises(DomainError, match="too low, every face is a point or a line"):
         tessellate(model, 1)
+
+
+def rolled(radii: list[float]) -> Model:
+    """A Bézier triangle rolled up around the z-axis so that two of its edges are one line: a cone, from its tip on.
+
+    The radii are those of its rows; where the last one is 0, the third edge is a second tip.
+    """
+    degree = len(radii) - 1
+    knots = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
+    turns = [2 * np.pi * i / (i + j) if i and j else 0.0 for i, j in knots]
+    points = [
+        (radii[i + j] * np.cos(turn), radii[i + j] * np.sin(turn), i + j)
+        for (i, j), turn in zip(knots, turns, strict=True)
+    ]
+    counts = [factorial(degree) / (factorial(i) * factorial(j) * factorial(degree - i - j)) for i, j in knots]
+    return Model((Patch(knots, points, coefficients=counts),))
+
+
+@pytest.mark.parametrize(
+    "radii", [[0, 1, 2, 3, 4], [0, 1.7, 2.1, 1.7, 0], [0, 2, 3, 3, 2, 0]], ids=["cone", "drop", "big drop"]
+)
+@pytest.mark.parametrize("options", [*({"resolution": n} for n in (3, 4, 9)), {"tolerance": 0.05}], ids=str)
+def test_a_patch_with_two_edges_that_are_one_keeps_the_tip_between_them(radii, options):
+    """The tip's last cells had the same vertices: they were lost, and refinement beside them had no end."""
+    model = rolled(radii)
+    mesh = tessellate(model, **options)
+    if radii[-1]:
+        rim = boundary(mesh)
+        assert len(np.unique(components(rim, len(mesh.vertices))[rim[:, 0]])) == 1
+        assert len(mesh.vertices) - len(mesh.edges) + len(mesh.cells) == 1
+    else:
+        assert_closed(mesh)
+    cells = np.sort(mesh.cells, axis=1)
+    assert (np.diff(cells, axis=1) > 0).all()
+    assert len(np.unique(cells, axis=0)) == len(cells)
+    assert (mesh.vertices == 0).all(axis=1).any()
+    assert len(mesh.cells) < 2000
+    if "tolerance" in options:
+        along = np.linspace(0, 0.2, 50)
+        seam = model.patches[0].evaluate(np.column_stack([along, np.zeros(50)]))
+        gap = trimesh.proximity.closest_point_naive(trimesh.Trimesh(mesh.vertices, mesh.cells, process=False), seam)[1]
+        assert gap.max() <= options["tolerance"]
 
 
 # Where edges do not match
