@@ -53,4 +53,8 @@ def rows() -> list[Row]:
                 process("-c", "import click"),
                 runs=RUNS,
             ),
+            *(
+                paired(f"import {name}, whole, beside Python alone", process("-c", f"import {name}"), process("-c", ""))
+                for name in ("numpy", "click", "scipy.spatial", "trimesh")
+            ),
         ]
