@@ -104,19 +104,20 @@ def refine(
     return work.mesh.result(), work.mesh.points
 
 
-def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float]:
-    """(v, 3) vertices of a complex, and the largest distance from the surface to its cells, over `MARGIN`.
+def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float, bool]:
+    """(v, 3) vertices of a complex, the largest distance of the surface from its cells, and whether `refine` would stop.
 
     Sampled like `refine` does; where edges alone, or some of the cells, are beyond the tolerance already, no further.
     """
     if len(start.cells) > FEW_OF * LATTICE:
         few = _Refinement(start.part(slice(None, None, FEW_OF)), sampler, tolerance, len(start.cells))
         if float(few.error.max()) > few.tolerance:
-            return few.mesh.points, float(few.error.max()) / MARGIN
+            return few.mesh.points, float(few.error.max()) / MARGIN, False
     work = _Refinement(start, sampler, tolerance, len(start.cells))
     # Cells that bulge, or do not cover a flat patch, fail though no sample may be far from its own cell.
-    beyond = np.nextafter(tolerance, np.inf) if work.marks().any() else 0.0
-    return work.mesh.points, max(work.worst / MARGIN, float(work.error.max()) / MARGIN, beyond)
+    holds = not work.marks().any()
+    distance = max(work.worst, float(work.error.max()))
+    return work.mesh.points, distance / MARGIN, holds and distance <= work.tolerance
 
 
 class _Refinement:

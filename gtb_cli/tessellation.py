@@ -143,8 +143,8 @@ def fewest_cells(
         if not low < n < high:
             break
         candidate = joined_complex(patches, joints, n)
-        points, distance = sampled(candidate, sampler, tolerance)
-        holds = distance <= tolerance and candidate.keeps_patches
+        points, distance, holds = sampled(candidate, sampler, tolerance)
+        holds &= candidate.keeps_patches
         if holds and (witnesses is None or are_near(witnesses, points[candidate.cells], tolerance)):
             found, high = (candidate, points), n
         elif found is refined:
