@@ -105,7 +105,7 @@ def refine(
 
 
 def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float, bool]:
-    """(v, 3) vertices of a complex, the largest distance of the surface from its cells, and whether `refine` would stop.
+    """(v, 3) vertices of a complex, the surface's largest distance from its cells, and whether `refine` would stop.
 
     Sampled like `refine` does; where edges alone, or some of the cells, are beyond the tolerance already, no further.
     """
