@@ -218,11 +218,20 @@ class MomentMap:
         return np.log(sums[0]) + shift, mu, hessian
 
     def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
-        """Solve by short steps from `start`; columns that these do not bring there by `_newton` from `safe` before."""
+        """Solve by short steps from `start`; others by `_newton` from `safe` first, or else from `start`."""
         solution, left = self._short_steps(unit, start, target)
         if len(left):
             p = unit[:, left]
-            solution[:, left], _ = self._short_steps(p, self._newton(p, safe[:, left], target), target)
+            found, residual = self._newton(p, safe[:, left], target)
+            failed = np.flatnonzero(residual > max(ACCEPTED, target))
+            if len(failed):
+                found[:, failed], residual = self._newton(p[:, failed], start[:, left[failed]], target)
+                if (residual > max(ACCEPTED, target)).any():
+                    raise ToleranceError(
+                        f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} "
+                        f"steps, {RESIDUAL:g} is required"
+                    )
+            solution[:, left], _ = self._short_steps(p, found, target)
         return solution
 
     def _short_steps(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
@@ -252,8 +261,11 @@ class MomentMap:
                 break
         return solution, np.concatenate([*left, active])
 
-    def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
-        """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower."""
+    def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
+        """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower.
+
+        Returns the columns, and (m,) residuals of those that did not come near enough, 0 of the others.
+        """
         s = start
         value, mu, hessian = self._evaluate(s)
         value -= _dot(unit, s)
@@ -316,14 +328,10 @@ class MomentMap:
                 )
             sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
-        residual = _size(gradient)
-        if (residual > max(ACCEPTED, target)).any():
-            raise ToleranceError(
-                f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} steps, "
-                f"{RESIDUAL:g} is required"
-            )
         solution[:, active] = s
-        return solution
+        residuals = np.zeros(solution.shape[1])
+        residuals[active] = _size(gradient)
+        return solution, residuals
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
