@@ -96,7 +96,8 @@ def refine(
     Notes
     -----
     Verified at quarters of the sides and in the middle of each cell; where these are not as a quadratic surface would
-    have them, on a lattice of `FINE_LATTICE` steps; and at the knots inside. `MARGIN` is for what happens between.
+    have them, on a lattice of `FINE_LATTICE` steps; and at knots and between them. `MARGIN` is for what happens between
+    samples.
     """
     work = _Refinement(start, sampler, tolerance, max_cells)
     while work.step() or (witnesses is not None and work.step_towards(witnesses)):
@@ -272,6 +273,8 @@ class _Refinement:
         edges = self.mesh.edges[sides]
         speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
         self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
+        self.sample_peaks(sides)
+        marked[sides] = self.error[sides] > self.tolerance
         flat = self.flat.take(self.mesh.cells.patch[todo])
         bent = todo[~flat]
         steps_at = self.steps_at(todo)
@@ -285,7 +288,7 @@ class _Refinement:
             self.sample(doubtful, FINE_LATTICE, failing, marked)
             doubtful = todo[:0]
         if self.mesh.is_surface:
-            cell, u = self.mesh.knots_inside(bent, self.sampler.patches)
+            cell, u = self.mesh.peaks_inside(bent)
             failing[cell[self.distance(cell, u) > self.tolerance]] = True
             self.mark_worst(marked, np.flatnonzero(failing))
         self.verified[todo] = ~failing[todo]
@@ -403,6 +406,13 @@ class _Refinement:
         self.roughness[rows] = np.fmax(self.roughness[rows], off)
         self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
         return samples
+
+    def sample_peaks(self, sides: IntArray) -> None:
+        """Note how far edges are from their curves where these may have peaks."""
+        rows, u = self.mesh.peaks_along(sides)
+        edges = self.mesh.edges[rows]
+        sample = self.sampler.points(edges.patch, u, edges.face)
+        np.maximum.at(self.error, rows, to_segments(sample, *self.mesh.ends(rows)))
 
     def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""

@@ -37,6 +37,7 @@ class Subdivision:
         self.edges, sides = sides_of(start, patches)
         self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
         self.growth = Growth()
+        self.peaks = [peaks_of(patch) for patch in patches]
         self.is_surface = start.cells.shape[1] == 3
         self.slim = slim * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else slim
 
@@ -122,18 +123,34 @@ class Subdivision:
         self.cells = self.cells.replaced(self.growth, rows, pieces)
         return np.concatenate([rows, np.arange(before, len(self))])
 
-    def knots_inside(self, rows: IntArray, patches: Sequence[Patch]) -> tuple[IntArray, FloatArray]:
-        """Triangles with knots inside, and these: where weights are extreme, linear parameters have peaks there."""
+    def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
+        """Edges on the boundary of Δ, or of curves, with peaks between their ends, and these; see `peaks_of`."""
+        sides = sides[self.edges.face[sides] > 0] if self.is_surface else sides
+        found_sides, found = [np.empty(0, dtype=np.int64)], [np.empty((0, self.parameters.shape[1]))]
+        for index, peaks in enumerate(self.peaks):
+            own = sides[self.edges.patch[sides] == index]
+            for face in range(1 if self.is_surface else 0, len(peaks)):
+                rows = own[self.edges.face[own] == face]
+                start, end = np.moveaxis(self.edges.parameters.take(rows, axis=0), 1, 0)
+                length = ((end - start) ** 2).sum(axis=1)
+                for peak in peaks[face]:
+                    along = ((peak - start) * (end - start)).sum(axis=1)
+                    inside = rows[(along > 0) & (along < length)]
+                    found_sides.append(inside)
+                    found.append(np.repeat(peak[None], len(inside), axis=0))
+        return np.concatenate(found_sides), np.concatenate(found)
+
+    def peaks_inside(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """Triangles with peaks inside, and these; see `peaks_of`."""
         found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
-        for index, patch in enumerate(patches):
-            knots = patch.knots[~patch.domain.incidence.any(axis=1)]
+        for index, peaks in enumerate(self.peaks):
             own = rows[self.cells.patch[rows] == index]
             a, b, c = np.moveaxis(self.cells.corners.take(own, axis=0), 1, 0)
-            for knot in knots:
-                signs = np.stack([_cross(b - a, knot - a), _cross(c - b, knot - b), _cross(a - c, knot - c)])
+            for peak in peaks[0]:
+                signs = np.stack([_cross(b - a, peak - a), _cross(c - b, peak - b), _cross(a - c, peak - c)])
                 inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
                 found_cells.append(inside)
-                found.append(np.repeat(knot[None], len(inside), axis=0))
+                found.append(np.repeat(peak[None], len(inside), axis=0))
         return np.concatenate(found_cells), np.concatenate(found)
 
     def result(self) -> Complex:
@@ -162,6 +179,25 @@ def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
         both = zero[0] & zero[1]
         face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
     return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
+
+
+def peaks_of(patch: Patch) -> list[FloatArray]:
+    """Parameters, inside Δ and on each edge of it, where much of a patch may be between samples of linear ones.
+
+    These are the knots, as weights may be extreme, and the middles between neighbouring ones, as knots may crowd.
+    """
+    domain, knots = patch.domain, patch.knots
+    if patch.dimension == 1:
+        ordered = np.unique(knots, axis=0)
+        return [np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2])]
+    inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
+    apart = np.hypot(*(inner[:, None] - knots).transpose(2, 0, 1))
+    nearest = knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]
+    peaks = [np.concatenate([inner, (inner + nearest) / 2])]
+    for edge in range(len(domain.vertices)):
+        ordered = knots[domain.edge_knots(edge)]
+        peaks.append(np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2]))
+    return peaks
 
 
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -339,3 +339,18 @@ def test_a_patch_with_an_edge_that_is_a_point_does_not_vanish(tolerance, alone):
     mesh = tessellate(Model((lens,) if alone else (lens, bicubic(1.0, 20.0))), tolerance=tolerance)
     assert mesh.groups[0][2] > 0
     assert nearest_distance(lens, mesh) <= tolerance * (1 + SLACK)
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_an_arc_between_knots_that_crowd_is_not_passed_by(apart):
+    """In linear parameters the arc is only as long as the knots are apart: nine times the tolerance was missed."""
+    curve = Patch([0, apart, 2 * apart, 1], [[0, 0], [0.5, 1], [1, 0], [3, 0]])
+    mesh = tessellate(curve, tolerance=0.01)
+    exponents = np.linspace(-30, 30, 4001)[:, None] / apart * curve.knots.T
+    weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+    arc = weights / weights.sum(axis=1, keepdims=True) @ curve.control_points
+    starts, ends = mesh.vertices[mesh.cells[:, 0]], mesh.vertices[mesh.cells[:, 1]]
+    along = np.einsum("ijk,jk->ij", arc[:, None] - starts, ends - starts) / ((ends - starts) ** 2).sum(axis=1)
+    nearest = starts + np.clip(along, 0, 1)[:, :, None] * (ends - starts)
+    assert np.linalg.norm(arc[:, None] - nearest, axis=2).min(axis=1).max() <= 0.01
+    assert len(mesh.cells) < 50
