@@ -94,9 +94,11 @@ class Complex:
 
     @property
     def keeps_patches(self) -> bool:
-        """Whether each patch has a cell left where edges are one point."""
-        _, rows = self.without_collapsed
-        return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all())
+        """Whether each patch has a cell left where edges are one point, and no two cells the same vertices."""
+        if not len(self.collapsed):
+            return True
+        cells, rows = self.without_collapsed
+        return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all()) and not _repeated(cells).any()
 
 
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:

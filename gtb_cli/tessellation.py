@@ -32,7 +32,7 @@ TORIC_LEAST, TORIC_MOST = 20_000, 100
 """A toric mesh of more cells than this, and as many for each of the linear one, is given up: where parameters near the
 edges of Δ are too close to tell apart, more do not help."""
 
-COARSEST = (1, 2, 3)
+COARSEST = (1, 2, 3, 4)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
 and no patch is left without cells."""
 

@@ -508,6 +508,21 @@ def test_a_patch_with_two_edges_that_are_one_keeps_the_tip_between_them(radii, o
         assert gap.max() <= options["tolerance"]
 
 
+def test_a_tip_beside_edges_that_are_points_has_no_cell_twice():
+    """A coarse start had two cells with the same vertices, once the corners between such edges were one."""
+    hexagon = [(0, 0), (2, 0), (4, 2), (4, 4), (2, 4), (0, 2)]
+    middles = [(1, 0), (3, 1), (4, 3), (3, 4), (1, 3), (0, 1)]
+    point, seam = (1.4, 0.9, 0.1), (0.8, 0.9, 0.4)
+    corners = [(-0.4, -0.1, -0.3), point, point, point, (-1.6, -2, 0.1), point]
+    between = [seam, point, point, (-1.2, -2, 2.1), (-0.1, 2, -0.2), seam]
+    inner = [(0.4, 0.3, -0.9), (-1.9, 0.2, 1)]
+    patch = Patch([*hexagon, *middles, (1.64, 2.03), (2.67, 3.24)], [*corners, *between, *inner])
+    for tolerance in (1.0, 0.3, 0.1):
+        mesh = tessellate(Model((patch,)), tolerance=tolerance)
+        assert len(np.unique(np.sort(mesh.cells, axis=1), axis=0)) == len(mesh.cells)
+        assert not len(mesh.crowded_sides)
+
+
 # Where edges do not match
 
 
