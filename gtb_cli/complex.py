@@ -93,7 +93,7 @@ class Complex:
         return cells[rows], rows
 
     @property
-    def keeps_patches(self) -> bool:
+    def is_whole(self) -> bool:
         """Whether each patch has a cell left where edges are one point, and no two cells the same vertices."""
         if not len(self.collapsed):
             return True

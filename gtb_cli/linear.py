@@ -1,7 +1,7 @@
 """The linear parametrisation: a point p of Δ is put where μ(s) = p.
 
 With the knots as control points it is the identity; on an edge of Δ it depends on that edge's knots, weights and
-coefficients alone, so that patches which share an edge share its points. Its faces, each with a moment map of its own.
+coefficients alone, so that patches which share an edge share its points. Each face has a moment map of its own.
 """
 
 from __future__ import annotations

@@ -90,10 +90,10 @@ class MomentMap:
 
     Notes
     -----
-    The inverse minimises the convex function log Σ c_i ω_i exp<a_i, s> − <p, s> by Newton's method with a
-    regularisation that follows the gradient. It starts from the torus coordinates of p as if only the nearest layers
-    of knots counted, or, where weights are extreme and the function is lower there, from the limit in a cell of
-    the regular decomposition that log(c_i ω_i) induces.
+    The inverse minimises the convex function log Σ c_i ω_i exp<a_i, s> − <p, s> by Newton's method: by plain steps
+    where these are short, else with a regularisation that follows the gradient. It starts from the torus coordinates of
+    p as if only the nearest layers of knots counted, corrected by what was found nearby, or, where weights are extreme
+    and the function is lower there, from the limit in a cell of the regular decomposition that log(c_i ω_i) induces.
     """
 
     knots: FloatArray

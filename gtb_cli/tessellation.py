@@ -129,7 +129,7 @@ def fewest_cells(
         else:
             refined = refine(start, sampler, tolerance, max_faces)
         found = refined
-        if refined[0].keeps_patches:
+        if refined[0].is_whole:
             break
 
     # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
@@ -144,7 +144,7 @@ def fewest_cells(
             break
         candidate = joined_complex(patches, joints, n)
         points, distance, holds = sampled(candidate, sampler, tolerance)
-        holds &= candidate.keeps_patches
+        holds &= candidate.is_whole
         if holds and (witnesses is None or are_near(witnesses, points[candidate.cells], tolerance)):
             found, high = (candidate, points), n
         elif found is refined:
