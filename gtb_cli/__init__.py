@@ -9,13 +9,13 @@ TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a t
 
 if TYPE_CHECKING:
     from gtb_cli.errors import DomainError, ExportError, GtbError, SpecError, ToleranceError
-    from gtb_cli.export import write_mesh
-    from gtb_cli.lifting import regular_decomposition
-    from gtb_cli.limits import degenerate, merge_knots, move_knots, regular_control_surface
-    from gtb_cli.mesh import Mesh
-    from gtb_cli.patch import Model, Patch
-    from gtb_cli.spec import load
-    from gtb_cli.tessellation import tessellate
+    from gtb_cli.formats.export import write_mesh
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.spec.loading import load
+    from gtb_cli.tessellation.tessellate import tessellate
+    from gtb_cli.theory.decomposition import regular_decomposition
+    from gtb_cli.theory.degeneration import degenerate, merge_knots, move_knots, regular_control_surface
+    from gtb_cli.theory.patch import Model, Patch
 
 __version__ = "0.1.0"
 
@@ -43,19 +43,19 @@ _ROOMS = {
     "DomainError": "errors",
     "ExportError": "errors",
     "GtbError": "errors",
-    "Mesh": "mesh",
-    "Model": "patch",
-    "Patch": "patch",
+    "Mesh": "meshes.mesh",
+    "Model": "theory.patch",
+    "Patch": "theory.patch",
     "SpecError": "errors",
     "ToleranceError": "errors",
-    "degenerate": "limits",
-    "load": "spec",
-    "merge_knots": "limits",
-    "move_knots": "limits",
-    "regular_control_surface": "limits",
-    "regular_decomposition": "lifting",
-    "tessellate": "tessellation",
-    "write_mesh": "export",
+    "degenerate": "theory.degeneration",
+    "load": "spec.loading",
+    "merge_knots": "theory.degeneration",
+    "move_knots": "theory.degeneration",
+    "regular_control_surface": "theory.degeneration",
+    "regular_decomposition": "theory.decomposition",
+    "tessellate": "tessellation.tessellate",
+    "write_mesh": "formats.export",
 }
 
 

@@ -36,7 +36,7 @@ def main() -> None:
         for stream in (sys.stdout, sys.stderr):
             if stream is not None and hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")
-        from gtb_cli.cli import run
+        from gtb_cli.commands.cli import run
 
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:

@@ -14,8 +14,8 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.domain import Domain
-from gtb_cli.patch import Patch
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.patch import Patch
 
 CONTEXT = mpmath.mp.clone()
 CONTEXT.dps = 50

@@ -65,7 +65,7 @@ def check_message(text: str, pattern: str) -> None:
 def read_spec(data: bytes) -> None:
     """Read a spec; what is read must be written and read again as the same."""
     from gtb_cli.errors import SpecError
-    from gtb_cli.spec import dump, parse
+    from gtb_cli.spec.loading import dump, parse
     from tests.specs import arrays
 
     for format in (None, "json") if data[:1] == b"[" else (None,):
@@ -81,7 +81,7 @@ def read_spec(data: bytes) -> None:
 def read_expression(data: bytes) -> None:
     """Evaluate an expression; a value must be that which Python has for the same text with floats for all numbers."""
     from gtb_cli.errors import SpecError
-    from gtb_cli.expression import CONSTANTS, FUNCTIONS, evaluate_expression
+    from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, evaluate_expression
 
     text = data.decode("utf-8", "replace")
     try:
@@ -101,8 +101,8 @@ def read_mesh(data: bytes) -> None:
     import numpy as np
 
     from gtb_cli.errors import GtbError
-    from gtb_cli.meshfiles import decode_mesh, format_of
-    from tests.meshes import glb_file
+    from gtb_cli.formats.meshfiles import decode_mesh, format_of
+    from tests.tiny_meshes import glb_file
 
     if data[:1] == b"{":
         text, _, binary = data.partition(b"\0")
@@ -156,7 +156,7 @@ def seeds(kind: str) -> list[bytes]:
 
         found += [path.read_bytes() for path in [*GOOD_SPECS, *sorted(BAD_SPECS.iterdir())]]
     elif kind == "mesh":
-        from tests.meshes import curve, encoded, surface
+        from tests.tiny_meshes import curve, encoded, surface
 
         for mesh in (surface(1), curve(2)):
             for format in ("obj", "ply", "glb") if mesh.is_curve else ("obj", "ply", "glb", "stl"):

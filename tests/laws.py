@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtb_cli.basis import Location, torus_coordinates
 from gtb_cli.errors import DomainError
-from gtb_cli.linear import linear_locations
-from gtb_cli.patch import Patch
+from gtb_cli.theory.basis import Location, torus_coordinates
+from gtb_cli.theory.linear import linear_locations
+from gtb_cli.theory.patch import Patch
 
 EPS = float(np.finfo(np.float64).eps)
 

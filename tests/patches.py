@@ -13,7 +13,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError
-from gtb_cli.patch import Patch
+from gtb_cli.theory.patch import Patch
 
 SHIFT = 1e7
 

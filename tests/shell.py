@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from click.testing import CliRunner
 
-from gtb_cli.cli import run
+from gtb_cli.commands.cli import run
 
 REPOSITORY = Path(__file__).parent.parent
 SPECS = REPOSITORY / "specs"

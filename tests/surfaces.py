@@ -6,9 +6,9 @@ from math import factorial
 
 import numpy as np
 
-from gtb_cli.mesh import Mesh
-from gtb_cli.patch import Patch
-from gtb_cli.spec import load
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.spec.loading import load
+from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS
 
 HALF = 2**-0.5

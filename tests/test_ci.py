@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.meshfiles import read_mesh
+from gtb_cli.formats.meshfiles import read_mesh
 from tests.shell import REPOSITORY, SPECS, Result, shell
 
 SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]

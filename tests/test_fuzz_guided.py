@@ -26,7 +26,11 @@ def test_the_judge_sees_what_is_wrong(kind, data, monkeypatch):
     def broken(*_):
         raise KeyError("oh")
 
-    for place in ("gtb_cli.spec.parse", "gtb_cli.expression.evaluate_expression", "gtb_cli.meshfiles.decode_mesh"):
+    for place in (
+        "gtb_cli.spec.loading.parse",
+        "gtb_cli.spec.expression.evaluate_expression",
+        "gtb_cli.formats.meshfiles.decode_mesh",
+    ):
         monkeypatch.setattr(place, broken)
     name, text = judge(kind, data) or ("", "")
     assert name.startswith("KeyError")

@@ -10,9 +10,9 @@ import re
 import numpy as np
 import pytest
 
-from gtb_cli.patch import Model, Patch
-from gtb_cli.spec import dump, load
-from gtb_cli.tessellation import tessellate
+from gtb_cli.spec.loading import dump, load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.patch import Model, Patch
 from tests.shell import REPOSITORY, gtb
 from tests.specs import GOOD_SPECS
 

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from gtb_cli.cli import COMMANDS
+from gtb_cli.commands.cli import COMMANDS
 from tests.shell import REPOSITORY, SPECS, process, shell
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.patch import Model, Patch
-from gtb_cli.spec import load
+from gtb_cli.spec.loading import load
+from gtb_cli.theory.patch import Model, Patch
 from tests.specs import GOOD_SPECS, SPECS
 
 ROUNDING = 4e-16

@@ -11,8 +11,8 @@ import numpy as np
 from gtb_cli.checks import basis, curve, degeneration, lattice, surface
 from gtb_cli.checks.probe import Measure, Outcome, Probe, Status, at_most, not_applicable, number
 from gtb_cli.errors import GtbError, ToleranceError
-from gtb_cli.joints import SAME, SAMPLES, Joints, edge_points, find_joints
-from gtb_cli.patch import Model, Patch
+from gtb_cli.theory.joints import SAME, SAMPLES, Joints, edge_points, find_joints
+from gtb_cli.theory.patch import Model, Patch
 
 __all__ = ["PROPERTIES", "Finding", "ModelReport", "Property", "Report", "check", "check_model", "check_patch"]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.basis import partition_of_unity_coefficients
+from gtb_cli.checks.description import description
 from gtb_cli.checks.probe import (
     ROUNDINGS,
     Outcome,
@@ -19,10 +19,10 @@ from gtb_cli.checks.probe import (
     principal_axes,
     within_rounding,
 )
-from gtb_cli.description import description
-from gtb_cli.domain import EPS, convex_hull
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.moment import RESIDUAL
+from gtb_cli.theory.basis import partition_of_unity_coefficients
+from gtb_cli.theory.domain import EPS, convex_hull
+from gtb_cli.theory.moment import RESIDUAL
 
 THIN = 1e-9
 """Width, as a fraction of the extent, below which the control points are taken as flat for their hull."""

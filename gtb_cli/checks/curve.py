@@ -9,7 +9,6 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.basis import exponents, torus_coordinates
 from gtb_cli.checks.probe import (
     ROUNDINGS,
     Outcome,
@@ -23,10 +22,11 @@ from gtb_cli.checks.probe import (
     principal_axes,
     within_rounding,
 )
-from gtb_cli.domain import EPS
-from gtb_cli.lifting import lifting_of_knot
-from gtb_cli.limits import degenerate
-from gtb_cli.patch import Patch
+from gtb_cli.theory.basis import exponents, torus_coordinates
+from gtb_cli.theory.decomposition import lifting_of_knot
+from gtb_cli.theory.degeneration import degenerate
+from gtb_cli.theory.domain import EPS
+from gtb_cli.theory.patch import Patch
 
 ORDERS = 4
 """Minors of up to this many rows are sampled: each is a sum of at most 24 products."""

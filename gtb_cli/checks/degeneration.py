@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
-from gtb_cli.lifting import regular_decomposition
-from gtb_cli.limits import cells_of, degenerate
-from gtb_cli.linear import LinearParametrization
-from gtb_cli.triangulation import cell_count, triangulation
+from gtb_cli.tessellation.triangulation import cell_count, triangulation
+from gtb_cli.theory.decomposition import regular_decomposition
+from gtb_cli.theory.degeneration import cells_of, degenerate
+from gtb_cli.theory.linear import LinearParametrization
 
 FADED = 30 * math.log(10)
 """Logarithm of what is left of the nearest knot under a cell's plane: a factor 1e-30."""

@@ -11,12 +11,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.basis import Location, torus_coordinates
-from gtb_cli.domain import EPS
-from gtb_cli.limits import merge_knots
-from gtb_cli.linear import LinearParametrization
-from gtb_cli.patch import Patch
-from gtb_cli.triangulation import cell_count, triangulation
+from gtb_cli.tessellation.triangulation import cell_count, triangulation
+from gtb_cli.theory.basis import Location, torus_coordinates
+from gtb_cli.theory.degeneration import merge_knots
+from gtb_cli.theory.domain import EPS
+from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.patch import Patch
 
 Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.basis import torus_coordinates
 from gtb_cli.checks.probe import Outcome, Probe, largest, not_applicable, points_at_torus, within_rounding
-from gtb_cli.patch import Patch
+from gtb_cli.theory.basis import torus_coordinates
+from gtb_cli.theory.patch import Patch
 
 ON_EDGE = 15
 """Parameters inside each edge."""

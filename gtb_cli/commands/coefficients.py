@@ -43,9 +43,9 @@ def coefficients(
     """
     import numpy as np
 
-    from gtb_cli.basis import partition_of_unity_coefficients
-    from gtb_cli.patch import Model
-    from gtb_cli.spec import dump
+    from gtb_cli.spec.loading import dump
+    from gtb_cli.theory.basis import partition_of_unity_coefficients
+    from gtb_cli.theory.patch import Model
 
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):

@@ -31,7 +31,7 @@ def completion(shell: str, output: str, console: Console) -> None:
     """
     from click.shell_completion import get_completion_class
 
-    from gtb_cli.cli import gtb
+    from gtb_cli.commands.cli import gtb
 
     kind = get_completion_class(shell)
     assert kind is not None

@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError, SpecError
 if TYPE_CHECKING:
     from threading import Thread
 
-    from gtb_cli.patch import Model, Patch
+    from gtb_cli.theory.patch import Model, Patch
 
 STANDARD = "-"
 """As the name of a file: standard input or output."""
@@ -158,8 +158,8 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     SpecError
         It cannot be read, or is not right: a line for each error.
     """
-    from gtb_cli.spec import load, parse
-    from gtb_cli.syntax import MAX_BYTES
+    from gtb_cli.spec.document import MAX_BYTES
+    from gtb_cli.spec.loading import load, parse
 
     if path == STANDARD:
         return parse(read_bytes(path, MAX_BYTES + 1), STDIN, spec_format)  # type: ignore[arg-type]

@@ -21,9 +21,9 @@ from gtb_cli.commands.options import (
 from gtb_cli.errors import SpecError
 
 if TYPE_CHECKING:
-    from gtb_cli.lifting import RegularDecomposition
-    from gtb_cli.mesh import Mesh
-    from gtb_cli.patch import Patch
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.theory.decomposition import RegularDecomposition
+    from gtb_cli.theory.patch import Patch
 
 
 @click.command
@@ -54,7 +54,7 @@ def decompose(
     With --net: the control net instead, lines between the control points of knots that are neighbours on the border of
     a cell, as OBJ, PLY or GLB, by the suffix of the output.
     """
-    from gtb_cli.patch import Model
+    from gtb_cli.theory.patch import Model
 
     if net and as_json:
         raise click.UsageError("--net writes a mesh, and --json text: give one of them")
@@ -81,7 +81,7 @@ def decompose(
 
 
 def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str) -> RegularDecomposition:
-    from gtb_cli.lifting import regular_decomposition
+    from gtb_cli.theory.decomposition import regular_decomposition
 
     values = patch.lifting if lifting is None else lifting
     if values is None:
@@ -93,8 +93,8 @@ def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: 
     """Control points, and lines between them; a group for each patch of a model."""
     import numpy as np
 
-    from gtb_cli.lifting import control_net
-    from gtb_cli.mesh import Mesh
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.theory.decomposition import control_net
 
     first = np.cumsum([0] + [len(patch.knots) for patch in patches])
     lines = [np.array(control_net(part)) + start for part, start in zip(parts, first, strict=False)]

@@ -23,7 +23,7 @@ from gtb_cli.errors import DomainError, SpecError
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
-    from gtb_cli.patch import Patch
+    from gtb_cli.theory.patch import Patch
 
 KNOT = "knot:"
 """Before an index, in place of a lifting: 1 at that knot, else 0."""
@@ -38,7 +38,7 @@ def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...
         return None
     if isinstance(value, tuple):
         return tuple(x_of(ctx, param, one) for one in value)
-    from gtb_cli.expression import evaluate_expression
+    from gtb_cli.spec.expression import evaluate_expression
 
     try:
         x = math.inf if value.strip() == "inf" else evaluate_expression(value.strip())
@@ -119,7 +119,7 @@ def degenerate(
     check_length(animation, xs)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
-        from gtb_cli.sequence import degeneration_sequence
+        from gtb_cli.tessellation.sequence import degeneration_sequence
 
         check_kind(options, patch)
         sequence = degeneration_sequence(
@@ -136,7 +136,7 @@ def degenerate(
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
     if isinstance(lifting, int):
-        from gtb_cli.lifting import lifting_of_knot
+        from gtb_cli.theory.decomposition import lifting_of_knot
 
         return lifting_of_knot(len(patch.knots), lifting)
     if lifting is None and patch.lifting is None:

@@ -24,9 +24,9 @@ from gtb_cli.commands.options import (
 from gtb_cli.errors import GtbError
 
 if TYPE_CHECKING:
-    from gtb_cli.complex import Parametrization
-    from gtb_cli.difference import Difference, Point
-    from gtb_cli.meshfiles import KnownMesh
+    from gtb_cli.formats.meshfiles import KnownMesh
+    from gtb_cli.meshes.difference import Difference, Point
+    from gtb_cli.tessellation.complex import Parametrization
 
 DIFFERENT, TROUBLE = 1, 2
 """Exit statuses, as those of diff(1)."""
@@ -126,16 +126,16 @@ def diff(
 
 
 def _compared(first: Side, second: Side, tolerance: float | str | None) -> Difference:
-    from gtb_cli.difference import difference
+    from gtb_cli.meshes.difference import difference
 
     return difference(_load(first), _load(second), tolerance)
 
 
 def _load(side: Side) -> KnownMesh:
     """Read a mesh file, or make the mesh of a spec: what the content says, else the suffix."""
-    from gtb_cli.meshfiles import MAX_BYTES, decode_mesh, format_of, known_exactly
-    from gtb_cli.spec import parse
-    from gtb_cli.syntax import MAX_BYTES as MAX_SPEC_BYTES
+    from gtb_cli.formats.meshfiles import MAX_BYTES, decode_mesh, format_of, known_exactly
+    from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
+    from gtb_cli.spec.loading import parse
 
     path, options, spec_format = side
     shown, suffix = shown_input(path), os.path.splitext(path)[1][1:].lower()

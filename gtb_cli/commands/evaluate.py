@@ -24,7 +24,7 @@ from gtb_cli.errors import DomainError, GtbError, SpecError
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
-    from gtb_cli.patch import Patch
+    from gtb_cli.theory.patch import Patch
 
 LINES = 8192
 """Lines that are evaluated together: always the same, however a pipe cuts them, and so are the last digits."""
@@ -66,7 +66,7 @@ def evaluate(
     """
     if spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
-    from gtb_cli.patch import Model
+    from gtb_cli.theory.patch import Model
 
     loaded = read_spec(spec, spec_format)
     if isinstance(loaded, Model):
@@ -78,8 +78,8 @@ def evaluate(
 
 def _values(patch: Patch, linear: bool, basis: bool) -> Callable[[FloatArray], FloatArray]:
     """Return what is evaluated, as a function of (m, d) parameters."""
-    from gtb_cli.basis import rational_basis, toric_locations
-    from gtb_cli.linear import LinearParametrization
+    from gtb_cli.theory.basis import rational_basis, toric_locations
+    from gtb_cli.theory.linear import LinearParametrization
 
     locate = LinearParametrization(patch.domain, patch.log_products).locations
 

@@ -40,13 +40,13 @@ def fit(points: str, knots: tuple[float, ...] | None, output: str, console: Cons
     2 to 100 of them. Empty lines and what follows a # are skipped. The curve begins in the first point and ends in the
     last, and misses none by more than 1e-12 of the largest coordinate.
     """
-    from gtb_cli.fitting import fit as fitted
+    from gtb_cli.design.fit import fit as fitted
 
     places = _points(points)
     with about(shown_input(points)):
         found = fitted(places, knots)
     name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
-    from gtb_cli.spec import dump
+    from gtb_cli.spec.loading import dump
 
     write_text(output, dump(replace(found.curve, name=name)))
     console.note(f"{len(places)} points, {found.rounds} rounds, {found.distance:.2g} left")

@@ -20,7 +20,7 @@ from gtb_cli.commands.sequences import (
 )
 
 if TYPE_CHECKING:
-    from gtb_cli.film import KnotLimit
+    from gtb_cli.theory.knot_limit import KnotLimit
 
 STEPS = "0,0.4,0.8"
 """Those of Example 4.2 of the paper."""
@@ -94,11 +94,11 @@ def knot_limit(
     check_length(animation, steps)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
-        from gtb_cli.film import knot_limit as limit_of
+        from gtb_cli.theory.knot_limit import knot_limit as limit_of
 
         limit = limit_of(patch, moves)
         if meshes:
-            from gtb_cli.sequence import knot_sequence
+            from gtb_cli.tessellation.sequence import knot_sequence
 
             check_kind(options, patch)
             sequence = knot_sequence(
@@ -112,7 +112,7 @@ def knot_limit(
             )
         text = ""
         if emit_spec:
-            from gtb_cli.spec import dump
+            from gtb_cli.spec.loading import dump
 
             text = dump(limit.merged)
     # What cannot be written is not the spec's fault.

@@ -14,9 +14,9 @@ from gtb_cli.commands.meshing import MeshOptions, is_device
 from gtb_cli.errors import ExportError
 
 if TYPE_CHECKING:
+    from gtb_cli.commands.manifest import Entry
     from gtb_cli.files import StagedFiles
-    from gtb_cli.manifest import Entry
-    from gtb_cli.measures import Measures
+    from gtb_cli.meshes.measures import Measures
 
 
 class Manifest:
@@ -54,7 +54,7 @@ class Manifest:
         self, output: str, measures: Measures, settings: Mapping[str, object], blocks: Iterable[bytes]
     ) -> Iterator[bytes]:
         """Yield the blocks of a file, and record it."""
-        from gtb_cli.manifest import Entry
+        from gtb_cli.commands.manifest import Entry
 
         self._entries.append(entry := Entry(self._name(output), settings, measures))
         return entry.over(blocks)
@@ -92,6 +92,6 @@ class Manifest:
         return name.replace(os.sep, "/")
 
     def _text(self) -> str:
-        from gtb_cli.manifest import manifest_text
+        from gtb_cli.commands.manifest import manifest_text
 
         return manifest_text(self.options.settings, self._entries)

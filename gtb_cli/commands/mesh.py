@@ -26,8 +26,8 @@ from gtb_cli.errors import GtbError, RequirementError
 
 if TYPE_CHECKING:
     from gtb_cli.commands.manifests import Manifest
-    from gtb_cli.measures import Measures
-    from gtb_cli.patch import Model, Patch
+    from gtb_cli.meshes.measures import Measures
+    from gtb_cli.theory.patch import Model, Patch
 
 
 @click.command
@@ -184,7 +184,7 @@ def _encoded(task: Task) -> Encoded | GtbError:
             mesh, remarks = options.mesh_with_remarks(spec)
             blocks = options.encoded(mesh, kind)
             if measured:
-                from gtb_cli.measures import measure
+                from gtb_cli.meshes.measures import measure
 
                 measures = measure(mesh)
     except GtbError as error:

@@ -15,15 +15,15 @@ from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError,
 if TYPE_CHECKING:
     from gtb_cli.arrays import IntArray
     from gtb_cli.commands.manifests import Manifest
-    from gtb_cli.complex import Parametrization
-    from gtb_cli.mesh import Mesh
-    from gtb_cli.patch import Model, Patch
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.tessellation.complex import Parametrization
+    from gtb_cli.theory.patch import Model, Patch
 
 FORMATS = ("obj", "ply", "stl", "glb")
-"""As `gtb_cli.export.FORMATS`, which costs an import of numpy."""
+"""As `gtb_cli.formats.export.FORMATS`, which costs an import of numpy."""
 
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
-"""As `gtb_cli.curvature.ATTRIBUTES`, likewise."""
+"""As `gtb_cli.theory.curvature.ATTRIBUTES`, likewise."""
 
 RESOLUTION = 32
 MAX_FACES = 5_000_000
@@ -90,8 +90,8 @@ class MeshOptions:
 
     def mesh_with_remarks(self, spec: Patch | Model) -> tuple[Mesh, list[str]]:
         """Make the mesh of a spec, and say what is unusual about its shape."""
-        from gtb_cli.patch import Model
-        from gtb_cli.tessellation import tessellate
+        from gtb_cli.tessellation.tessellate import tessellate
+        from gtb_cli.theory.patch import Model
 
         tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
@@ -110,7 +110,7 @@ class MeshOptions:
                 )
         parametrization = self.parametrization_for(spec)
         if self.attributes:
-            from gtb_cli.curvature import with_attributes
+            from gtb_cli.theory.curvature import with_attributes
 
             mesh, replaced = with_attributes(spec, mesh, self.attributes, parametrization)
             if replaced:
@@ -119,7 +119,7 @@ class MeshOptions:
                     "which get the mean of their neighbours'"
                 )
         if self.radius is not None:
-            from gtb_cli.tube import curve_tangents, folded_segments, tube
+            from gtb_cli.meshes.tube import curve_tangents, folded_segments, tube
 
             tangents = None
             if mesh.is_curve and not isinstance(spec, Model):
@@ -131,7 +131,7 @@ class MeshOptions:
                 )
             mesh = tube(mesh, self.radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces)
         elif self.thickness is not None:
-            from gtb_cli.solid import folded_faces, thicken
+            from gtb_cli.meshes.solid import folded_faces, thicken
 
             folded = folded_faces(mesh, self.thickness)
             if len(folded):
@@ -145,7 +145,7 @@ class MeshOptions:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation import tessellate
+        from gtb_cli.tessellation.tessellate import tessellate
 
         low, high = tessellate(spec, BOUNDS_RESOLUTION, normals=False).bounds
         diagonal = math.dist(low, high)
@@ -155,7 +155,7 @@ class MeshOptions:
 
     def parametrization_for(self, spec: Patch | Model) -> Parametrization:
         """Return the parametrization that was asked for, or else the one that suits."""
-        from gtb_cli.patch import Model
+        from gtb_cli.theory.patch import Model
 
         suitable: Parametrization = "linear" if isinstance(spec, Model) or self.tolerance is not None else "toric"
         return self.parametrization or suitable
@@ -175,13 +175,13 @@ class MeshOptions:
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""
-        from gtb_cli.export import encode_mesh
+        from gtb_cli.formats.export import encode_mesh
 
         return encode_mesh(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
         """What the user should know of such a file."""
-        from gtb_cli.export import warnings_for
+        from gtb_cli.formats.export import warnings_for
 
         messages = warnings_for(mesh, kind, ascii=self.ascii, normals=self.normals, uv=self.uv)
         if self.attributes and kind != "ply":
@@ -212,13 +212,13 @@ class MeshOptions:
 
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
-        from gtb_cli.patch import Model
-        from gtb_cli.triangulation import cell_count
+        from gtb_cli.tessellation.triangulation import cell_count
+        from gtb_cli.theory.patch import Model
 
         patches = spec.patches if isinstance(spec, Model) else (spec,)
         cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
         if self.radius is not None:
-            from gtb_cli.tube import SIDES
+            from gtb_cli.meshes.tube import SIDES
 
             return 2 * SIDES * cells
         if self.thickness is not None:
@@ -266,7 +266,7 @@ class MeshOptions:
             if manifest is None:
                 write_blocks(output, blocks)
             else:
-                from gtb_cli.measures import measure
+                from gtb_cli.meshes.measures import measure
 
                 blocks = manifest.recorded(output, measure(mesh), self.settings_for(spec), blocks)
                 manifest.write_with(output, blocks)
@@ -280,8 +280,8 @@ def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
     count = len(mesh.open_sides)
     if not count:
         return
-    from gtb_cli.joints import edge_name, find_joints, obstacles
-    from gtb_cli.patch import Model
+    from gtb_cli.theory.joints import edge_name, find_joints, obstacles
+    from gtb_cli.theory.patch import Model
 
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     joints = find_joints(patches)

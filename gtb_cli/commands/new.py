@@ -10,7 +10,7 @@ from gtb_cli.commands.console import STANDARD, Console, write_text
 from gtb_cli.commands.options import console_option, output_option
 
 TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
-"""As `gtb_cli.templates.TEMPLATES`, which are text enough to be read when they are needed."""
+"""As `gtb_cli.spec.templates.TEMPLATES`, which are text enough to be read when they are needed."""
 
 
 @click.command
@@ -27,7 +27,7 @@ def new(template: str, sides: int | None, output: str, console: Console) -> None
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
     several patches). A file that is there already is not overwritten.
     """
-    from gtb_cli import templates
+    from gtb_cli.spec import templates
 
     text = templates.template(template, sides)
     if output != STANDARD and os.path.isfile(output):

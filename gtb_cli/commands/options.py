@@ -16,7 +16,7 @@ from gtb_cli.errors import SpecError
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from gtb_cli.complex import Parametrization
+    from gtb_cli.tessellation.complex import Parametrization
 
 Function: TypeAlias = Callable[..., object]
 
@@ -42,7 +42,7 @@ def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
     """Read numbers, or number expressions as in a spec, separated by commas."""
     if value is None:
         return None
-    from gtb_cli.expression import evaluate_expression
+    from gtb_cli.spec.expression import evaluate_expression
 
     try:
         return tuple(evaluate_expression(part.strip()) for part in value.split(","))
@@ -54,7 +54,7 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     """Read a number other than zero, or a number expression as in a spec."""
     if value is None:
         return None
-    from gtb_cli.expression import evaluate_expression
+    from gtb_cli.spec.expression import evaluate_expression
 
     try:
         number = evaluate_expression(value.strip())

@@ -23,8 +23,8 @@ from gtb_cli.commands.options import file_names
 from gtb_cli.errors import ExportError, SpecError
 
 if TYPE_CHECKING:
-    from gtb_cli.patch import Patch
-    from gtb_cli.sequence import MeshSequence
+    from gtb_cli.tessellation.sequence import MeshSequence
+    from gtb_cli.theory.patch import Patch
 
 RECORD = "sequence.json"
 
@@ -48,7 +48,7 @@ output_option = click.option(
 
 def read_patch(path: str, spec_format: str | None) -> Patch:
     """Read a spec of a single patch."""
-    from gtb_cli.patch import Patch
+    from gtb_cli.theory.patch import Patch
 
     spec = read_spec(path, spec_format)
     if not isinstance(spec, Patch):
@@ -101,7 +101,7 @@ def _is_animated_file(options: MeshOptions, output: str) -> bool:
 def check_length(animation: bool, values: Iterable[float]) -> None:
     """Refuse an animation of too many meshes before they are made: there is one for each value at least."""
     if animation:
-        from gtb_cli.morph import check_count
+        from gtb_cli.formats.morph import check_count
 
         check_count(len(set(values)))
 
@@ -173,7 +173,7 @@ def _write_animation(
     sequence: MeshSequence, labels: list[str], output: str, options: MeshOptions, console: Console
 ) -> list[str]:
     """Write one file, and return warnings, each once."""
-    from gtb_cli.morph import animated_glb
+    from gtb_cli.formats.morph import animated_glb
 
     extras = {"sequence": sequence.record(labels, "label")}
     blocks = animated_glb(sequence.meshes, labels, normals=options.normals, uv=options.uv, extras=extras)

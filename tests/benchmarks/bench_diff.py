@@ -8,12 +8,12 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from gtb_cli.difference import difference
-from gtb_cli.export import encode_mesh
-from gtb_cli.mesh import Mesh
-from gtb_cli.meshfiles import decode_mesh, known_exactly
+from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.meshfiles import decode_mesh, known_exactly
+from gtb_cli.meshes.difference import difference
+from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired
-from tests.meshes import surface
+from tests.tiny_meshes import surface
 
 SEGMENTS, OTHER_SEGMENTS = 707, 711
 """One million triangles, nearly."""

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
-from gtb_cli.linear import LinearParametrization
-from gtb_cli.patch import Patch
-from gtb_cli.spec import load
-from gtb_cli.triangulation import triangulation
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.triangulation import triangulation
+from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired
 
 SPECS = Path(__file__).parent.parent.parent / "specs"

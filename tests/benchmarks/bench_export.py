@@ -9,11 +9,11 @@ from trimesh.exchange.obj import export_obj
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
-from gtb_cli.export import encode_mesh
-from gtb_cli.mesh import Mesh
-from gtb_cli.obj import ROWS, decimals
+from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.obj import ROWS, decimals
+from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired
-from tests.meshes import surface
+from tests.tiny_meshes import surface
 
 SEGMENTS = 1000
 

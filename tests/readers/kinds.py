@@ -12,10 +12,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gtb_cli.commands.meshing import MeshOptions
-from gtb_cli.mesh import Mesh
-from gtb_cli.morph import animated_glb
-from gtb_cli.sequence import degeneration_sequence
-from gtb_cli.spec import load
+from gtb_cli.formats.morph import animated_glb
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.sequence import degeneration_sequence
 from tests.shell import SPECS
 
 SINGLE = 2.0**-22

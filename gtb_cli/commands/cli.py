@@ -1,0 +1,183 @@
+"""The `gtb` command: the list of its commands, and the one place where errors become messages and exit statuses."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+import click
+
+from gtb_cli import __version__
+from gtb_cli.commands.console import abandon_stdout, complain, say
+from gtb_cli.errors import GtbError, RequirementError
+
+AS_JSON = "gtb_cli.as_json"
+"""Key of what the context of `gtb` knows: whether --json is among its own options."""
+
+DONE, REFUSED, FAILED = 0, 1, 2
+"""Exit statuses; a comparison that says no ends with `click.exceptions.Exit`, a requirement with its error."""
+
+COMMANDS = {
+    "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
+    "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
+    "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
+    "decompose": ("gtb_cli.commands.decompose:decompose", "Print the regular decomposition that a lifting induces."),
+    "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
+    "knot-limit": ("gtb_cli.commands.knot_limit:knot_limit", "Mesh a patch whose knots move to others, and the limit."),
+    "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
+    "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
+    "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
+    "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
+    "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
+    "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
+    "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
+    "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
+    "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
+}
+"""Each command's name, where it is (imported only when it is called), and what it does in a line."""
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands by name, and imports the one that is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of `COMMANDS`."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        place, summary = COMMANDS[cmd_name]
+        module, _, attribute = place.partition(":")
+        command: click.Command = getattr(import_module(module), attribute)
+        command.short_help = summary
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that the arguments name, or suggest the one that was meant."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            import difflib
+
+            likely = difflib.get_close_matches(name, COMMANDS, n=1)
+            suggestion = f" Did you mean {likely[0]}?" if likely else ""
+            raise click.UsageError(f"No such command: {name or repr(name)}.{suggestion}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+
+def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if not value or ctx.resilient_parsing:
+        return
+    click.echo(_versions() if ctx.meta.get(AS_JSON) else f"gtb {__version__}")
+    ctx.exit()
+
+
+def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    ctx.meta[AS_JSON] = value
+
+
+def _versions() -> str:
+    """Versions of all that takes part in a result, as a JSON object."""
+    import json
+    import platform
+
+    from gtb_cli.commands.manifest import versions
+
+    return json.dumps(versions(("numpy", "scipy", "trimesh", "click")) | {"python": platform.python_version()})
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--json",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_note_json,
+    help="Say errors as a JSON object, and so the version. For commands with an option --json that does it, too.",
+)
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Say the version; with --json, those of Python and the packages, too.",
+)
+def gtb() -> None:
+    """\b
+    Example: gtb mesh specs/pentagon.toml -o pentagon.obj
+
+    Generalized toric-Bézier patches: from a short text description to a mesh.
+
+    A SPEC is a TOML or JSON file, or - for standard input. Data go to standard output unless -o names a file;
+    messages go to standard error. Exit status: 0 done, 1 a comparison or check said no, 2 an error, 130 after Ctrl-C.
+    """
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command line and return its exit status.
+
+    Every error is said in a line on standard error, or with --json all in one object; a reader that closes its pipe has
+    got what it wanted.
+    """
+    errors: list[str] = []
+    status = FAILED
+    try:
+        if "_GTB_COMPLETE" in os.environ:
+            gtb.main(list(arguments), prog_name="gtb", complete_var="_GTB_COMPLETE", standalone_mode=False)
+        with gtb.make_context("gtb", list(arguments)) as context:
+            gtb.invoke(context)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return DONE
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except click.exceptions.NoArgsIsHelpError as error:
+        say(error.format_message())
+    except click.UsageError as error:
+        errors.append(_usage_text(error))
+    except click.ClickException as error:
+        errors.append(error.format_message())
+    except GtbError as error:
+        errors += str(error).split("\n")
+        status = REFUSED if isinstance(error, RequirementError) else FAILED
+    except BrokenPipeError:
+        abandon_stdout()
+        return DONE
+    except MemoryError:
+        errors.append("not enough memory for this")
+    except OSError as error:
+        abandon_stdout()
+        errors.append(f"{error.filename or 'cannot write standard output'}: {error.strerror or error}")
+    except Exception as error:  # noqa: BLE001 -- the last resort: whatever it is, a person gets a message
+        errors.append(
+            f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"
+        )
+        if os.environ.get("GTB_TRACEBACK"):
+            import traceback
+
+            say(traceback.format_exc().rstrip())
+    if "--json" in arguments and errors:
+        import json
+
+        say(json.dumps({"errors": errors, "status": status}, ensure_ascii=False))
+    else:
+        for line in errors:
+            complain(line)
+    return status
+
+
+def _usage_text(error: click.UsageError) -> str:
+    text = " ".join(error.format_message().split())
+    if text.endswith("?") or error.ctx is None:
+        return text
+    return f"{text.rstrip('.')}. Try '{error.ctx.command_path} --help'."

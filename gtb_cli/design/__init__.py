@@ -1,0 +1,1 @@
+"""What makes specs: curves through points."""

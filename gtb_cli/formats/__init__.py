@@ -1,0 +1,1 @@
+"""Mesh to bytes and back, and what each format can hold."""

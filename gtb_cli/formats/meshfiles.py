@@ -1,0 +1,180 @@
+"""Mesh files to meshes: OBJ, PLY, STL and GLB, of any program.
+
+These are read here and not by trimesh, which reads neither OBJ `l` nor PLY edges, puts vertices into another order,
+takes damaged files for good ones, and needs 0.5 s to be imported.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.content import Content, largest_coordinates
+from gtb_cli.meshes.mesh import Mesh
+
+FORMATS = ("obj", "ply", "stl", "glb")
+
+MAX_BYTES = 1 << 31
+"""Larger files are refused."""
+
+LARGEST = 2.0**1000
+"""Of a coordinate; differences of larger ones may be no numbers."""
+
+ROUNDING = 2.0**-50
+"""Part of the largest coordinate that is rounding: some operations of double precision."""
+
+
+MAX_TEXT = 300
+"""Characters of an error, or of a name."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownMesh:
+    """A mesh, and how exactly its numbers are known.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    half_steps : (3,) float
+        How far a coordinate along each axis may be from the number that was meant: half a unit of the last digit or bit
+        that the file has at the size of the largest coordinate, and some roundings.
+    format : str
+        One of `FORMATS`, or ``"spec"``.
+    """
+
+    mesh: Mesh
+    half_steps: FloatArray
+    format: str
+
+
+def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
+    """Read a mesh file.
+
+    Parameters
+    ----------
+    path : str or path-like
+    format : {"obj", "ply", "stl", "glb"}, optional
+        By default what the content says.
+
+    Returns
+    -------
+    Mesh
+        Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
+        Corners of an STL file's facets are one vertex where they are at exactly the same place. Normals and texture
+        coordinates are not read.
+
+    Raises
+    ------
+    GtbError
+        The file cannot be read: one line that names it.
+    """
+    shown = os.fspath(path)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise GtbError(f"{shown}: {reason or error}") from None
+    return decode_mesh(data, shown, format).mesh
+
+
+def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh:
+    """Read a mesh from the bytes of a file; `shown` is its name in errors. See `read_mesh`."""
+    try:
+        if not data:
+            raise GtbError("is empty")
+        if len(data) > MAX_BYTES:
+            raise GtbError(f"is larger than {MAX_BYTES >> 30} GB")
+        kind = format or format_of(data)
+        if kind not in FORMATS:
+            raise GtbError("is no mesh: expected OBJ, PLY, STL or GLB")
+        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+            content = _content(data, kind)
+        _check(content)
+    except GtbError as error:
+        raise GtbError(f"{shown}: {_printable(str(error))}") from None
+    groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
+    half_steps = content.half_steps + rounding(content.vertices)
+    return KnownMesh(Mesh(content.vertices, content.cells, groups=groups), half_steps, kind)
+
+
+def known_exactly(mesh: Mesh) -> KnownMesh:
+    """A mesh that was computed here."""
+    return KnownMesh(mesh, rounding(mesh.vertices), "spec")
+
+
+def rounding(vertices: FloatArray) -> FloatArray:
+    """(3,) error of computed coordinates along each axis."""
+    return largest_coordinates(vertices) * ROUNDING
+
+
+def format_of(data: bytes) -> str | None:
+    """Tell the format of a mesh file from its content; None if it is none of them."""
+    if data.startswith(b"glTF"):
+        return "glb"
+    if data.startswith((b"ply\n", b"ply\r")):
+        return "ply"
+    facets = int.from_bytes(data[80:84], "little")
+    if len(data) == 84 + 50 * facets and len(data) > 84:
+        return "stl"
+    start = data[:4096].lstrip()
+    if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
+        return "stl"
+    for line in data[:65536].splitlines():
+        words = line.split(None, 1)
+        if words and not words[0].startswith(b"#"):
+            return "obj" if words[0] in _OBJ_STARTS and b"=" not in line else None
+    return None
+
+
+_OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l"}
+
+
+def _content(data: bytes, kind: str) -> Content:
+    if kind == "obj":
+        from gtb_cli.formats.obj_reader import read_obj
+
+        return read_obj(data)
+    if kind == "ply":
+        from gtb_cli.formats.ply import read_ply
+
+        return read_ply(data)
+    if kind == "stl":
+        from gtb_cli.formats.stl import read_stl
+
+        return read_stl(data)
+    from gtb_cli.formats.glb import read_glb
+
+    return read_glb(data)
+
+
+def _printable(text: str) -> str:
+    """Text of a file that may stand on a terminal: not long, and without control characters."""
+    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_TEXT])
+    return kept + ("…" if len(text) > MAX_TEXT else "")
+
+
+def _check(content: Content) -> None:
+    """What every mesh has: vertices that are numbers, and cells of them."""
+    vertices, cells = content.vertices, content.cells
+    if not len(vertices):
+        raise GtbError("has no vertices")
+    if not len(cells):
+        raise GtbError("has neither faces nor segments")
+    low, high = int(cells.min()), int(cells.max())
+    if low < 0 or high >= len(vertices):
+        cell = int(np.flatnonzero(((cells < 0) | (cells >= len(vertices))).any(axis=1))[0])
+        what = "segment" if cells.shape[1] == 2 else "face"
+        raise GtbError(
+            f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
+        )
+    with np.errstate(invalid="ignore"):
+        wrong = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
+    if len(wrong):
+        row = vertices[wrong[0]]
+        reason = "too large" if np.isfinite(row).all() else "not finite"
+        raise GtbError(f"vertex {wrong[0]}: is {reason}: {' '.join(f'{x:g}' for x in row)}")

@@ -1,0 +1,176 @@
+"""A sequence of meshes in one GLB file that other programs play: morph targets, and an animation through them.
+
+The first mesh is written as `export` writes any GLB file, by trimesh if it has faces; the targets and the animation are
+added to that file. trimesh's exporter knows neither. It has a hook for more buffers, but its lines do not keep the
+vertices of a curve, and curves and surfaces are to be animated in one way.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import ExportError
+from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.records import mark_views
+from gtb_cli.meshes.mesh import Mesh
+
+SECONDS = 1.0
+"""From one mesh to the next."""
+
+MOST = 1000
+"""Meshes of an animation: the weights are a square table of them."""
+
+_SINGLE = np.dtype("<f4")
+_FLOAT = 5126  # glTF's number for it
+_LARGEST = 2**32 - 1  # bytes of a GLB file
+
+
+def animated_glb(
+    meshes: Sequence[Mesh],
+    labels: Sequence[str],
+    *,
+    normals: bool = False,
+    uv: bool = False,
+    extras: Mapping[str, Any] | None = None,
+) -> list[bytes]:
+    """Encode meshes with the same cells as a GLB file that shows the first and plays through to the last.
+
+    Parameters
+    ----------
+    meshes : sequence of Mesh
+        Curves or surfaces, with the same cells and the same parameters.
+    labels : sequence of str
+        A name for each; those of the morph targets, which are all meshes but the first.
+    normals, uv : bool
+        Include the unit normals of surfaces, which are morphed too; the parameters as texture coordinates.
+    extras : mapping, optional
+        What else the file says of the mesh, as JSON.
+
+    Returns
+    -------
+    list of bytes
+        The blocks of the file. It has one mesh, and an animation of its weights that is `SECONDS` long from each mesh
+        to the next and linear between. The same meshes give the same bytes.
+
+    Raises
+    ------
+    ExportError
+        Cells that differ, more meshes than `MOST`, or coordinates beyond 32-bit numbers.
+
+    Notes
+    -----
+    A target holds what the mesh has more than the first one as that is stored, so that at its time every vertex is
+    right to the rounding of 32-bit numbers. It takes 12 bytes a vertex, and as many with normals.
+
+    References
+    ----------
+    glTF 2.0, sections 3.7.2.2 (morph targets) and 3.11 (animations).
+    """
+    first, *others = meshes
+    check_count(len(meshes))
+    if any(not np.array_equal(mesh.cells, first.cells) for mesh in others):
+        raise ExportError("GLB: the meshes of an animation must have the same cells")
+    file = _File(b"".join(encode_mesh(replace(first, groups=()), "glb", normals=normals, uv=uv)))
+    (mesh,) = file.tree["meshes"]
+    (primitive,) = mesh["primitives"]
+    mesh["extras"] = {**extras} if extras else {}
+    if others:
+        stored = {name: file.vectors(primitive["attributes"][name]) for name in _morphed(first, normals)}
+        primitive["targets"] = [
+            {
+                name: file.add(_single(_morphed(other, normals)[name] - base, f"{label}: {name}"), "VEC3")
+                for name, base in stored.items()
+            }
+            for other, label in zip(others, labels[1:], strict=True)
+        ]
+        mark_views(file.tree)
+        mesh["weights"] = [0.0] * len(others)
+        mesh["extras"]["targetNames"] = list(labels[1:])
+        sampler = {
+            "input": file.add((np.arange(len(meshes)) * SECONDS).astype(_SINGLE), "SCALAR"),
+            "output": file.add(np.eye(len(meshes), dtype=_SINGLE)[:, 1:].ravel(), "SCALAR"),
+            "interpolation": "LINEAR",
+        }
+        node = next(number for number, node in enumerate(file.tree["nodes"]) if "mesh" in node)
+        channel = {"sampler": 0, "target": {"node": node, "path": "weights"}}
+        file.tree["animations"] = [{"name": mesh["name"], "samplers": [sampler], "channels": [channel]}]
+    return file.blocks()
+
+
+def check_count(meshes: int) -> None:
+    """Refuse an animation of more than `MOST` meshes."""
+    if meshes > MOST:
+        raise ExportError(f"GLB: an animation of {meshes} meshes, more than {MOST}: the files of a folder may be more")
+
+
+class _File:
+    """A GLB file to which arrays of 32-bit numbers are added."""
+
+    def __init__(self, data: bytes) -> None:
+        (size,) = np.frombuffer(data, "<u4", 1, 12).tolist()
+        self.tree: dict[str, Any] = json.loads(data[20 : 20 + size])
+        self._body = data[28 + size :]
+        self._added: list[bytes] = []
+        self._length = len(self._body)
+
+    def vectors(self, accessor: int) -> FloatArray:
+        """Vectors that the file had at first, as they are stored."""
+        described = self.tree["accessors"][accessor]
+        start = self.tree["bufferViews"][described["bufferView"]]["byteOffset"]
+        values = np.frombuffer(self._body, _SINGLE, 3 * described["count"], start)
+        return values.reshape(-1, 3).astype(np.float64)
+
+    def add(self, values: NDArray[np.float32], kind: str) -> int:
+        """Append an array, and return the number of its accessor."""
+        chunk = values.tobytes()
+        rows = values.reshape(len(values), -1)
+        self.tree["bufferViews"].append({"buffer": 0, "byteOffset": self._length, "byteLength": len(chunk)})
+        self.tree["accessors"].append(
+            {
+                "bufferView": len(self.tree["bufferViews"]) - 1,
+                "componentType": _FLOAT,
+                "count": len(values),
+                "type": kind,
+                "min": rows.min(axis=0).tolist(),
+                "max": rows.max(axis=0).tolist(),
+            }
+        )
+        self._added.append(chunk)
+        self._length += len(chunk)
+        return len(self.tree["accessors"]) - 1
+
+    def blocks(self) -> list[bytes]:
+        """Return the whole file."""
+        self.tree["buffers"][0]["byteLength"] = self._length
+        text = json.dumps(self.tree, separators=(",", ":")).encode("ascii")
+        text += b" " * (-len(text) % 4)
+        total = 28 + len(text) + self._length
+        if total > _LARGEST:
+            raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
+        sizes = np.array([total, len(text), self._length], dtype="<u4")
+        whole, text_size, body_size = (size.tobytes() for size in sizes)
+        return [b"glTF\2\0\0\0", whole, text_size, b"JSON", text, body_size, b"BIN\0", self._body, *self._added]
+
+
+def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:
+    """What differs from mesh to mesh, by its name in glTF."""
+    if not normals or mesh.is_curve:
+        return {"POSITION": mesh.vertices}
+    if mesh.normals is None:
+        raise ExportError("normals: the mesh has none")
+    return {"POSITION": mesh.vertices, "NORMAL": mesh.normals}
+
+
+def _single(values: FloatArray, label: str) -> NDArray[np.float32]:
+    with np.errstate(over="ignore", under="ignore"):
+        rounded = values.astype(_SINGLE)
+    if not np.isfinite(rounded).all():
+        raise ExportError(f"GLB: {label}: too large for 32-bit numbers")
+    return rounded

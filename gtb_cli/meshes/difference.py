@@ -1,0 +1,272 @@
+"""Whether two meshes are the same within a tolerance, and what differs where."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.formats.meshfiles import KnownMesh
+from gtb_cli.meshes.compare import surface_distance
+from gtb_cli.meshes.measures import Measures, measure
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.welding import weld
+
+DEFAULT_TOLERANCE = 1e-9
+"""Part of the diagonal of the bounding box. Other processors and libraries change meshes by 1e-13 of it or so; a
+control point that is moved by 1e-6 moves the surface by more than this wherever it has a thousandth of the weight."""
+
+PART = 0.1
+"""Part of the tolerance that the error of a distance between surfaces is to stay below."""
+
+Method: TypeAlias = Literal["vertices", "surface"]
+Point: TypeAlias = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Farthest:
+    """The point of a mesh that is farthest from another mesh.
+
+    Attributes
+    ----------
+    distance : float
+    at : tuple of 3 float
+    """
+
+    distance: float
+    at: Point
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How two meshes differ. Made by `difference`.
+
+    Attributes
+    ----------
+    method : {"vertices", "surface"}
+        Whether vertices were compared one by one, as the meshes have the same cells, or the surfaces (or curves).
+    distance, bound : float
+        Largest distance found, and what it is at most: the same for vertices.
+    tolerance : float
+        What the distance may be.
+    asked : float or None
+        The tolerance that was asked for; None: the default.
+    resolution : float
+        Distance of two points with the same coordinates but for what the files cannot hold; no tolerance is below.
+    diagonal : float
+        Of the bounding box of the smaller mesh.
+    forward, backward : Farthest
+        From the first mesh to the second, and the other way.
+    mean : float or None
+        Mean distance of vertices.
+    vertex, other_vertex : int or None
+        Indices of the vertices at the largest distance.
+    group : str
+        Name of the part of the first mesh that has the farthest vertex, where it has parts.
+    first, second : Measures or None
+        Of the meshes; None where vertices were compared.
+    same_kind : bool
+        False where one is a curve and the other a surface: these are never the same.
+    turned : int
+        Faces of the second mesh that look to the other side than in the first, where vertices were compared. They are
+        in the same place, so that this alone is no difference.
+    """
+
+    method: Method
+    distance: float
+    bound: float
+    tolerance: float
+    asked: float | None
+    resolution: float
+    diagonal: float
+    forward: Farthest
+    backward: Farthest
+    mean: float | None = None
+    vertex: int | None = None
+    other_vertex: int | None = None
+    group: str = ""
+    first: Measures | None = None
+    second: Measures | None = None
+    same_kind: bool = True
+    turned: int = 0
+
+    @property
+    def same(self) -> bool:
+        """Whether the meshes are the same within the tolerance."""
+        return self.same_kind and self.distance <= self.tolerance
+
+    @property
+    def is_proved(self) -> bool:
+        """Whether nothing can be farther apart than the tolerance by more than a tenth of it, if they are the same."""
+        return not self.same or self.bound <= (1 + PART) * self.tolerance
+
+
+def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None) -> Difference:
+    """Compare two meshes.
+
+    Parameters
+    ----------
+    a, b : KnownMesh
+    tolerance : float or str, optional
+        In model units, or as ``"1%"`` of the diagonal of the bounding box of the smaller mesh. By default
+        `DEFAULT_TOLERANCE` of it. In any case not less than the resolution.
+
+    Returns
+    -------
+    Difference
+
+    Notes
+    -----
+    The resolution is what rounding to the numbers that the files have can make of equal points: for each coordinate
+    half a unit of the last place in either file, at the size of the largest. Meshes have the same cells if these have
+    the same corners in the same order, where vertices with equal coordinates, as in an STL file, count as one; or in
+    any order, as other programs write them, where each vertex has one of its own within the tolerance.
+    """
+    diagonal = min(_diagonal(a.mesh), _diagonal(b.mesh))
+    steps = a.half_steps + b.half_steps
+    resolution = math.hypot(*steps.tolist())
+    asked = None
+    allowed = DEFAULT_TOLERANCE * diagonal
+    if tolerance is not None:
+        asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
+        allowed = asked
+    allowed = max(allowed, resolution)
+    pairs = _pairs(a.mesh, b.mesh, allowed)
+    turned = 0
+    if pairs is None:
+        found_pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
+        if found_pairs is not None:
+            pairs, turned = found_pairs
+    made = partial(Difference, tolerance=allowed, asked=asked, resolution=resolution, diagonal=diagonal)
+    if pairs is not None:
+        distances = _distances(a.mesh.vertices[pairs[0]], b.mesh.vertices[pairs[1]])
+        place = int(distances.argmax())
+        vertex, other = int(pairs[0][place]), int(pairs[1][place])
+        distance = float(distances[place])
+        return made(
+            method="vertices",
+            distance=distance,
+            bound=distance,
+            forward=Farthest(distance, _point(a.mesh, vertex)),
+            backward=Farthest(distance, _point(b.mesh, other)),
+            mean=float(distances.mean()),
+            vertex=vertex,
+            other_vertex=other,
+            group=_group(a.mesh, vertex),
+            turned=turned,
+        )
+    found = surface_distance(a.mesh, b.mesh, PART * allowed)
+    return made(
+        method="surface",
+        distance=found.value,
+        bound=found.bound,
+        forward=Farthest(found.forward, found.forward_at),
+        backward=Farthest(found.backward, found.backward_at),
+        first=measure(a.mesh),
+        second=measure(b.mesh),
+        same_kind=a.mesh.is_curve == b.mesh.is_curve,
+    )
+
+
+def _diagonal(mesh: Mesh) -> float:
+    used = mesh.vertices[mesh.cells.ravel()] if len(mesh.cells) < len(mesh.vertices) else mesh.vertices
+    half = used.max(axis=0) / 2 - used.min(axis=0) / 2
+    exponent = int(np.frexp(half.max())[1])
+    return float(np.ldexp(np.linalg.norm(np.ldexp(half, -exponent)), exponent + 1))
+
+
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) distances of points, in a unit in which squares neither over- nor underflow."""
+    apart = a - b
+    exponent = int(np.frexp(np.abs(apart).max(initial=0.0))[1])
+    apart = np.ldexp(apart, -exponent)
+    return np.asarray(np.ldexp(np.sqrt(np.einsum("ij,ij->i", apart, apart)), exponent))
+
+
+def _point(mesh: Mesh, vertex: int) -> Point:
+    x, y, z = mesh.vertices[vertex].tolist()
+    return x, y, z
+
+
+def _group(mesh: Mesh, vertex: int) -> str:
+    if len(mesh.groups) < 2:
+        return ""
+    cells = np.flatnonzero((mesh.cells == vertex).any(axis=1))
+    return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
+
+
+def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None:
+    """Indices of the vertices that belong together, if both meshes have the same cells, else None."""
+    if a.cells.shape != b.cells.shape:
+        return None
+    if len(a.vertices) == len(b.vertices) and np.array_equal(a.cells, b.cells):
+        every = np.arange(len(a.vertices))
+        return every, every
+    corners, other_corners = a.cells.ravel(), b.cells.ravel()
+    for kind in (np.float64, np.float32):  # what coincides in a file of 32-bit numbers may not in another
+        with np.errstate(over="ignore", under="ignore"):
+            first, labels = weld(a.vertices.astype(kind).astype(np.float64)[corners])
+            other_first, other_labels = weld(b.vertices.astype(kind).astype(np.float64)[other_corners])
+        if not np.array_equal(labels, other_labels):
+            continue
+        if kind is np.float64:
+            return corners[first], other_corners[first]
+        # Not all at one place: each corner counts, and none may be far from those that it was taken for.
+        spread = max(
+            float(_distances(mesh.vertices[used], mesh.vertices[used[start][labels]]).max())
+            for mesh, used, start in ((a, corners, first), (b, other_corners, other_first))
+        )
+        if spread <= allowed:
+            pairs = np.unique(np.stack([corners, other_corners], axis=1), axis=0)
+            return pairs[:, 0], pairs[:, 1]
+    return None
+
+
+def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntArray, IntArray], int] | None:
+    """The same, whatever the order of vertices, cells and their corners, if these vertices are within the tolerance.
+
+    And how many faces look to the other side.
+    """
+    if a.cells.shape != b.cells.shape:
+        return None
+    (first, cells), (second, other_cells) = (_welded(mesh) for mesh in (a, b))
+    if len(first) != len(second):
+        return None
+    from scipy.spatial import cKDTree
+
+    exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither over- nor underflow
+    points, others = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    place = np.asarray(tree.query(others, distance_upper_bound=float(np.ldexp(tolerance, exponent)))[1])
+    # Of vertices that are too far from any there is the index beyond the last, so that these are not one to one.
+    if (np.bincount(place, minlength=len(first)) != 1).any():
+        return None
+    # Rows of sorted corners, of which each mesh must have the same, and as many.
+    rows = np.concatenate([cells, place[other_cells]])
+    here, there = _counted(np.sort(rows, axis=1))
+    if not np.array_equal(here, there):
+        return None
+    turned = 0
+    if not a.is_curve:
+        start = rows.argmin(axis=1)[:, None]
+        here, there = _counted(np.take_along_axis(rows, (start + np.arange(3)) % 3, axis=1))
+        turned = int(np.maximum(there - here, 0).sum())
+    return (first[place], second), turned
+
+
+def _counted(rows: IntArray) -> tuple[IntArray, IntArray]:
+    """How often each row of all is in the first half of them, and in the second."""
+    _, labels = weld(np.pad(rows, ((0, 0), (0, 3 - rows.shape[1]))).astype(np.float64))
+    here, there = (np.bincount(part, minlength=len(rows)) for part in np.split(labels, 2))
+    return here, there
+
+
+def _welded(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """An index of a vertex at each place that cells use, and the cells as numbers of these places."""
+    corners = mesh.cells.ravel()
+    first, labels = weld(mesh.vertices[corners])
+    return corners[first], labels.reshape(mesh.cells.shape)

@@ -1,0 +1,194 @@
+"""What can be said of a mesh in numbers: area, volume, length, boundary, and topology."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.distance import cross, dot
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.welding import weld
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Numbers of a mesh, in which vertices at exactly the same place are one.
+
+    Attributes
+    ----------
+    vertices, cells : int
+        As they are in the mesh.
+    bounds : ((3,), (3,)) float
+        Lowest and highest coordinates of the vertices that cells use.
+    area, length : float or None
+        Of the triangles; of the segments of a curve.
+    volume : float or None
+        Inside a closed mesh whose faces all look to the same side (negative: inwards); else None.
+    boundary_length : float or None
+        Length of the edges that have one face; None for a curve.
+    components : int
+        Parts that share no vertex.
+    euler_characteristic : int
+        Vertices in use, less edges, plus faces.
+    open_edges : int
+        Edges with one face; of a curve, its ends (vertices with one segment).
+    crowded_edges : int
+        Edges with more than two faces; of a curve, vertices with more than two segments.
+    collapsed : int
+        Cells with two corners at the same place; they count nowhere else.
+    """
+
+    vertices: int
+    cells: int
+    is_curve: bool
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
+    area: float | None
+    length: float | None
+    volume: float | None
+    boundary_length: float | None
+    components: int
+    euler_characteristic: int
+    open_edges: int
+    crowded_edges: int
+    collapsed: int
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether there is no boundary."""
+        return self.open_edges == 0
+
+    def record(self) -> dict[str, Any]:
+        """Plain data, ready for ``json.dumps``; None also for what is too large for a number, as an area may be."""
+        record: dict[str, Any] = {
+            "vertices": self.vertices,
+            "segments" if self.is_curve else "faces": self.cells,
+            "bounds": [list(self.bounds[0]), list(self.bounds[1])],
+            "components": self.components,
+            "euler_characteristic": self.euler_characteristic,
+        }
+        if self.is_curve:
+            return {**record, "length": _finite(self.length), "open_ends": self.open_edges}
+        return {
+            **record,
+            "area": _finite(self.area),
+            "volume": _finite(self.volume),
+            "boundary_length": _finite(self.boundary_length),
+            "open_edges": self.open_edges,
+            "crowded_edges": self.crowded_edges,
+        }
+
+
+def measure(mesh: Mesh) -> Measures:
+    """Measure a mesh.
+
+    Raises
+    ------
+    DomainError
+        It has no cells, or vertices that are not finite.
+
+    Notes
+    -----
+    About 1.5 s for a million triangles.
+    """
+    if not len(mesh.cells):
+        raise DomainError("mesh: has no cells, there is nothing to measure")
+    used = np.flatnonzero(_used(mesh.cells, len(mesh.vertices)))
+    points = mesh.vertices[used]
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not (np.isfinite(low) & np.isfinite(high)).all():
+        raise DomainError("mesh: vertices must be finite")
+    # Around the middle and in a power of two as unit, so that products keep their digits and do not overflow.
+    exponent = int(np.frexp((high / 2 - low / 2).max())[1])
+    first, labels = weld(points)
+    place = np.zeros(len(mesh.vertices), dtype=np.int64)
+    place[used] = labels
+    cells = place[mesh.cells]
+    corners = np.sort(cells, axis=1)
+    proper = (corners[:, 1:] != corners[:, :-1]).all(axis=1)
+    cells = cells[proper]
+    vertices = np.ldexp(points[first] - (low / 2 + high / 2), -exponent)
+    edges, number, balance = _edges(cells, len(vertices))
+    sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
+    lengths = np.sqrt(dot(sides, sides))
+    in_use = int(_used(cells, len(vertices)).sum())
+    area = length = volume = boundary = None
+    if mesh.is_curve:
+        number = np.bincount(edges.ravel(), minlength=1)
+        length = _scaled(float(lengths.sum()), exponent)
+        euler = in_use - len(edges)
+    else:
+        a, b, c = (vertices[corner] for corner in cells.T)
+        normal = cross(b - a, c - a)
+        area = _scaled(float(np.sqrt(dot(normal, normal)).sum()) / 2, 2 * exponent)
+        boundary = _scaled(float(lengths[number == 1].sum()), exponent)
+        if len(cells) and (number == 2).all() and not balance.any():
+            volume = _scaled(float(dot(a, normal).sum()) / 6, 3 * exponent)
+        euler = in_use - len(edges) + len(cells)
+    return Measures(
+        vertices=len(mesh.vertices),
+        cells=len(mesh.cells),
+        is_curve=mesh.is_curve,
+        bounds=(_triple(low), _triple(high)),
+        area=area,
+        length=length,
+        volume=volume,
+        boundary_length=boundary,
+        components=_components(cells, len(vertices)),
+        euler_characteristic=euler,
+        open_edges=int(np.count_nonzero(number == 1)),
+        crowded_edges=int(np.count_nonzero(number > 2)),
+        collapsed=int(np.count_nonzero(~proper)),
+    )
+
+
+def _used(cells: IntArray, count: int) -> BoolArray:
+    """(count,) whether a vertex belongs to a cell."""
+    used = np.zeros(count, dtype=bool)
+    used[cells] = True
+    return used
+
+
+def _triple(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z
+
+
+def _scaled(value: float, exponent: int) -> float:
+    with np.errstate(over="ignore", under="ignore"):
+        return float(np.ldexp(value, exponent))
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _edges(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Each edge once, (e, 2) ascending; how many cells have it; and how many times more upwards than downwards."""
+    sides = [(0, 1)] if cells.shape[1] == 2 else [(0, 1), (1, 2), (2, 0)]
+    start = np.concatenate([cells[:, a] for a, _ in sides])
+    end = np.concatenate([cells[:, b] for _, b in sides])
+    key = np.minimum(start, end) * count + np.maximum(start, end)
+    upwards = np.where(start < end, 1, -1)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    begin = np.flatnonzero(np.concatenate([np.ones(min(len(key), 1), dtype=bool), key[1:] != key[:-1]]))
+    edges = np.stack(np.divmod(key[begin], max(count, 1)), axis=1)
+    number = np.diff(np.append(begin, len(key)))
+    balance = np.add.reduceat(upwards[order], begin) if len(begin) else np.zeros(0, dtype=np.int64)
+    return edges, number, balance
+
+
+def _components(cells: IntArray, count: int) -> int:
+    """Parts of a mesh whose vertices 0 … count − 1 are all used, but for those of collapsed cells."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = np.concatenate([cells[:, [0, k]] for k in range(1, cells.shape[1])])
+    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
+    number, _ = connected_components(graph, directed=False)
+    return int(number) - (count - int(_used(cells, count).sum()))

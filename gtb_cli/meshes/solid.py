@@ -1,0 +1,247 @@
+"""Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.distance import cross, dot
+from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.tessellation.complex import merged
+from gtb_cli.theory.domain import EPS
+
+SMALLEST = 64
+"""A thickness of fewer roundings of the largest coordinate is none; boundary edges as short have one end."""
+
+SMOOTH = math.cos(math.radians(15))
+"""Cosine of the largest angle between a vertex' normal and the facets of a patch around it at which it is theirs. On an
+edge between patches at this angle the solid is 3 % too thin."""
+
+MITRE = 2.0
+"""Largest offset at a sharp edge or corner, in units of the thickness: that of an edge of 60°."""
+
+
+def thicken(mesh: Mesh, thickness: float) -> Mesh:
+    """Close a surface with its offset: a solid between both.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Triangles, with unit normals; an oriented manifold, with or without boundary.
+    thickness : float
+        How far the offset is, in model units: along the normals if positive, against them if negative. The surface
+        itself stays, as one side of the solid.
+
+    Returns
+    -------
+    Mesh
+        Closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its part of
+        the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
+        offset; normals on the rim are those of the two sides. Parameters and attributes are the surface's on both.
+
+    Raises
+    ------
+    DomainError
+        A curve, a mesh without normals, a thickness that is zero or no number, or more than two faces, or two of
+        opposite orientations, at an edge.
+
+    Notes
+    -----
+    Where a normal is not that of the facets around the vertex, these count: at an edge or corner where patches meet at
+    an angle, the offset is where those of all patches meet, but not farther than `MITRE` times the thickness; and on
+    the boundary of a surface whose normal turns there within less than a facet, it goes on as inside. Ends of a
+    boundary edge that coincide become one vertex. Where the surface bends more sharply than the thickness, the offset
+    folds: see `folded_faces`. That distant parts of a solid meet is not found.
+    """
+    mesh = _welded(_checked(mesh, thickness))
+    count = len(mesh.vertices)
+    offset = mesh.vertices + thickness * _displacements(mesh)
+    rim, rim_cell = _boundary(mesh)
+    below, above = (0, count) if thickness > 0 else (count, 0)
+    start, end = rim.T
+    sides = np.stack([start + below, end + below, end + above, start + below, end + above, start + above], axis=1)
+    cells = np.concatenate([mesh.cells + above, mesh.cells[:, ::-1] + below, sides.reshape(-1, 3)])
+    part = _cell_groups(mesh)
+    parts = np.concatenate([part, part, np.repeat(part[rim_cell], 2)])
+    order = np.argsort(parts, kind="stable")
+    breaks = np.searchsorted(parts[order], np.arange(len(mesh.groups) + 1)).tolist()
+    assert mesh.normals is not None
+    outward = math.copysign(1.0, thickness) * mesh.normals
+    return Mesh(
+        np.concatenate([mesh.vertices, offset]),
+        cells[order],
+        parameters=None if mesh.parameters is None else np.concatenate([mesh.parameters, mesh.parameters]),
+        normals=np.concatenate([-outward, outward]),
+        groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
+        attributes=MappingProxyType(
+            {name: np.concatenate([values, values]) for name, values in mesh.attributes.items()}
+        ),
+        name=mesh.name,
+        origin=None if mesh.origin is None else Origin(np.tile(mesh.origin.patch, 2), mesh.origin.turned),
+    )
+
+
+def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
+    """Triangles whose offset has turned over: one of their principal radii of curvature is less than the thickness.
+
+    Parameters are those of `thicken`.
+
+    Returns
+    -------
+    (f,) int
+        Indices of cells, ascending. Those without area are left out.
+
+    Notes
+    -----
+    The offset of a triangle, seen along its normal, is a linear map of it. Unfolded, its eigenvalues 1 − D κ are
+    positive; past one centre of curvature its determinant is negative, past both its trace.
+    """
+    mesh = _checked(mesh, thickness)
+    corners = mesh.vertices[mesh.cells]
+    moved = corners + thickness * _displacements(mesh)[mesh.cells]
+    (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in (corners, moved))
+    scale = np.abs(np.stack([first, second])).max(axis=(0, 2))[:, None]
+    scale[scale == 0] = 1.0
+    first, second, to_first, to_second = (x / scale for x in (first, second, to_first, to_second))
+    normal = cross(first, second)
+    area = dot(normal, normal)
+    determinant = dot(normal, cross(to_first, to_second))
+    trace = dot(normal, cross(first, to_second) + cross(to_first, second))
+    return np.flatnonzero((area > EPS**2) & ((determinant <= 0) | (trace <= 0)))
+
+
+def _checked(mesh: Mesh, thickness: float) -> Mesh:
+    if mesh.is_curve:
+        raise DomainError("thickness: expected a surface, of which a solid is made; a curve gets a radius")
+    if mesh.normals is None:
+        raise DomainError("thickness: the mesh has no normals")
+    if not (math.isfinite(thickness) and thickness != 0):
+        raise DomainError(f"thickness: must be a number other than zero, got {thickness!r}")
+    largest = float(np.abs(mesh.vertices).max())
+    if not abs(thickness) > SMALLEST * EPS * largest:
+        raise DomainError(f"thickness: {thickness:g} is below the rounding of coordinates of size {largest:.3g}")
+    return mesh
+
+
+def _directed_edges(cells: IntArray) -> IntArray:
+    """(3 k, 2) edges of triangles, in their order around each."""
+    return cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+
+def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """(b, 2) directed edges of one face only, and (b,) that face."""
+    edges = _directed_edges(mesh.cells)
+    count = len(mesh.vertices)
+    keys = edges @ np.array([count, 1])
+    order = np.argsort(keys, kind="stable")
+    twice = order[1:][np.diff(keys[order]) == 0]
+    if len(twice):
+        a, b = edges[twice.min()].tolist()
+        raise DomainError(
+            f"thickness: the edge between vertices {a} and {b} has more than two faces, or two that do not agree which "
+            "side is up: the surface has no two sides there"
+        )
+    back = edges @ np.array([1, count])
+    place = np.minimum(np.searchsorted(keys, back, sorter=order), len(keys) - 1)
+    alone = np.flatnonzero(keys[order][place] != back)
+    return edges[alone], alone // 3
+
+
+def _welded(mesh: Mesh) -> Mesh:
+    """Make one vertex of both ends of a boundary edge that coincide within rounding, as on a collapsed edge."""
+    edges, _ = _boundary(mesh)
+    ends = mesh.vertices[edges]
+    short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= SMALLEST * EPS * np.abs(mesh.vertices).max()
+    if not short.any():
+        return mesh
+    label = merged(len(mesh.vertices), edges[short])
+    cells = label[mesh.cells]
+    proper = (np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)
+    if not proper.any():
+        raise DomainError(f"thickness: the surface {mesh.name!r} is a single point")
+    before = np.concatenate([[0], np.cumsum(proper)])
+    assert mesh.normals is not None
+    sums = np.zeros_like(mesh.normals)
+    np.add.at(sums, label, mesh.normals)
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    normals = np.where(length > EPS, sums / np.where(length > EPS, length, 1.0), mesh.normals)
+    used, places = np.unique(cells[proper], return_inverse=True)
+    return Mesh(
+        mesh.vertices[used],
+        places.reshape(-1, 3),
+        None if mesh.parameters is None else mesh.parameters[used],
+        normals[used],
+        tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
+        MappingProxyType({name: values[used] for name, values in mesh.attributes.items()}),
+        mesh.name,
+        None if mesh.origin is None else Origin(mesh.origin.patch[used], mesh.origin.turned),
+    )
+
+
+def _cell_groups(mesh: Mesh) -> IntArray:
+    """(k,) index of each face's group."""
+    result = np.zeros(len(mesh.cells), dtype=np.int64)
+    for index, (_, start, stop) in enumerate(mesh.groups):
+        result[start:stop] = index
+    return result
+
+
+def _displacements(mesh: Mesh) -> FloatArray:
+    """(m, 3) movement of each vertex for an offset by 1: its normal, if that is nearly the one of the facets around it.
+
+    Else ⟨n, w⟩ = 1 is solved for w by least squares, with the mean normals n of the facets of each patch.
+    """
+    assert mesh.normals is not None
+    count, groups = len(mesh.vertices), max(1, len(mesh.groups))
+    keys = mesh.cells * groups + _cell_groups(mesh)[:, None]
+    pairs, place = np.arange(count), keys
+    if groups > 1:
+        pairs, place = np.unique(keys, return_inverse=True)
+    facets = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
+    vertex = pairs // groups
+    agree = dot(facets, mesh.normals[vertex]) >= SMOOTH
+    agree |= ~facets.any(axis=1)
+    wrong = np.unique(vertex[~agree])
+    if not len(wrong):
+        return mesh.normals
+    chosen = np.flatnonzero(np.isin(vertex, wrong))
+    first = np.flatnonzero(np.diff(vertex[chosen], prepend=-1))
+    normals = facets[chosen]
+    right = np.add.reduceat(normals, first)
+    values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
+    # Bounded, so that directions in which the normals hardly differ do not count.
+    inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH))
+    w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
+    # At the edge of a blade no direction is left but the one between its sides.
+    blade = np.linalg.norm(w, axis=1) < SMOOTH
+    w[blade] = MITRE * _unit(right[blade])
+    length = np.linalg.norm(w, axis=1, keepdims=True)
+    result = mesh.normals.copy()
+    result[wrong] = np.where(length > 0, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), result[wrong])
+    return result
+
+
+def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> FloatArray:
+    """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
+
+    Weighted by the angle at the corner, so that the way a surface is cut does not count.
+    """
+    a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
+    sides = [_unit(side) for side in (b - a, c - b, a - c)]
+    normals = _unit(cross(sides[0], sides[1]))
+    sums = np.zeros((count, 3))
+    for k in range(3):
+        angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))
+        for axis in range(3):
+            sums[:, axis] += np.bincount(place[:, k], angle * normals[:, axis], count)
+    return _unit(sums)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    """(m, 3) unit vectors; 0 stays."""
+    length = np.sqrt(dot(vectors, vectors))[:, None]
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))

@@ -1,0 +1,405 @@
+"""Tubes: a circle swept along a polyline, so that a curve can be printed.
+
+Rings of vertices stand in planes across the curve, and a rotation-minimising frame says where each ring begins, so that
+the tube has no twist. Where the direction changes at a vertex, the ring lies in the mitre plane, half-way between both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.meshes.distance import cross, dot
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.complex import Parametrization, merged
+from gtb_cli.tessellation.tessellate import MAX_FACES
+from gtb_cli.theory.domain import EPS
+from gtb_cli.theory.joints import SAME
+from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.tangents import tangents
+
+SIDES = 24
+"""Vertices of a ring: the polygon is within 0.9 % of the radius from the circle, and has corners on both axes."""
+
+SHORTEST = 1024
+"""Segments of fewer roundings of the largest coordinate have no direction of their own, and are passed over."""
+
+TRANSVERSE = 0.5
+"""Least cosine of the angle between a tangent and the segments beside it: else the mesh is too coarse for the tangent,
+and the segments' directions are taken."""
+
+ROUNDING = 1e-9
+"""Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is no sharp one, and
+vertices of the two rings of a sharp turn can be one."""
+
+
+def tube(
+    mesh: Mesh,
+    radius: float,
+    *,
+    sides: int | None = None,
+    tolerance: float | None = None,
+    tangents: FloatArray | None = None,
+    max_faces: int = MAX_FACES,
+) -> Mesh:
+    """Sweep a circle along a polyline.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        A polyline, or several.
+    radius : float
+        Of the circle, in model units.
+    sides : int, optional
+        Vertices of each ring, at least 3.
+    tolerance : float, optional
+        Largest distance between the circle and its polygon, in place of `sides`. With neither, there are `SIDES`.
+    tangents : (k, 2, 3) float, optional
+        Unit tangents of the curve at both ends of each segment, such as `curve_tangents`, NaN where it has none.
+        Without them, directions are those of the segments.
+    max_faces : int
+        More triangles than this are refused before they are made.
+
+    Returns
+    -------
+    Mesh
+        Closed, with outward unit normals. Each polyline between ends or branchings makes one tube and, if there are
+        several, one group: closed if its ends coincide, else with flat caps. Attributes are those of the curve.
+
+    Raises
+    ------
+    DomainError
+        The mesh is no polyline, a polyline is a single point, or a number makes no sense.
+    ToleranceError
+        Too many triangles.
+
+    Notes
+    -----
+    A turn at a vertex is mitred, one of more than 90° in two steps, so that no joint is farther than √2 radii from
+    the curve. The frame is that of double reflection; its error is of fourth order in the length of segments. In a
+    closed tube the angle by which the frame misses itself is spread over the length, less whole sides.
+    Where the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`.
+    On the rim of a cap the normals are those of the tube.
+
+    References
+    ----------
+    W. Wang, B. Jüttler, D. Zheng, Y. Liu, Computation of rotation minimizing frames, ACM Trans. Graph. 27 (2008).
+    """
+    _check(mesh, radius, tangents)
+    count = ring_size(radius, tolerance) if sides is None else sides
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 3:
+        raise DomainError(f"sides: expected a whole number of at least 3, got {sides!r}")
+    triangles = 2 * int(count) * len(mesh.cells)
+    if triangles > max_faces:
+        raise ToleranceError(
+            f"the tube would have {triangles} faces, {count} around and {len(mesh.cells)} along, more than {max_faces}"
+        )
+    vertices, normals, owners, cells = [], [], [], []
+    groups: list[tuple[str, int, int]] = []
+    first = made = 0
+    for path in _paths(mesh, tangents):
+        sweep = _sweep(path, radius, int(count))
+        vertices.append(sweep.vertices)
+        normals.append(sweep.normals)
+        owners.append(sweep.owners)
+        cells.append(sweep.cells + first)
+        first += len(sweep.vertices)
+        groups.append((_name(mesh, path), made, made + len(sweep.cells)))
+        made += len(sweep.cells)
+    owner = np.concatenate(owners)
+    return Mesh(
+        np.concatenate(vertices),
+        np.concatenate(cells),
+        normals=np.concatenate(normals),
+        groups=tuple(groups) if len(groups) > 1 else (),
+        attributes=MappingProxyType({name: values[owner] for name, values in mesh.attributes.items()}),
+        name=mesh.name,
+    )
+
+
+def ring_size(radius: float, tolerance: float | None = None) -> int:
+    """Vertices of a regular polygon that is within a distance of the circle around it; `SIDES` without one."""
+    if tolerance is None:
+        return SIDES
+    if not tolerance > 0:
+        raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
+    # radius (1 − cos(π/n)) ≤ tolerance, without cancellation.
+    half = math.asin(min(1.0, math.sqrt(tolerance / radius / 2)))
+    return max(3, math.ceil(math.pi / (2 * half) * (1 - 4 * EPS)))
+
+
+def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = None) -> IntArray:
+    """Segments of a polyline beside which its tube runs backwards, as the radius of curvature is less than `radius`.
+
+    Parameters are those of `tube`. That distant parts of a tube meet is not found.
+
+    Returns
+    -------
+    (f,) int
+        Indices of cells, ascending.
+    """
+    _check(mesh, radius, tangents)
+    found = [np.empty(0, dtype=np.int64)]
+    for path in _paths(mesh, tangents):
+        found.append(path.segments[_sweep(path, radius, SIDES).folded])
+    return np.unique(np.concatenate(found))
+
+
+def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "toric") -> FloatArray:
+    """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
+    if mesh.parameters is None:
+        raise DomainError("tangents: the mesh has no parameters")
+    return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])
+
+
+def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
+    if not mesh.is_curve:
+        raise DomainError("radius: expected a curve, of which a tube is made; a surface gets a thickness")
+    if not len(mesh.cells):
+        raise DomainError("radius: the curve has no segments")
+    if not (math.isfinite(radius) and radius > 0):
+        raise DomainError(f"radius: must be positive, got {radius!r}")
+    rounding = EPS * float(np.abs(mesh.vertices).max())
+    if not radius > SHORTEST * rounding:
+        raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {rounding / EPS:.3g}")
+    if tangents is not None and tangents.shape != (len(mesh.cells), 2, 3):
+        raise DomainError(f"tangents: expected shape ({len(mesh.cells)}, 2, 3), got {tangents.shape}")
+
+
+def _name(mesh: Mesh, path: _Path) -> str:
+    """The group of a path's first segment."""
+    first = int(path.segments[0])
+    return next((name for name, start, stop in mesh.groups if start <= first < stop), mesh.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """A polyline from end to end, or around: each segment with its directions at both ends.
+
+    Attributes
+    ----------
+    segments : (s,) int
+        Cells of the mesh.
+    vertices : (s + 1,) or, closed, (s,) int
+    points : (s + 1, 3) float
+        Where the segments begin and end.
+    directions : (s, 2, 3) float
+        Unit vectors.
+    closed : bool
+    """
+
+    segments: IntArray
+    vertices: IntArray
+    points: FloatArray
+    directions: FloatArray
+    closed: bool
+
+
+def _paths(mesh: Mesh, tangents: FloatArray | None) -> Iterator[_Path]:
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    shortest = SHORTEST * EPS * float(np.abs(mesh.vertices).max())
+    for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
+        points = mesh.vertices[vertices]
+        steps = np.diff(points, axis=0)
+        lengths = np.abs(steps).max(axis=1)
+        # Where segments are passed over, the next one begins at their start; the last ends at the very end.
+        long = np.flatnonzero(lengths > shortest)
+        if not len(long):
+            raise DomainError(f"radius: the curve {mesh.name!r} is a single point at {_place(points[0])}")
+        kept = np.append(long, len(segments))
+        kept[0] = 0
+        points, vertices, segments = points[kept], vertices[kept], segments[long]
+        chords = np.diff(points, axis=0)
+        chords /= np.abs(chords).max(axis=1, keepdims=True)
+        chords /= np.linalg.norm(chords, axis=1, keepdims=True)
+        directions = np.repeat(chords[:, None], 2, axis=1)
+        if tangents is not None:
+            given = tangents[segments]
+            given = np.where(backwards[long, None, None], -given[:, ::-1], given)
+            along = np.einsum("sij,sj->si", given, chords)
+            directions = np.where((along > TRANSVERSE)[:, :, None], given, directions)
+        # Two segments that end where they begin are no ring, but the same way there and back.
+        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= SAME * size)
+        yield _Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
+
+
+def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, BoolArray]]:
+    """Order segments into chains between vertices that are not in two of them, then into rings.
+
+    Yields the s + 1 vertices of each, its s segments, and which of these it runs through backwards.
+    """
+    degree = np.bincount(cells.ravel(), minlength=count)
+    order = np.argsort(cells.ravel(), kind="stable")
+    first = np.concatenate([[0], np.cumsum(degree)]).tolist()
+    incident, inner = (order // 2).tolist(), (degree == 2).tolist()
+    ends = cells.tolist()
+    used = [False] * len(ends)
+    starts = [k for k in range(len(ends)) if not (inner[ends[k][0]] and inner[ends[k][1]])]
+    for start in (*starts, *range(len(ends))):
+        if used[start]:
+            continue
+        # A chain begins at an end or a branching, forwards where both of a segment's ends are.
+        vertex = ends[start][0] if not inner[ends[start][0]] or inner[ends[start][1]] else ends[start][1]
+        vertices, segments, backwards = [vertex], [], []
+        segment = start
+        while True:
+            used[segment] = True
+            segments.append(segment)
+            backwards.append(ends[segment][0] != vertex)
+            vertex = ends[segment][0] if backwards[-1] else ends[segment][1]
+            vertices.append(vertex)
+            if not inner[vertex]:
+                break
+            pair = incident[first[vertex] : first[vertex + 1]]
+            segment = pair[0] if pair[1] == segment else pair[1]
+            if used[segment]:
+                break
+        yield np.array(vertices), np.array(segments), np.array(backwards)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """A tube around one path.
+
+    Attributes
+    ----------
+    vertices, normals : (m, 3) float
+    owners : (m,) int
+        Vertices of the curve that they belong to.
+    cells : (k, 3) int
+    folded : (s,) bool
+        Segments of the path beside which the tube runs backwards.
+    """
+
+    vertices: FloatArray
+    normals: FloatArray
+    owners: IntArray
+    cells: IntArray
+    folded: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Sections:
+    """Where rings stand, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors."""
+
+    at: IntArray
+    centers: FloatArray
+    before: FloatArray
+    after: FloatArray
+    closed: bool
+
+
+def _sections(path: _Path) -> _Sections:
+    """A section at each vertex of a path, two where the turn is sharp."""
+    before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
+    after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
+    count = len(path.vertices)
+    sharp = np.flatnonzero(dot(before[:count], after[:count]) < -ROUNDING)
+    middle = before[sharp] + after[sharp]
+    length = np.linalg.norm(middle, axis=1, keepdims=True)
+    back = length[:, 0] < ROUNDING
+    middle[back], length[back] = _perpendicular(before[sharp][back]), 1.0
+    at = np.sort(np.concatenate([np.arange(count), sharp]))
+    before, after = before[at], after[at]
+    first = sharp + np.arange(len(sharp))
+    after[first] = before[first + 1] = middle / length
+    return _Sections(at, path.points[at], before, after, path.closed)
+
+
+def _sweep(path: _Path, radius: float, sides: int) -> _Sweep:
+    sections = _sections(path)
+    angle, shift = _frame(sections, sides)
+    turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
+    start = _perpendicular(sections.before)
+    other = cross(sections.before, start)
+    radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
+    before, after = sections.before[:, None], sections.after[:, None]
+    # Slid along the tube before it into the plane of the mitre, where the tube after it has the same vertices.
+    beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
+    rings = sections.centers[:, None] + radius * (radial - beyond * before)
+    normals = radial + (radial - beyond * (before + after))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+
+    index = np.arange(rings.shape[0] * sides).reshape(-1, sides)
+    following = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
+    a, d = index[: len(following)], following
+    b, c = np.roll(a, -1, axis=1), np.roll(d, -1, axis=1)
+    cells = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3)
+    vertices, normals = rings.reshape(-1, 3), normals.reshape(-1, 3)
+    owners = np.repeat(path.vertices[sections.at], sides)
+
+    rows = np.append(sections.at, 0)[1:] if path.closed else sections.at[1:]
+    ahead = vertices[d] - vertices[a]
+    chords = np.roll(path.points, -1, axis=0)[sections.at[: len(rows)]] - path.points[sections.at[: len(rows)]]
+    backwards = ((ahead * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (rows != sections.at[: len(rows)])
+    folded = np.zeros(len(path.segments), dtype=bool)
+    folded[sections.at[: len(rows)][backwards]] = True
+
+    if not path.closed:
+        ends = len(vertices) + np.arange(2)
+        first, last = index[0], index[-1]
+        caps = [(ends[0], np.roll(first, -1), first), (ends[1], last, np.roll(last, -1))]
+        cells = np.concatenate([cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)])
+        vertices = np.concatenate([vertices, sections.centers[[0, -1]]])
+        normals = np.concatenate([normals, -sections.before[:1], sections.after[-1:]])
+        owners = np.concatenate([owners, path.vertices[[0, -1]]])
+    twins = np.flatnonzero(np.diff(sections.at) == 0)
+    if len(twins):
+        near = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ROUNDING * radius
+        pairs = np.stack([index[twins][near], index[twins + 1][near]], axis=1)
+        label = merged(len(vertices), pairs)
+        cells = label[cells]
+        cells = cells[(np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)]
+        used, places = np.unique(cells, return_inverse=True)
+        cells, vertices, normals, owners = places.reshape(-1, 3), vertices[used], normals[used], owners[used]
+    return _Sweep(vertices, normals, owners, cells, folded)
+
+
+def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
+    """The angle at which each ring begins, from `_perpendicular`, and by how many vertices the last ring is ahead.
+
+    Rings of a tube all begin at the same place in a frame that does not rotate about the curve. A closed tube's frame
+    misses itself by some angle: whole sides of it are a shift, the rest is spread over the length.
+    """
+    before, after, centers = sections.before, sections.after, sections.centers
+    start = _perpendicular(before)
+    # Over the joint: the least rotation that takes `before` to `after`.
+    carried = start - dot(start, after)[:, None] / (1 + dot(before, after))[:, None] * (before + after)
+    step = np.roll(centers, -1, axis=0) - centers
+    lengths = np.linalg.norm(step, axis=1)
+    arrived = np.roll(before, -1, axis=0)
+    moving = lengths > 0
+    moving[-1] &= sections.closed
+    # Along the segment: reflected in the plane half-way, then so that the direction is right (double reflection).
+    u = step[moving] / lengths[moving, None]
+    direction = after[moving] - 2 * dot(u, after[moving])[:, None] * u
+    carried[moving] -= 2 * dot(u, carried[moving])[:, None] * u
+    u = arrived[moving] - direction
+    carried[moving] -= 2 * (dot(u, carried[moving]) / dot(u, u))[:, None] * u
+    target = np.roll(start, -1, axis=0)
+    advance = np.arctan2(dot(carried, cross(arrived, target)), dot(carried, target))
+    angle = np.concatenate([[0.0], np.cumsum(advance[:-1])])
+    if not sections.closed:
+        return angle, 0
+    missed = angle[-1] + advance[-1]
+    shift = round(missed * sides / (2 * np.pi))
+    rest = missed - shift * 2 * np.pi / sides
+    along = np.concatenate([[0.0], np.cumsum(lengths[:-1])]) / lengths.sum()
+    return np.asarray(angle - rest * along), shift % sides
+
+
+def _perpendicular(vectors: FloatArray) -> FloatArray:
+    """(m, 3) unit vectors across given ones: along the axis that is most across, as nearly as can be."""
+    axis = np.eye(3)[np.abs(vectors).argmin(axis=1)]
+    across = axis - dot(axis, vectors)[:, None] * vectors
+    return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+
+def _place(point: FloatArray) -> str:
+    return f"({', '.join(f'{x:g}' for x in point)})"

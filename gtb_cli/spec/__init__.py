@@ -1,0 +1,1 @@
+"""Text to patch and back: expressions, documents with lines, reader, writer, schema, templates."""

@@ -1,0 +1,164 @@
+"""Spec files: TOML or JSON ↔ `Patch` and `Model`, with every error of a file at once."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import cast
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import SpecError
+from gtb_cli.spec.document import MAX_BYTES, Faults, Format, read
+from gtb_cli.spec.reader import Reader, name_fault
+from gtb_cli.theory.patch import Model, Patch
+
+
+def load(path: str | os.PathLike[str]) -> Patch | Model:
+    """Read a spec file.
+
+    Parameters
+    ----------
+    path : path
+        Read as TOML or JSON after its suffix ``.toml`` or ``.json``, else after its first character.
+
+    Returns
+    -------
+    Patch or Model
+        Named after the file where the spec has no name.
+
+    Raises
+    ------
+    SpecError
+        The file cannot be read, or what it says is no patch: one line for each error, with file, line where known,
+        key path and what was found.
+    """
+    source = os.fspath(path)
+    try:
+        with open(source, "rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise SpecError(f"{source or repr(source)}: {error.strerror or error}") from None
+    except ValueError as error:  # a null character in the path
+        raise SpecError(f"{source!r}: {error}") from None
+    suffix = os.path.splitext(source)[1].lower()
+    return parse(data, source, cast(Format, suffix[1:]) if suffix in (".toml", ".json") else None)
+
+
+def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:
+    """Read the text of a spec.
+
+    Parameters
+    ----------
+    text : bytes or str
+        At most 10 MB of UTF-8.
+    source : str
+        File name for messages, whose stem names a nameless patch; ``-`` and text in angle brackets are no files
+        and give no name.
+    format : "toml", "json" or None
+        None: JSON where the first character is ``{``, else TOML.
+
+    Returns
+    -------
+    Patch or Model
+
+    Raises
+    ------
+    SpecError
+        See `load`.
+
+    Notes
+    -----
+    Whatever the text is, about a second and 150 MB at most.
+    """
+    document = read(text, source, format)
+    faults = Faults(document, source)
+    result = Reader(faults).spec(document.data, _stem(source))
+    if result is None or faults.count:
+        raise SpecError(str(faults))
+    return result
+
+
+def dump(spec: Patch | Model) -> str:
+    """Write a patch or model as TOML, with the shortest digits that read back exactly.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+
+    Returns
+    -------
+    str
+        `parse` gives equal arrays for it. Keys that have their default value are left out.
+
+    Raises
+    ------
+    SpecError
+        What a spec cannot say: weights beyond the range of floats, a name with control characters.
+    """
+    if isinstance(spec, Patch):
+        return _patch_text(spec)
+    parts = [] if spec.name is None else [_name_text(spec.name)]
+    return "\n".join(parts + [f"[[patches]]\n{_patch_text(patch)}" for patch in spec.patches])
+
+
+def _patch_text(patch: Patch) -> str:
+    if not (np.isfinite(patch.weights) & (patch.weights > 0)).all():
+        raise SpecError("weights: beyond the range of floats, a spec cannot hold them")
+    ones = np.ones(len(patch.knots))
+    text = "" if patch.name is None else _name_text(patch.name)
+    text += _row_text("knots", patch.knots if patch.dimension == 2 else patch.knots[:, 0])
+    if (patch.weights != ones).any():
+        text += _row_text("weights", patch.weights)
+    points = patch.control_points
+    planar = not points[:, 2].any() and not np.signbit(points[:, 2]).any()
+    text += _row_text("control_points", points[:, :2] if planar else points)
+    if (patch.coefficients != ones).any():
+        text += _row_text("coefficients", patch.coefficients)
+    if patch.lifting is not None:
+        text += _row_text("lifting", patch.lifting)
+    if patch.edge_normals != "auto":
+        text += f'edge_normals = "{patch.edge_normals}"\n'
+    scale = np.asarray(patch.edge_scale, dtype=np.float64)
+    if scale.ndim:
+        text += _row_text("edge_scale", scale)
+    elif scale != 1:
+        text += f"edge_scale = {_number_text(float(scale))}\n"
+    return text
+
+
+def _name_text(name: str) -> str:
+    if fault := name_fault(name):
+        raise SpecError(f"name: {fault}")
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'name = "{escaped}"\n'
+
+
+def _row_text(key: str, values: FloatArray) -> str:
+    """Write an array on one line if it fits, else in lines filled up to 100 characters."""
+    entries = [
+        f"[{', '.join(map(_number_text, entry))}]" if isinstance(entry, list) else _number_text(entry)
+        for entry in values.tolist()
+    ]
+    line = f"{key} = [{', '.join(entries)}]\n"
+    if len(line) <= 100:
+        return line
+    lines = [""]
+    for entry in entries:
+        if len(lines[-1]) + len(entry) > 94:
+            lines.append("")
+        lines[-1] += f" {entry},"
+    return f"{key} = [\n" + "".join(f"   {line}\n" for line in lines) + "]\n"
+
+
+def _number_text(x: float) -> str:
+    if x.is_integer() and abs(x) < 1e15 and (x or math.copysign(1, x) > 0):
+        return str(int(x))
+    return repr(x)
+
+
+def _stem(source: str) -> str | None:
+    """Name for a patch without one, where the file has a name that a patch can have."""
+    stem = os.path.splitext(os.path.basename(source))[0]
+    return None if source == "-" or source.startswith("<") or name_fault(stem) else stem

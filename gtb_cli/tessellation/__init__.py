@@ -1,0 +1,1 @@
+"""Patch, model or family of patches to mesh."""

@@ -1,0 +1,289 @@
+"""A cell complex over the domains of one or several patches, joined along shared edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.tessellation.triangulation import Triangulation, central_triangulation, triangulation
+from gtb_cli.theory.basis import Location, toric_locations
+from gtb_cli.theory.patch import Patch
+
+if TYPE_CHECKING:
+    from gtb_cli.theory.joints import Joints
+    from gtb_cli.theory.linear import LinearParametrization
+
+Parametrization: TypeAlias = Literal["toric", "linear"]
+
+
+@dataclass(frozen=True, eq=False)
+class Complex:
+    """Vertices and cells, without positions in space.
+
+    A vertex on a shared edge belongs to the first patch that has it; `corners` has the parameters that the
+    vertices of a cell have in the cell's own patch.
+
+    Attributes
+    ----------
+    patch : (v,) int
+        Patch of each vertex.
+    parameters : (v, d) float
+        In that patch's domain.
+    face : (v,) int
+        Row of that domain's `faces`.
+    cells : (k, d + 1) int
+    cell_patch : (k,) int
+    corners : (k, d + 1, d) float
+    collapsed : (c, 2) int
+        Pairs of vertices that are one point because an edge of a patch is.
+    sides : int
+        Of uniform triangles: how many sides they have, two on one shared edge counted once.
+    """
+
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    cells: IntArray
+    cell_patch: IntArray
+    corners: FloatArray
+    collapsed: IntArray
+    sides: int = 0
+
+    def part(self, rows: slice) -> Complex:
+        """Some of the cells, and their vertices."""
+        used, cells = np.unique(self.cells[rows], return_inverse=True)
+        return replace(
+            self,
+            patch=self.patch[used],
+            parameters=self.parameters[used],
+            face=self.face[used],
+            cells=cells.reshape(-1, self.cells.shape[1]),
+            cell_patch=self.cell_patch[rows],
+            corners=self.corners[rows],
+            collapsed=self.collapsed[:0],
+        )
+
+    @property
+    def is_simplicial(self) -> bool:
+        """Whether the vertices of a uniform complex tell its cells, and the sides of its cells, apart."""
+        ordered = np.sort(self.cells, axis=1)
+        if not (np.diff(ordered, axis=1) > 0).all() or len(np.unique(ordered, axis=0)) < len(ordered):
+            return False
+        if ordered.shape[1] == 2:
+            return True
+        pairs = ordered[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
+        return self.cells.shape[1] == 2 or len(np.unique(pairs, axis=0)) == self.sides
+
+    @cached_property
+    def without_collapsed(self) -> tuple[IntArray, IntArray]:
+        """Cells with vertices that are one point made one, and the rows of those with no side left on one.
+
+        Edges that are one point are never split: their ends become one, and the cells beside them vanish.
+        """
+        if not len(self.collapsed):
+            return self.cells, np.arange(len(self.cells))
+        cells = merged(len(self.patch), self.collapsed)[self.cells]
+        rows = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1))
+        return cells[rows], rows
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether each patch has a cell left where edges are one point, and no two cells the same vertices."""
+        if not len(self.collapsed):
+            return True
+        cells, rows = self.without_collapsed
+        return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all()) and not _repeated(cells).any()
+
+
+def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
+    """Triangulate each domain with `resolution` cells along an edge, and join them.
+
+    Where joined patches would have a side between the same two vertices inside each, as at the corner between two
+    edges that they share, they are cut around their centres; so are those with a tip, and there a side once more.
+
+    Parameters
+    ----------
+    patches : sequence of Patch
+    joints : Joints or None
+        None for a single patch that stands for itself.
+    resolution : int
+    """
+    parts = [triangulation(patch.domain, resolution) for patch in patches]
+    mosaic, confused = _joined(patches, joints, parts)
+    tips = _tips(patches, joints)
+    again = {*confused.tolist(), *(index for index, _ in tips)}
+    if again:
+        for index in again:
+            parts[index] = central_triangulation(patches[index].domain, resolution)
+        for index, corner in tips:
+            parts[index] = parts[index].with_cut_beside(corner)
+        mosaic, _ = _joined(patches, joints, parts)
+    return mosaic
+
+
+def _tips(patches: Sequence[Patch], joints: Joints | None) -> list[tuple[int, int]]:
+    """Patches and corners of them between two edges that are the same curve, as at the tip of a cone."""
+    tips = []
+    for joint in joints.shared if joints is not None else ():
+        (index, edge), (other, following) = joint.first, joint.second
+        count = len(patches[index].domain.vertices)
+        for a, b in ((edge, following), (following, edge)):
+            if index == other and joint.opposite and b == (a + 1) % count and patches[index].dimension == 2:
+                tips.append((index, b))
+    return tips
+
+
+def _joined(
+    patches: Sequence[Patch], joints: Joints | None, parts: Sequence[Triangulation]
+) -> tuple[Complex, IntArray]:
+    """The complex of triangulated domains, and the patches with cells or sides that vertices do not tell apart."""
+    offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
+    owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
+    parameters = np.concatenate([part.parameters for part in parts])
+    face = np.zeros(offsets[-1], dtype=np.int64)
+    cells, corners, cell_patch = [], [], []
+    for index, part in enumerate(parts):
+        r = len(part.boundary)
+        surface = patches[index].dimension == 2
+        face[offsets[index] + part.boundary] = 1 + np.arange(r)[:, None]
+        if surface:
+            face[offsets[index] + part.boundary[:, 0]] = 1 + r + np.arange(r)
+        flip = surface and joints is not None and joints.flipped[index]
+        own = part.cells[:, [0, 2, 1]] if flip else part.cells
+        cells.append(own + offsets[index])
+        corners.append(part.parameters[own])
+        cell_patch.append(np.full(len(own), index))
+
+    def side(patch: int, edge: int) -> IntArray:
+        boundary = parts[patch].boundary
+        if patches[patch].dimension == 1:
+            return np.asarray(offsets[patch] + boundary[edge])
+        return np.asarray(offsets[patch] + np.append(boundary[edge], boundary[(edge + 1) % len(boundary), 0]))
+
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    collapsed = [np.empty((0, 2), dtype=np.int64)]
+    if joints is not None:
+        for joint in joints.shared:
+            first, second = side(*joint.first), side(*joint.second)
+            pairs.append(np.stack([first, second[::-1] if joint.opposite else second], axis=1))
+        for ref in joints.collapsed:
+            points = side(*ref)
+            collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
+    label = merged(int(offsets[-1]), np.concatenate(pairs))
+    kept, index_of = np.unique(label, return_inverse=True)
+    # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
+    sides = sum(len(part.parameters) + len(part.cells) - 1 for part in parts) - sum(len(pair) - 1 for pair in pairs[1:])
+    mosaic = Complex(
+        patch=owner[kept],
+        parameters=parameters[kept],
+        face=face[kept],
+        cells=index_of[np.concatenate(cells)],
+        cell_patch=np.concatenate(cell_patch),
+        corners=np.concatenate(corners),
+        collapsed=index_of[np.concatenate(collapsed)],
+        sides=sides,
+    )
+    if joints is None or patches[0].dimension == 1:
+        return mosaic, owner[:0]
+    label = merged(len(label), np.concatenate(pairs + collapsed))
+    return mosaic, np.unique(owner[_confused(np.concatenate(cells), face > 0, label)])
+
+
+def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
+    """A vertex of each cell, and of each side inside a patch, between the same boundary vertices as another one."""
+    cells = cells[on_boundary[cells].sum(axis=1) > 1]
+    cells = cells[(np.diff(np.sort(label[cells], axis=1), axis=1) > 0).all(axis=1)]
+    flat = cells[on_boundary[cells].all(axis=1)]
+    ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
+    ends = np.sort(ends[on_boundary[ends].all(axis=1)], axis=1)
+    ends, uses = np.unique(ends, axis=0, return_counts=True)
+    twice = [_repeated(label[flat]), _repeated(label[ends]) & (uses == 2)]
+    return np.concatenate([flat[twice[0], 0], ends[twice[1], 0]])
+
+
+def _repeated(rows: IntArray) -> BoolArray:
+    """Which rows have the same entries, in any order, as another."""
+    _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(count[kind] > 1)
+
+
+def merged(count: int, pairs: IntArray) -> IntArray:
+    """(count,) smallest index that each index is connected to by (c, 2) pairs."""
+    label = np.arange(count)
+    while len(pairs):
+        low = label[pairs].min(axis=1)
+        before = label.copy()
+        np.minimum.at(label, pairs[:, 0], low)
+        np.minimum.at(label, pairs[:, 1], low)
+        label = label[label]
+        if (label == before).all():
+            break
+    return label
+
+
+@dataclass(frozen=True, eq=False)
+class Sampler:
+    """Points and normals of several patches at parameters of either parametrisation.
+
+    With `shared_edges`, edges are sampled by their own data (linearly) in the toric parametrisation too, so that
+    patches which share an edge have the same points there.
+    """
+
+    patches: Sequence[Patch]
+    parametrization: Parametrization
+    shared_edges: bool
+    flipped: Sequence[bool] = field(default=())
+
+    def __post_init__(self) -> None:
+        if self.parametrization not in get_args(Parametrization):
+            raise DomainError(f"parametrization: expected toric or linear, got {self.parametrization!r}")
+
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
+        """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces.
+
+        Or of parameters that are nearer than `within`, a fraction of the domain's size: linear ones are found sooner.
+        """
+        result = np.empty((len(patch), 3))
+        for index, rows in _groups(patch):
+            where = self.locations(index, parameters[rows], face[rows], within)
+            result[rows] = self.patches[index].points_at(where, len(parameters[rows]))
+        return result
+
+    def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
+        result = np.empty((len(patch), 3))
+        for index, rows in _groups(patch):
+            where = self.locations(index, parameters[rows], face[rows])
+            sign = -1.0 if self.flipped and self.flipped[index] else 1.0
+            result[rows] = sign * self.patches[index].normals_at(where, len(parameters[rows]))
+        return result
+
+    @cached_property
+    def _linear(self) -> list[LinearParametrization]:
+        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh is made without it
+
+        return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
+
+    def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
+        """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
+        if self.parametrization == "linear":
+            yield from self._linear[index].locations(u, face, within)
+            return
+        yield from toric_locations(self.patches[index].domain, u, face)
+        if self.shared_edges and face.any():
+            rows = np.flatnonzero(face)
+            for location in self._linear[index].locations(u[rows], face[rows]):
+                yield location._replace(rows=rows[location.rows])
+
+
+def _groups(patch: IntArray) -> Iterator[tuple[int, slice | IntArray]]:
+    """Rows of each patch; all rows as a slice where there is one patch only."""
+    present = np.flatnonzero(np.bincount(patch)) if len(patch) else np.empty(0, dtype=np.int64)
+    for index in present.tolist():
+        yield index, slice(None) if len(present) == 1 else np.flatnonzero(patch == index)

@@ -1,0 +1,284 @@
+"""Families of patches that tend to a limit, on one complex: the triangulation is that of the limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.tessellate import COARSEST
+from gtb_cli.tessellation.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.theory.decomposition import RegularDecomposition
+from gtb_cli.theory.degeneration import cells_of
+from gtb_cli.theory.domain import Domain, knot_tolerance
+from gtb_cli.theory.joints import EdgeRef, Joint, Joints
+from gtb_cli.theory.patch import Patch
+
+LAYERS = 4.0
+"""Cells across the layer along the boundary in which a member differs from what it is inside."""
+
+STRAIGHT = 4.0
+"""Multiple of `knot_tolerance` by which the corners of a cell and of its own hull may differ: the same knots."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Patches with the same Δ in their linear parametrisations, and their limit.
+
+    Attributes
+    ----------
+    samplers : tuple of Sampler
+        One for each patch, the limit last. All take a parameter by the patch of the limit that it lies in, and the
+        face of that patch's domain.
+    joints : Joints or None
+        How the patches of the limit are joined; None for a single one.
+    thickness : tuple of float
+        For each member, as a fraction of Δ's size, how near to the boundary it differs from what it is inside; empty
+        where none does.
+    """
+
+    samplers: tuple[Sampler, ...]
+    joints: Joints | None
+    thickness: tuple[float, ...] = ()
+
+    @property
+    def limit(self) -> Sampler:
+        """The last sampler."""
+        return self.samplers[-1]
+
+    @property
+    def dimension(self) -> int:
+        """1 for curves, 2 for surfaces."""
+        return self.limit.patches[0].dimension
+
+    def cell_count(self, resolution: int) -> int:
+        """Number of cells of `uniform`, without making it."""
+        return sum(cell_count(patch.domain, resolution) for patch in self.limit.patches)
+
+    def uniform(self, resolution: int) -> Complex:
+        """The complex with `resolution` cells along each edge of each patch of the limit."""
+        return joined_complex(self.limit.patches, self.joints, resolution)
+
+    def graded(self, resolution: int, member: int) -> Complex:
+        """As `uniform`, but with cells towards the boundary as small as a member needs them."""
+        if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
+            return self.uniform(resolution)
+        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYERS)
+
+    def refined(self, tolerance: float, max_cells: int) -> Complex:
+        """Refine the coarsest complex until it is within a tolerance of every member.
+
+        Raises
+        ------
+        ToleranceError
+            More than `max_cells` cells would be needed.
+        """
+        for resolution in COARSEST:
+            mosaic = self.uniform(resolution)
+            if mosaic.is_simplicial:
+                break
+        count = 0
+        while len(mosaic.cells) > count:
+            count = len(mosaic.cells)
+            for sampler in reversed(self.samplers):
+                mosaic, _ = refine(mosaic, sampler, tolerance, max_cells)
+        return _in_order(mosaic)
+
+
+def approaching(patches: Sequence[Patch], limit: Patch, thickness: Sequence[float] = ()) -> Family:
+    """Patches with one Δ, and a patch with the same as their limit; `thickness` is that of all but the limit."""
+    return Family(
+        (*(_linear(patch) for patch in patches), _linear(limit)), None, (*thickness, 0.0) if thickness else ()
+    )
+
+
+def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
+    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface, by the decomposition of λ.
+
+    Raises
+    ------
+    DomainError
+        The decomposition has a corner that is straight to rounding.
+    """
+    order = _left_to_right(decomposition)
+    limit = cells_of(patch, decomposition).patches
+    cells = [limit[k] for k in order]
+    joints = _joints(decomposition, order, cells)
+    faces = _outer_faces(patch.domain, decomposition, order)
+    logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
+    gaps = [decomposition.gaps(k) for k in order]
+    members = []
+    for logarithm in logarithms:
+        # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
+        whole = [replace(patch, log_weights=logs - logarithm * gap) for gap in gaps]
+        members.append(_Whole(cells, "linear", True, whole=Sampler(whole, "linear", False), faces=faces))
+    return Family((*members, Sampler(cells, "linear", True)), joints)
+
+
+def _linear(patch: Patch) -> Sampler:
+    return Sampler((patch,), "linear", False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Whole(Sampler):
+    """One patch, in one form for each cell of its limit, at parameters known by that cell and by the face of it."""
+
+    whole: Sampler = field(kw_only=True)
+    faces: IntArray = field(kw_only=True)
+
+    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
+        return self.whole.points(patch, parameters, self.faces[patch, face], within)
+
+    def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        return self.whole.normals(patch, parameters, self.faces[patch, face])
+
+
+def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
+    """Cells in the order of meshing: as they are, but those of a curve along it."""
+    cells = range(len(decomposition.cells))
+    if decomposition.dimension == 2:
+        return list(cells)
+    return sorted(cells, key=lambda k: float(decomposition.knots[decomposition.polygons[k][0], 0]))
+
+
+def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """The knots at the ends of each edge of a polygon; of a segment, each end."""
+    if len(polygon) == 2:
+        return [(polygon[0],), (polygon[1],)]
+    return list(zip(polygon, (*polygon[1:], polygon[0]), strict=True))
+
+
+def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:
+    """How the cells are joined: by the knots they share, not by the shape of their edges."""
+    shared: list[Joint] = []
+    seen: dict[tuple[int, ...], EdgeRef] = {}
+    for index, k in enumerate(order):
+        polygon = decomposition.polygons[k]
+        corners, found = decomposition.knots[list(polygon)], cells[index].domain.vertices
+        tolerance = STRAIGHT * knot_tolerance(decomposition.knots)
+        if found.shape != corners.shape or np.abs(found - corners).max() > tolerance:
+            raise DomainError(
+                f"lifting: cell {k} has a corner that is straight to rounding: knots that are meant to lie on a line, "
+                "or their lifting values, are too inexact for a mesh that follows the cells"
+            )
+        for edge, knots in enumerate(_sides(polygon)):
+            first = seen.setdefault(tuple(sorted(knots)), (index, edge))
+            if first != (index, edge):
+                shared.append(Joint(first, (index, edge), opposite=decomposition.dimension == 2))
+    inner = {joint.first for joint in shared}
+    return Joints(
+        shared=tuple(shared),
+        open=tuple(ref for ref in seen.values() if ref not in inner),
+        collapsed=(),
+        crowded=(),
+        almost=(),
+        flipped=(False,) * len(cells),
+        one_sided=(),
+    )
+
+
+def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> IntArray:
+    """(cells, faces) row of Δ's faces that holds each face of each cell; 0 where that is inside Δ."""
+    sides = [_sides(decomposition.polygons[k]) for k in order]
+    r = len(shape.vertices)
+    table = np.zeros((len(sides), 1 + 2 * max(map(len, sides))), dtype=np.int64)
+    for cell, edges in enumerate(sides):
+        parts = edges if shape.dimension == 1 else [*edges, *((start,) for start, _ in edges)]
+        for face, knots in enumerate(parts, start=1):
+            on = np.flatnonzero(shape.incidence[list(knots)].all(axis=0))
+            if len(on) == 1:
+                table[cell, face] = 1 + on[0]
+            elif len(on):
+                table[cell, face] = 1 + r + int(np.flatnonzero(shape.faces[1 + r :, knots[0]])[0])
+    return table
+
+
+def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
+    """Cut Δ around its centre into cells that become smaller towards its edges and corners.
+
+    Parameters
+    ----------
+    shape : Domain
+    resolution : int
+        Cells along each edge.
+    finest : float
+        Width of the outermost cells, as a fraction of Δ's size; less than 1 / `resolution`.
+    """
+    part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
+    r, v = len(shape.vertices), shape.vertices
+    steepness = 1.0
+    for _ in range(50):
+        steepness = math.log1p(steepness / (resolution * finest))
+    if shape.dimension == 1:
+        share = (part.parameters - v[0]) / (v[1] - v[0])
+        u = v[0] + _both_ways(share, steepness) * (v[1] - v[0])
+        u[part.boundary] = v[:, None]
+    else:
+        u = _towards_edges(v, part.parameters, steepness)
+        sides = np.roll(v, -1, axis=0) - v
+        share = _both_ways(np.arange(resolution) / resolution, steepness)
+        u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
+    face = np.zeros(len(u), dtype=np.int64)
+    face[part.boundary] = 1 + np.arange(r)[:, None]
+    if shape.dimension == 2:
+        face[part.boundary[:, 0]] = 1 + r + np.arange(r)
+    return Complex(
+        patch=np.zeros_like(face),
+        parameters=u,
+        face=face,
+        cells=part.cells,
+        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
+        corners=u[part.cells],
+        collapsed=np.empty((0, 2), dtype=np.int64),
+    )
+
+
+def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:
+    """Move (m, 2) points of a polygon along the rays from its centre, and these towards its corners."""
+    center = v.mean(axis=0)
+    sides = np.roll(v, -1, axis=0) - v
+    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+    # Shares of the way out to each edge's line; the largest says which edge the ray meets.
+    shares = (u - center) @ (normals / ((v - center) * normals).sum(axis=1)[:, None]).T
+    edge = shares.argmax(axis=1)
+    ring = np.clip(shares.max(axis=1), 0.0, 1.0)
+    side = sides[edge]
+    outer = center + (u - center) / np.where(ring > 0, ring, 1.0)[:, None] - v[edge]
+    place = np.clip((outer * side).sum(axis=1) / (side**2).sum(axis=1), 0.0, 1.0)
+    target = v[edge] + _both_ways(place, steepness)[:, None] * side
+    return np.asarray(center + (1 - _from_end(1 - ring, steepness))[:, None] * (target - center))
+
+
+def _from_end(share: FloatArray, steepness: float) -> FloatArray:
+    """Map [0, 1] to itself, with small steps near 0."""
+    return np.asarray(np.expm1(steepness * share) / math.expm1(steepness))
+
+
+def _both_ways(share: FloatArray, steepness: float) -> FloatArray:
+    """Map [0, 1] to itself, with small steps near both ends."""
+    half = _from_end(1 - np.abs(2 * share - 1), steepness) / 2
+    return np.where(share < 0.5, half, 1 - half)
+
+
+def _in_order(mosaic: Complex) -> Complex:
+    """A curve's cells and vertices in their order along it, which refinement does not keep."""
+    if mosaic.cells.shape[1] == 3:
+        return mosaic
+    cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")
+    vertices = np.append(mosaic.cells[cells, 0], mosaic.cells[cells[-1], 1])
+    steps = np.arange(len(cells))
+    return Complex(
+        patch=mosaic.patch[vertices],
+        parameters=mosaic.parameters[vertices],
+        face=mosaic.face[vertices],
+        cells=np.stack([steps, steps + 1], axis=1),
+        cell_patch=mosaic.cell_patch[cells],
+        corners=mosaic.corners[cells],
+        collapsed=mosaic.collapsed,
+    )

@@ -1,0 +1,433 @@
+"""Refinement of a complex until the surface is within a tolerance of the mesh.
+
+Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
+more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
+hold, every cell that was not sampled yet is sampled densely, and cells that fail have their worst edge split.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.errors import ToleranceError
+from gtb_cli.meshes.distance import cross, dot, to_segments, to_triangles
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.tessellation.complex import Complex, Sampler
+from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
+from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
+from gtb_cli.tessellation.splitting import Growth
+from gtb_cli.tessellation.subdivision import Subdivision
+from gtb_cli.theory.domain import EPS
+
+ROUNDINGS = 64
+"""A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
+
+SHORTEST = 1e-13
+"""Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
+
+MARGIN = 0.9
+"""Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
+
+SLIM = {"linear": 0.01, "toric": 1e-12}
+"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin. In
+toric parameters triangles along edges of Δ have to be."""
+
+ROUGH = 0.1
+"""Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
+
+EVEN = 0.02
+"""The same at one quarter of an edge, before the other one is sampled, too."""
+
+SLIDE = 0.1
+"""Part of an edge by which its curve may run ahead along it; else it may turn back beyond the other end."""
+
+HIDDEN = 5.0
+"""How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
+
+FINE_LATTICE = 12
+
+NEARBY = 0.01
+"""Part of the tolerance by which a sample may be beside the place it is asked for: it is found sooner."""
+
+FOLDS = 256
+"""How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
+
+KNOWN = 1000
+"""Cells from which on it is estimated how many there will be."""
+
+SURE = 4.0
+"""How many times the cells that are allowed they must be, so that it is given up."""
+
+FEW_OF = 16
+"""Of so many cells one is sampled first, where most complexes are not good enough."""
+
+
+def refine(
+    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, witnesses: FloatArray | None = None
+) -> tuple[Complex, FloatArray]:
+    """Refine a complex until every sample of the surface is within a distance of its cell.
+
+    Parameters
+    ----------
+    start : Complex
+        Simplicial.
+    sampler : Sampler
+    tolerance : float
+        Largest distance from the surface to the mesh, in model units.
+    max_cells : int
+    witnesses : (m, 3) float, optional
+        Points of the surface, known otherwise, that must be as near to the mesh.
+
+    Returns
+    -------
+    complex : Complex
+        With the edges it started from, or parts of them.
+    points : (v, 3) float
+
+    Raises
+    ------
+    ToleranceError
+        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+
+    Notes
+    -----
+    Verified at quarters of the sides and in the middle of each cell; where these are not as a quadratic surface would
+    have them, on a lattice of `FINE_LATTICE` steps; and at knots and between them. `MARGIN` is for what happens between
+    samples.
+    """
+    work = _Refinement(start, sampler, tolerance, max_cells)
+    while work.step() or (witnesses is not None and work.step_towards(witnesses)):
+        pass
+    return work.mesh.result(), work.mesh.points
+
+
+def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float, bool]:
+    """(v, 3) vertices of a complex, the surface's largest distance from its cells, and whether `refine` would stop.
+
+    Sampled like `refine` does; where edges alone, or some of the cells, are beyond the tolerance already, no further.
+    """
+    if len(start.cells) > FEW_OF * LATTICE:
+        few = _Refinement(start.part(slice(None, None, FEW_OF)), sampler, tolerance, len(start.cells))
+        if float(few.error.max()) > few.tolerance:
+            return few.mesh.points, float(few.error.max()) / MARGIN, False
+    work = _Refinement(start, sampler, tolerance, len(start.cells))
+    # Cells that bulge, or do not cover a flat patch, fail though no sample may be far from its own cell.
+    holds = not work.marks().any()
+    distance = max(work.worst, float(work.error.max()))
+    return work.mesh.points, distance / MARGIN, holds and distance <= work.tolerance
+
+
+class _Refinement:
+    """A subdivision with what is known of its edges and cells."""
+
+    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> None:
+        self.sampler, self.asked, self.max_cells = sampler, tolerance, max_cells
+        self.tolerance = MARGIN * tolerance
+        points = sampler.points(start.patch, start.parameters, start.face)
+        scale = float(np.abs(points).max())
+        if not tolerance > ROUNDINGS * EPS * scale:
+            raise ToleranceError(
+                f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
+                f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
+            )
+        self.mesh = Subdivision(start, points, sampler.patches, SLIM[sampler.parametrization])
+        self.growth = Growth()
+        self.sizes = np.array([patch.domain.size for patch in sampler.patches])
+        # Inside flat patches a parameter may slide out of its cell: that is no error of the mesh.
+        self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.patches])
+        self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
+        self.nearby, self.worst, self.estimated = 0.0, 0.0, 0
+        self.verified = np.zeros(len(start.cells), dtype=bool)
+        # Of edges: their curves' middles, how far these are from them, the farthest sample (0 where the edge is split
+        # and gone), and how far samples are from a parabola's.
+        self.middle = np.empty((0, 3))
+        self.bend, self.error, self.roughness = np.empty(0), np.empty(0), np.empty(0)
+        self.measure()
+        self.bulging = self.bulge(np.arange(len(start.cells))) > self.tolerance
+
+    def measure(self) -> None:
+        """Sample the middle of the edges that were not sampled yet."""
+        edges = self.mesh.edges
+        new = np.arange(len(self.error), len(edges.ends))
+        sample, distance = self.along(new, np.array([0.5]), 0.0)
+        inside = self.flat.take(edges.patch[new]) & (edges.face[new] == 0)
+        self.middle = self.growth.append("middle", self.middle, sample[:, 0])
+        self.bend = self.growth.append("bend", self.bend, distance[:, 0])
+        self.error = self.growth.append("error", self.error, np.where(inside, 0.0, distance[:, 0]))
+        self.roughness = self.growth.append("roughness", self.roughness, np.full(len(new), np.nan))
+
+    def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
+        """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
+        rows = np.repeat(rows, len(fractions))
+        edges = self.mesh.edges[rows]
+        t = np.tile(fractions, len(rows) // len(fractions))[:, None]
+        u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
+        sample = self.sampler.points(edges.patch, u, edges.face, within)
+        distance = to_segments(sample, *self.mesh.ends(rows))
+        return sample.reshape(-1, len(fractions), 3), distance.reshape(-1, len(fractions))
+
+    def step(self) -> bool:
+        """Split what is too far from the surface; False when nothing is."""
+        marked = self.marks()
+        if not marked.any():
+            return False
+        self.advance(marked)
+        return True
+
+    def step_towards(self, witnesses: FloatArray) -> bool:
+        """Split the cells that are nearest to points that are too far from all; False when none is."""
+        nearest = NearestCells(self.mesh.points[self.mesh.cells.cells])
+        distance, cell = nearest.search(witnesses, *nearest.start(witnesses))
+        failing = np.unique(cell[distance > self.tolerance])
+        if not len(failing):
+            return False
+        marked = np.zeros(len(self.error), dtype=bool)
+        self.mark_worst(marked, failing)
+        self.advance(marked)
+        return True
+
+    def advance(self, marked: BoolArray) -> None:
+        """Split edges and sample what is new."""
+        self.mesh.mark_thin(marked)
+        chosen = np.flatnonzero(marked)
+        self.refuse_hopeless(marked)
+        before = len(self.mesh)
+        changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0))
+        self.error[chosen] = 0.0
+        self.verified[changed[changed < before]] = False
+        unknown = np.zeros(len(self.mesh) - before, dtype=bool)
+        self.verified = self.growth.append("verified", self.verified, unknown)
+        self.bulging = self.growth.append("bulging", self.bulging, unknown)
+        self.measure()
+        self.bulging[changed] = self.bulge(changed) > self.tolerance
+
+    def refuse_hopeless(self, marked: BoolArray) -> None:
+        """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
+        edges, why, needed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0
+        if len(self.mesh) > max(KNOWN, 2 * self.estimated):
+            self.estimated = len(self.mesh)
+            needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
+        # Each side that is split makes one cell more of the cell.
+        count = len(self.mesh) + sum(int(np.count_nonzero(marked.take(side))) for side in self.mesh.cells.sides.T)
+        if count > self.max_cells:
+            why = f"needs more than {self.max_cells} faces"
+        elif needed > SURE * self.max_cells:
+            why = f"needs about {needed:.1g} faces, more than {self.max_cells}"
+        elif (edges.widths < SHORTEST * self.sizes.take(edges.patch)).any():
+            why = f"is not reached where {self.sampler.parametrization} parameters are too close to tell apart"
+        if why:
+            raise ToleranceError(
+                f"tolerance: {self.asked:g} {why}; with {len(self.mesh)} the distance is still {self.error.max():.3g}"
+            )
+
+    def marks(self) -> BoolArray:
+        """(e,) which edges are to be split, by what is known of them, or else by verifying cells."""
+        again = True
+        while again:
+            marked = self.error > self.tolerance
+            self.mark_worst(marked, np.flatnonzero(self.bulging))
+            again = not marked.any() and self.verify(marked)
+        return marked
+
+    def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
+        """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""
+        sides = self.mesh.cells.sides.take(failing[~self.mesh.has_mark(marked, failing)], axis=0)
+        length = self.mesh.lengths(sides)
+        # Where no edge is off, the longest: errors then are rounding.
+        rank = np.where(self.error[sides] > 0.05 * self.tolerance, self.error[sides], 0.0) + 1e-6 * self.tolerance * (
+            length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        )
+        marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
+
+    def heights(self, rows: IntArray, corners: Sequence[FloatArray]) -> FloatArray:
+        """(3, k) heights of the sides' middles over some triangles, whose corners are given."""
+        normal = cross(corners[1] - corners[0], corners[2] - corners[0])
+        length = np.sqrt(dot(normal, normal))
+        scale = 1 / np.where(length > 0, length, np.inf)
+        sides = self.mesh.cells.sides.take(rows, axis=0)
+        middles = [self.middle.take(side, axis=0) for side in sides.T]
+        return np.stack([dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
+
+    def bulge(self, rows: IntArray) -> FloatArray:
+        """Largest height over some cells of the quadratic surface through their corners and their sides' middles."""
+        if not self.mesh.is_surface:
+            return np.zeros(len(rows))
+        return np.asarray(np.abs(BULGES @ self.heights(rows, self.mesh.corners(rows))).max(axis=0))
+
+    def verify(self, marked: BoolArray) -> bool:
+        """Sample the cells that were not verified yet on a lattice, and mark the worst edge of those that fail.
+
+        Cells that hold, but not because the surface is quadratic there, are sampled on a finer lattice. The result is
+        whether what is known of edges has changed instead.
+        """
+        todo = np.flatnonzero(~self.verified)
+        if not len(todo):
+            return False
+        chosen = np.zeros(len(self.error), dtype=bool)
+        chosen[self.mesh.cells.sides.take(todo, axis=0)] = True
+        sides = np.flatnonzero(chosen)
+        edges = self.mesh.edges[sides]
+        speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
+        self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
+        self.sample_peaks(sides)
+        marked[sides] = self.error[sides] > self.tolerance
+        flat = self.flat.take(self.mesh.cells.patch[todo])
+        bent = todo[~flat]
+        steps_at = self.steps_at(todo)
+        failing = np.zeros(len(self.verified), dtype=bool)
+        doubt = np.zeros(len(self.verified), dtype=bool)
+        for steps in np.unique(steps_at[~flat]).tolist():
+            rows = todo[~flat & (steps_at == steps)]
+            doubt[rows] = self.sample(rows, steps, failing, marked) & (steps < FINE_LATTICE)
+        doubtful = np.flatnonzero(doubt)
+        if not failing.any() and not marked.any() and len(doubtful):
+            self.sample(doubtful, FINE_LATTICE, failing, marked)
+            doubtful = todo[:0]
+        if self.mesh.is_surface:
+            cell, u = self.mesh.peaks_inside(bent)
+            failing[cell[self.distance(cell, u) > self.tolerance]] = True
+            self.mark_worst(marked, np.flatnonzero(failing))
+        self.verified[todo] = ~failing[todo]
+        self.verified[doubtful] = False
+        if marked.any():
+            # Flat patches wait until the others hold.
+            self.verified[todo[flat]] = False
+            return False
+        return bool(flat.any()) and self.verify_flat(todo[flat], marked)
+
+    def steps_at(self, rows: IntArray) -> IntArray:
+        """(k,) steps of the lattices of some cells."""
+        corners = np.moveaxis(self.mesh.cells.corners.take(rows, axis=0), 1, 0)
+        extent = reduce(np.maximum, corners) - reduce(np.minimum, corners)
+        return steps_for(np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows]))
+
+    def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
+        """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
+
+        Where it does not, the patch is refined like others: the result is whether there is such a patch.
+        """
+        sides = np.unique(self.mesh.cells.sides[todo])
+        sides = sides[self.mesh.edges.face[sides] > 0]
+        self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
+        marked[sides] = self.error[sides] > self.tolerance
+        if marked.any():
+            self.verified[todo] = False
+            return False
+        bent = False
+        for index in np.unique(self.mesh.cells.patch[todo]).tolist():
+            rows = np.flatnonzero(self.mesh.cells.patch == index)
+            failing = self.folded_or_not_covering(rows)
+            if not failing.any():
+                continue
+            self.verified[rows] = False
+            self.folds[index] += int(failing.sum())
+            if self.folds[index] <= FOLDS:
+                self.mark_worst(marked, rows[failing])
+                continue
+            bent = True
+            self.flat[index] = False
+            sides = np.unique(self.mesh.cells.sides[rows])
+            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == 0)]
+            self.error[inner] = self.bend[inner]
+        return bent and not marked.any()
+
+    def folded_or_not_covering(self, rows: IntArray) -> BoolArray:
+        """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all."""
+        corners = np.stack(self.mesh.corners(rows), axis=1)
+        failing = turned_over(corners)
+        if failing.any():
+            return failing
+        steps_at = self.steps_at(rows)
+        places, owners = [], []
+        for steps in np.unique(steps_at).tolist():
+            part = np.flatnonzero(steps_at == steps)
+            weights = lattice(steps if steps > LATTICE else CENTROID)
+            places.append(np.einsum("wc,kcd->kwd", weights, self.mesh.cells.corners[rows[part]]).reshape(-1, 2))
+            owners.append(np.repeat(part, len(weights)))
+        u, own = np.concatenate(places), np.concatenate(owners)
+        sample = self.sampler.points(
+            self.mesh.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), self.nearby
+        )
+        failing[own[left_out(sample, own, corners, self.tolerance)]] = True
+        return failing
+
+    def sample(self, rows: IntArray, steps: int, failing: BoolArray, marked: BoolArray) -> BoolArray:
+        """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are in doubt."""
+        cells = self.mesh.cells[rows]
+        chosen = np.zeros(len(self.error), dtype=bool)
+        chosen[cells.sides] = True
+        if steps <= LATTICE:
+            chosen &= np.isnan(self.roughness)
+            sides = np.flatnonzero(chosen)
+            quarter = self.sample_sides(sides, np.array([0.25]))
+            sides = sides[(self.roughness[sides] > EVEN * self.tolerance) | self.slides(sides, quarter[:, 0])]
+            self.sample_sides(sides, np.array([0.75]))
+        else:
+            self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
+        marked[chosen] = self.error[chosen] > self.tolerance
+        rough = reduce(np.maximum, [self.roughness.take(side) for side in cells.sides.T])
+        seen = reduce(np.maximum, [self.error.take(side) for side in cells.sides.T])
+        weights = lattice(steps if steps > LATTICE else CENTROID)
+        expected_of = quadratic_heights(weights)
+        length = max(1, 200_000 // len(weights))
+        for begin in range(0, len(rows) if self.mesh.is_surface else 0, length):
+            block = slice(begin, begin + length)
+            part = rows[block]
+            corners = self.mesh.corners(part)
+            u = np.einsum("wc,kcd->kwd", weights, cells.corners[block]).reshape(-1, 2)
+            distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
+            failing[part] = (distance > self.tolerance).any(axis=1)
+            expected = np.abs(expected_of @ self.heights(part, corners)).T
+            rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
+            seen[block] = np.maximum(seen[block], distance.max(axis=1))
+        return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
+
+    def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
+        """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
+        start, end = self.mesh.ends(rows)
+        chord = end - start
+        square = dot(chord, chord)
+        places = [
+            (dot(point - start, chord), at) for point, at in ((quarter, 0.25), (self.middle.take(rows, axis=0), 0.5))
+        ]
+        return np.asarray(np.logical_or.reduce([np.abs(along - at * square) > SLIDE * square for along, at in places]))
+
+    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
+        """(e, f, 3) points of edges at fractions, quarters among them; how far and how rough they are is noted."""
+        if not len(rows):
+            return np.empty((0, len(fractions), 3))
+        samples, distance = self.along(rows, fractions, self.nearby)
+        # A parabola is three quarters as far from its chord at the quarters as in the middle.
+        off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * self.bend[rows, None]).max(axis=1)
+        self.roughness[rows] = np.fmax(self.roughness[rows], off)
+        self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
+        return samples
+
+    def sample_peaks(self, sides: IntArray) -> None:
+        """Note how far edges are from their curves where these may have peaks."""
+        rows, u = self.mesh.peaks_along(sides)
+        edges = self.mesh.edges[rows]
+        sample = self.sampler.points(edges.patch, u, edges.face)
+        np.maximum.at(self.error, rows, to_segments(sample, *self.mesh.ends(rows)))
+
+    def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
+        """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
+        inside = np.zeros(len(cell), dtype=np.int64)
+        sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inside, self.nearby)
+        distance = to_triangles(sample, *self.mesh.corners(cell))
+        self.worst = max(self.worst, float(distance.max(initial=0.0)))
+        return distance
+
+
+def cells_needed(errors: FloatArray) -> float:
+    """How many cells there will be, if errors fall with the square of the width.
+
+    (1 or 3, k) errors of the sides, in units of the tolerance. A triangle is taken to bend in two directions only as
+    far as its straightest side bends.
+    """
+    parts = np.sqrt(np.maximum(errors, 1.0))
+    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

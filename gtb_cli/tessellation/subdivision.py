@@ -1,0 +1,212 @@
+"""A complex that grows: its edges are split in the middle, and the cells beside them by pattern."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.meshes.distance import cross, dot
+from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
+from gtb_cli.theory.patch import Patch
+
+THIN = 12.0
+"""A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers do not
+get thinner, and refinement ends."""
+
+
+class Subdivision:
+    """The growing arrays of a complex with points; their order depends on the input alone.
+
+    Parameters
+    ----------
+    start : Complex
+        Simplicial.
+    points : (v, 3) float
+    patches : sequence of Patch
+    slim : float
+        Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin.
+    """
+
+    def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
+        self.patch, self.parameters, self.face = start.patch, start.parameters, start.face
+        self.points, self.collapsed = points, start.collapsed
+        self.edges, sides = sides_of(start, patches)
+        self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
+        self.growth = Growth()
+        self.peaks = [peaks_of(patch) for patch in patches]
+        self.is_surface = start.cells.shape[1] == 3
+        self.slim = slim * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else slim
+
+    def __len__(self) -> int:
+        """Number of cells."""
+        return len(self.cells.cells)
+
+    def corners(self, rows: IntArray) -> list[FloatArray]:
+        """(k, 3) points of the first vertices of some cells, of the second ones …."""
+        cells = self.cells.cells.take(rows, axis=0)
+        return [self.points.take(vertex, axis=0) for vertex in cells.T]
+
+    def ends(self, rows: IntArray) -> list[FloatArray]:
+        """(e, 3) points of both ends of some edges."""
+        ends = self.edges.ends.take(rows, axis=0)
+        return [self.points.take(end, axis=0) for end in ends.T]
+
+    def lengths(self, sides: IntArray) -> FloatArray:
+        """Lengths of edges, in the shape of their numbers."""
+        start, end = self.ends(sides.ravel())
+        chord = end - start
+        return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
+
+    def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
+        """Whether any side of all cells, or of some, is marked; column by column: short rows are slow to reduce."""
+        sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
+        return reduce(np.logical_or, [marked.take(side) for side in sides.T])
+
+    def mark_thin(self, marked: BoolArray) -> None:
+        """Mark the longest edge of thin triangles that have another one marked, until there is none.
+
+        Of those thin in Δ, too: else parts of a surface that bends to and fro along one could be split for ever.
+        """
+        before = np.zeros(len(self), dtype=bool)
+        while self.is_surface:
+            touched = self.has_mark(marked)
+            rows = np.flatnonzero(touched & ~before)
+            if not len(rows):
+                return
+            before = touched
+            a, b, c = self.corners(rows)
+            normal = cross(b - a, c - a)
+            sides = self.cells.sides.take(rows, axis=0)
+            length = self.lengths(sides)
+            thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
+            marked[sides[thin, length[thin].argmax(axis=1)]] = True
+            share, longest = slimness(self.cells.corners.take(rows, axis=0))
+            thin = share < self.slim
+            marked[sides[thin, longest[thin]]] = True
+
+    def split(self, chosen: IntArray, middles: FloatArray) -> IntArray:
+        """Split edges at their (e, 3) middles, and the cells beside them; returns the cells that are new.
+
+        New edges come after all others: first the halves of those that were split, then those inside cells.
+        """
+        count = len(self.edges.ends)
+        old = self.edges[chosen]
+        vertex = np.full(count, -1)
+        vertex[chosen] = len(self.points) + np.arange(len(chosen))
+        child = np.full((count, 2), -1)
+        child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
+        places = old.middles
+        self.patch = self.growth.append("patch", self.patch, old.patch)
+        self.parameters = self.growth.append("parameters", self.parameters, places)
+        self.face = self.growth.append("face", self.face, old.face)
+        self.points = self.growth.append("points", self.points, middles)
+        halves = [
+            Edges(
+                np.stack([old.ends[:, end], vertex[chosen]], axis=1),
+                old.patch,
+                np.stack([old.parameters[:, end], places], axis=1),
+                old.face,
+            )
+            for end in (0, 1)
+        ]
+        self.edges = self.edges.followed_by(self.growth, *halves)
+        rows = np.flatnonzero(self.has_mark(vertex >= 0))
+        divide = divide_triangles if self.is_surface else divide_segments
+        pieces, made = divide(self.cells[rows], self.edges, self.points, vertex, child)
+        if made:
+            self.edges = self.edges.followed_by(self.growth, *made)
+        before = len(self)
+        self.cells = self.cells.replaced(self.growth, rows, pieces)
+        return np.concatenate([rows, np.arange(before, len(self))])
+
+    def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
+        """Edges on the boundary of Δ, or of curves, with peaks between their ends, and these; see `peaks_of`."""
+        sides = sides[self.edges.face[sides] > 0] if self.is_surface else sides
+        found_sides, found = [np.empty(0, dtype=np.int64)], [np.empty((0, self.parameters.shape[1]))]
+        for index, peaks in enumerate(self.peaks):
+            own = sides[self.edges.patch[sides] == index]
+            for face in range(1 if self.is_surface else 0, len(peaks)):
+                rows = own[self.edges.face[own] == face]
+                start, end = np.moveaxis(self.edges.parameters.take(rows, axis=0), 1, 0)
+                length = ((end - start) ** 2).sum(axis=1)
+                for peak in peaks[face]:
+                    along = ((peak - start) * (end - start)).sum(axis=1)
+                    inside = rows[(along > 0) & (along < length)]
+                    found_sides.append(inside)
+                    found.append(np.repeat(peak[None], len(inside), axis=0))
+        return np.concatenate(found_sides), np.concatenate(found)
+
+    def peaks_inside(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
+        """Triangles with peaks inside, and these; see `peaks_of`."""
+        found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+        for index, peaks in enumerate(self.peaks):
+            own = rows[self.cells.patch[rows] == index]
+            a, b, c = np.moveaxis(self.cells.corners.take(own, axis=0), 1, 0)
+            for peak in peaks[0]:
+                signs = np.stack([_cross(b - a, peak - a), _cross(c - b, peak - b), _cross(a - c, peak - c)])
+                inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
+                found_cells.append(inside)
+                found.append(np.repeat(peak[None], len(inside), axis=0))
+        return np.concatenate(found_cells), np.concatenate(found)
+
+    def result(self) -> Complex:
+        """The complex; cells ordered by patch, else in the order in which they were made."""
+        order = np.argsort(self.cells.patch, kind="stable")
+        cells = self.cells[order]
+        return Complex(self.patch, self.parameters, self.face, cells.cells, cells.patch, cells.corners, self.collapsed)
+
+
+def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
+    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
+    k = start.cells.shape[1]
+    if k == 2:
+        edges = Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
+        return edges, np.arange(len(start.cells))[:, None]
+    following = [1, 2, 0]
+    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
+    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
+    patch = np.repeat(start.cell_patch, 3)
+    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
+    # A side lies on an edge of its domain if both ends do.
+    face = np.zeros(len(first), dtype=np.int64)
+    for index, domain in enumerate(shape.domain for shape in patches):
+        rows = np.flatnonzero(patch[first] == index)
+        zero = [domain.heights_of_columns(places[first[rows], end]) == 0 for end in (0, 1)]
+        both = zero[0] & zero[1]
+        face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
+    return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
+
+
+def peaks_of(patch: Patch) -> list[FloatArray]:
+    """Parameters, inside Δ and on each edge of it, where much of a patch may be between samples of linear ones.
+
+    These are the knots, as weights may be extreme, and the middles between neighbouring ones, as knots may crowd.
+    """
+    domain, knots = patch.domain, patch.knots
+    if patch.dimension == 1:
+        ordered = np.unique(knots, axis=0)
+        return [np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2])]
+    inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
+    apart = np.hypot(*(inner[:, None] - knots).transpose(2, 0, 1))
+    nearest = knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]
+    peaks = [np.concatenate([inner, (inner + nearest) / 2])]
+    for edge in range(len(domain.vertices)):
+        ordered = knots[domain.edge_knots(edge)]
+        peaks.append(np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2]))
+    return peaks
+
+
+def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
+    a, b, c = (corners[:, i].T for i in range(3))
+    squares = np.stack([((end - start) ** 2).sum(axis=0) for start, end in ((a, b), (b, c), (c, a))])
+    area = np.abs(_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    return area / squares.max(axis=0), squares.argmax(axis=0)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -1,0 +1,307 @@
+"""GT-Bernstein and rational GT-Bernstein basis on arrays, in logarithms.
+
+With the torus coordinate ``s(u) = Σ_j s_j ξ_j log h_j(u)``, every exponent is linear:
+``Σ_j h_j(a_i) log h_j(u) = <a_i, s> + (a term common to all i)``, so that the rational basis is
+``T_i = softmax_i(<a_i, s> + log(c_i ω_i))``. On the relative interior of a face of Δ the same holds for the knots on
+that face, with the edge functions that vanish left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.domain import Domain
+
+BLOCK = 1 << 18
+"""Numbers per work array: knots times parameters of a block, two megabytes, so that it stays in the cache."""
+
+UNDERFLOW = -700.0
+"""Exponents below this are cut off: exp would be subnormal, a hundred times slower, and 1e-304 of the sum."""
+
+SAFE_EXPONENT = 250.0
+"""Exponents up to this size, either sign, neither over- nor underflow, nor do their products with coordinates: the
+largest of each column, two passes over the numbers, need not be taken off first."""
+
+SMALLEST = float(np.exp(UNDERFLOW))
+
+NOTHING: IntArray = np.empty(0, dtype=np.int64)
+
+
+class Location(NamedTuple):
+    """Where some parameters lie: on which face of Δ, at which torus coordinates.
+
+    Attributes
+    ----------
+    rows : slice or (B,) int
+        Which of the parameters these are. A location may cover rows that a later one (an edge, a corner)
+        covers again: the later one stands.
+    face : int
+        Row of `Domain.faces`.
+    knots : (k, e) float
+        The knots on that face, in coordinates of that face, e its dimension.
+    s : (e, B) float
+        Torus coordinates, dual to those.
+    heights : (r, B) float
+        Edge functions at the parameters.
+    """
+
+    rows: slice | IntArray
+    face: int
+    knots: FloatArray
+    s: FloatArray
+    heights: FloatArray
+
+
+def block_length(knots: int) -> int:
+    """Number of parameters handled at once for a number of knots."""
+    return max(256, BLOCK // knots)
+
+
+def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
+    """(d, m) torus coordinates s of (r, m) positive edge functions."""
+    return np.asarray(domain.normals.T @ np.log(heights))
+
+
+def blocks(
+    domain: Domain, u: FloatArray, faces: IntArray | None = None
+) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
+    """Split (m, d) parameters into blocks on one face each: (rows, face, heights) as in `Location`.
+
+    `faces` as for `toric_locations`.
+
+    Raises
+    ------
+    DomainError
+        A parameter is not finite or outside Δ.
+    """
+    length = block_length(len(domain.knots))
+    rows: list[IntArray] = []
+    kept: list[FloatArray] = []
+    for start in range(0, len(u), length):
+        known = None if faces is None else faces[start : start + length]
+        heights = domain.heights_of_columns(u[start : start + length], start, known)
+        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NOTHING
+        if len(boundary):
+            rows.append(start + boundary)
+            kept.append(heights[:, boundary])
+            heights[:, boundary] = 1.0
+        if len(boundary) < heights.shape[1]:
+            yield slice(start, start + heights.shape[1]), 0, heights
+    if rows:
+        row, heights = np.concatenate(rows), np.concatenate(kept, axis=1)
+        face = domain.face_of(heights)
+        for index in np.flatnonzero(np.bincount(face)).tolist():
+            members = np.flatnonzero(face == index)
+            for start in range(0, len(members), length):
+                part = members[start : start + length]
+                yield row[part], index, heights[:, part]
+
+
+def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
+    """Locate (m, d) parameters in the toric parametrisation, the paper's: s(u) = Σ_j s_j ξ_j log h_j(u).
+
+    `faces`, rows of `Domain.faces`, says where parameters are known to lie, whatever rounding has made of them.
+    """
+    centred = domain.knots - domain.center
+    for rows, face, heights in blocks(domain, u, faces):
+        if face == 0:
+            yield Location(rows, face, centred, torus_coordinates(domain, heights), heights)
+            continue
+        knots = face_knots(domain, face)
+        s = np.zeros((0, heights.shape[1]))
+        if not is_corner(domain, face):
+            s = (domain.direction(face - 1) @ torus_coordinates(domain, np.where(heights == 0, 1.0, heights)))[None]
+        yield Location(rows, face, knots, s, heights)
+
+
+def face_knots(domain: Domain, face: int) -> FloatArray:
+    """(k, e) coordinates of the knots on an edge (e = 1: along it, from its first corner) or at a corner (e = 0)."""
+    members = domain.knots[domain.faces[face]]
+    if is_corner(domain, face):
+        return np.empty((len(members), 0))
+    return domain.along(face - 1, members)[:, None]
+
+
+def is_corner(domain: Domain, face: int) -> bool:
+    """Whether a row of `Domain.faces` is a corner of Δ."""
+    return face > len(domain.vertices) * (domain.dimension - 1)
+
+
+def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
+    """(n, m) logarithms of `exponentials`: <a_i, s> + log(c_i ω_i)."""
+    return np.asarray(np.column_stack([knots, log_weights]) @ np.concatenate([s, np.ones((1, s.shape[1]))]))
+
+
+def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
+    """(n, m) numbers proportional, in each column, to the rational basis.
+
+    Parameters
+    ----------
+    knots : (n, d) float
+        Best centred: only their differences matter.
+    log_weights : (n,) float
+        log(c_i ω_i).
+    s : (d, m) float
+        Torus coordinates.
+    """
+    e = exponents(knots, log_weights, s)
+    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
+    if not bound <= SAFE_EXPONENT:
+        e -= e.max(axis=0)
+        np.maximum(e, UNDERFLOW, out=e)
+    np.exp(e, out=e)
+    return e
+
+
+def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
+    """Evaluate the GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, with 0⁰ = 1.
+
+    Parameters
+    ----------
+    domain : Domain
+    coefficients : (n,) float
+        Positive c_i.
+    u : (m, d) float, or (m,) for a curve
+
+    Returns
+    -------
+    (m, n) float
+
+    Notes
+    -----
+    Unlike the rational basis, β depends on the scale of the edge functions and can be beyond the range
+    of floats (exponents in the hundreds): then entries are 0 or inf.
+
+    References
+    ----------
+    Def. 2.1 (eq. 201), Def. 2.2 (eq. 204).
+    """
+    heights = domain.edge_functions(u)
+    zero = heights == 0
+    logs = np.log(np.where(zero, 1.0, heights))
+    vanishes = zero.astype(np.float64) @ (~domain.incidence).T.astype(np.float64) > 0
+    with np.errstate(over="ignore", under="ignore"):
+        beta = np.exp(logs @ domain.heights.T + np.log(np.asarray(coefficients, dtype=np.float64)))
+    return np.where(vanishes, 0.0, beta)
+
+
+def rational_basis(domain: Domain, log_weights: FloatArray, locations: Iterable[Location], count: int) -> FloatArray:
+    """Evaluate the rational basis ``T_i = c_i ω_i β_i / Σ c ω β``, (count, n); exact zeros off the face of a location.
+
+    References
+    ----------
+    Eq. (202), eq. (205); Thm 2.1, Thm 2.3.
+    """
+    result = np.zeros((count, len(domain.knots)))
+    for rows, face, knots, s, _ in locations:
+        members = domain.faces[face]
+        e = exponentials(knots, log_weights[members], s)
+        e /= e.sum(axis=0)
+        e[e <= SMALLEST] = 0.0
+        values = np.zeros((e.shape[1], len(members)))
+        values[:, members] = e.T
+        result[rows] = values
+    return result
+
+
+def blend(
+    domain: Domain, log_weights: FloatArray, values: FloatArray, locations: Iterable[Location], count: int
+) -> FloatArray:
+    """Evaluate ``Σ_i T_i values_i`` without storing T.
+
+    Parameters
+    ----------
+    domain : Domain
+    log_weights : (n,) float
+        log(c_i ω_i).
+    values : (n, k) float
+        Such as the control points.
+    locations, count
+        Where to evaluate, and the number of parameters.
+
+    Returns
+    -------
+    (count, k) float
+        On a corner with one knot exactly its value.
+
+    Notes
+    -----
+    n exps and r logs per parameter and two small matrix products, in blocks that fit the cache.
+    """
+    result = np.empty((count, values.shape[1]))
+    for rows, face, knots, s, _ in locations:
+        members = domain.faces[face]
+        sums = weighted_sums(knots, log_weights[members], values[members], s)
+        if isinstance(rows, slice):
+            np.divide(sums[1:], sums[0], out=result[rows].T)
+        else:
+            result[rows] = (sums[1:] / sums[0]).T
+    return result
+
+
+def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
+    """(1 + k, m) sums of the weights and of the weighted (n, k) values at (d, m) torus coordinates, up to a factor."""
+    if len(knots) == 1:
+        return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
+    return np.asarray(np.concatenate([np.ones((1, len(values))), values.T]) @ exponentials(knots, log_weights, s))
+
+
+def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:
+    """Solve ``Σ_j β_j(u_i) = 1`` at n + 1 parameters for the coefficients c.
+
+    Parameters
+    ----------
+    domain : Domain
+    u : (n, d) float, optional
+        As many different parameters as knots. Default for curves: the inner Chebyshev points of Δ, for surfaces:
+        the knots drawn 10 % towards the middle of Δ.
+
+    Returns
+    -------
+    (n,) float
+
+    Raises
+    ------
+    DomainError
+        Repeated knots (the system is singular), or a solution that is not positive: it is no basis. The message has
+        the values.
+
+    Notes
+    -----
+    The paper does not guarantee positive solutions; knots {0, 1, 3} with t = (1.5, 2, 2.25) have none.
+
+    References
+    ----------
+    Eq. (8) of the paper; Thm 2.2.
+    """
+    n = len(domain.knots)
+    if u is None and domain.dimension == 1:
+        angle = np.pi * (2 * np.arange(n, 0, -1) - 1) / (2 * n)
+        u = domain.center + domain.size / 2 * np.cos(angle)[:, None]
+    elif u is None:
+        u = domain.knots + 0.1 * (domain.center - domain.knots)
+    parameters = domain.columns(u)
+    if len(parameters) != n:
+        raise DomainError(f"parameters: expected {n}, one per knot, got {len(parameters)}")
+    matrix = gt_bernstein(domain, np.ones(n), parameters)
+    rows = matrix.max(axis=1, keepdims=True)
+    if not np.isfinite(matrix).all() or not (rows > 0).all() or not (matrix > 0).any(axis=0).all():
+        raise DomainError("coefficients: the exponents are so large that β is beyond the range of floats")
+    # Rows are scaled to a largest entry of 1, columns too, so that the rank decision does not see units.
+    columns = (matrix / rows).max(axis=0)
+    scaled = matrix / rows / columns
+    if np.linalg.matrix_rank(scaled) < n:
+        raise DomainError(
+            "coefficients: partition of unity has no unique solution to rounding (repeated or too many knots?)"
+        )
+    c = np.linalg.solve(scaled, 1.0 / rows[:, 0]) / columns
+    if not (c > 0).all():
+        values = ", ".join(f"{x:.6g}" for x in c)
+        raise DomainError(f"coefficients: partition of unity would need ({values}), which are not all positive")
+    return np.asarray(c)

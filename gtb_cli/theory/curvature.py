@@ -1,0 +1,361 @@
+"""Gaussian and mean curvature of a surface, and scalars for the vertices of its mesh.
+
+Derivatives by the torus coordinates are moments under T: ``∂P = Σ_i T_i b_i (a_i − μ)`` and
+``∂²P = Σ_i T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates, and in the product of ∂²P
+with the normal the factor (a_i − μ)(a_i − μ)ᵀ may be any quadratic function of a_i with the same Hessian, as moments
+with affine functions are tangents. So coordinates ξ, η are taken that are 0 and 1 at the three knots with most of T,
+and ξ(ξ − 1), ξη and η(η − 1) as the quadratic functions: they vanish at all three, and no digits are lost where T is
+nearly that of an edge or a corner. There, the limit is what remains of each sum: the knots whose T vanishes last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.complex import Parametrization, Sampler
+from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents, is_corner
+from gtb_cli.theory.domain import EPS, Domain, knot_tolerance
+from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL
+from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.tangents import locations
+
+ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
+"""Scalars that `with_attributes` knows."""
+
+SHOWN = "quality"
+"""The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
+
+ROUNDINGS = 8
+"""Roundings of a point's distance from its control point below which it is in the tangent plane."""
+
+ARRAYS = 12
+"""Arrays as large as T that are alive at once."""
+
+
+class Curvature(NamedTuple):
+    """Curvatures of a surface at some of its points; NaN where there is no finite limit.
+
+    Attributes
+    ----------
+    gaussian : (m,) float
+        K = κ₁ κ₂, in units of 1 / length².
+    mean : (m,) float
+        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive where the surface bends away from its normal: 1 / R for a
+        sphere with its normals outwards.
+    """
+
+    gaussian: FloatArray
+    mean: FloatArray
+
+
+def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
+    """Gaussian and mean curvature of a surface at parameters of either parametrisation.
+
+    Parameters
+    ----------
+    patch : Patch
+        A surface.
+    u : (m, 2) float
+        Parameters in Δ.
+    parametrization : {"toric", "linear"}
+        What u means. The curvature at a point of the surface is the same.
+
+    Returns
+    -------
+    Curvature
+        With respect to the normals of `Patch.normals`.
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, or a parameter lies outside Δ.
+
+    Notes
+    -----
+    On edges and at corners these are limits, by formula. With δ < δ' the distances of the two layers of knots next to
+    an edge, the curvature across the edge has a limit if δ' ≥ 2δ, and in general none if δ' < 2δ: it grows like
+    h^(δ'/δ − 2) with the distance h in the linear parametrisation. At a corner the same holds for both edges, and no
+    knot inside may be nearer to either than the first layer. Without such a limit, or a normal, values are NaN.
+
+    Inside, the relative error is a few roundings over the sine of the angle between the derivatives, however near the
+    boundary is.
+    """
+    columns = patch.domain.columns(u)
+    return curvature_at(patch, locations(patch, columns, parametrization), len(columns))
+
+
+def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
+    """Curvatures, as `curvature`, at locations found by any parametrisation."""
+    field = _CurvatureField(patch)
+    gaussian, mean = np.empty(count), np.empty(count)
+    for location in where:
+        gaussian[location.rows], mean[location.rows] = field.at(location)
+    return Curvature(gaussian, mean)
+
+
+def with_attributes(
+    shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "toric"
+) -> tuple[Mesh, int]:
+    """Return a mesh with scalars for each vertex.
+
+    Parameters
+    ----------
+    shape : Patch or Model
+        What the mesh is of. Vertices that patches share get the scalars of the first one.
+    mesh : Mesh
+        As `gtb_cli.tessellation.tessellate.tessellate` made it.
+    names : sequence of str
+        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`.
+    parametrization : {"toric", "linear"}
+        That of the mesh.
+
+    Returns
+    -------
+    mesh : Mesh
+        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite
+        value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+    replaced : int
+        The number of such vertices.
+
+    Raises
+    ------
+    DomainError
+        An unknown name, a curvature of a curve, or a mesh without parameters.
+    """
+    for name in names:
+        if name not in ATTRIBUTES:
+            raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)}, got {name!r}")
+        if mesh.is_curve and name != "u":
+            raise DomainError(f"attribute: a curve has u, its parameter, and no {name}")
+    if mesh.parameters is None:
+        raise DomainError("attribute: the vertices of this mesh have no parameters")
+    values: dict[str, FloatArray] = dict(zip("uv", mesh.parameters.T, strict=False))
+    replaced = 0
+    if any(name.endswith("curvature") for name in names):
+        found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
+        values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
+        replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
+    chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
+    if chosen:
+        chosen[SHOWN] = next(iter(chosen.values()))
+    return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
+
+
+def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
+    """Curvatures at the vertices of a mesh, with respect to its orientation."""
+    if isinstance(shape, Patch):
+        return curvature(shape, u, parametrization)
+    assert mesh.origin is not None
+    found = Curvature(np.empty(len(u)), np.empty(len(u)))
+    sampler = Sampler(shape.patches, parametrization, shared_edges=True)
+    for index in np.unique(mesh.origin.patch).tolist():
+        patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
+        face = patch.domain.face_of(patch.domain.heights_of_columns(u[rows]))
+        gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
+        found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
+    return found
+
+
+def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """(m,) values per vertex, those that are not finite replaced by the mean of the neighbours', ring by ring."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    result = np.where(finite, values, 0.0)
+    ends = np.concatenate([mesh.edges, mesh.edges[:, ::-1]])
+    while not finite.all():
+        ends = ends[~finite[ends[:, 0]]]
+        known = ends[finite[ends[:, 1]]]
+        if not len(known):
+            break
+        count = np.bincount(known[:, 0], minlength=len(values))
+        # Divided first: the sum may be beyond the range of floats.
+        share = result[known[:, 1]] / count[known[:, 0]]
+        found = count > 0
+        result[found] = np.bincount(known[:, 0], share, len(values))[found]
+        finite |= found
+    return result
+
+
+class _Layers(NamedTuple):
+    """Which knots count in each sum: (n,) bool each, and those that stand against a limit if they are not in the plane.
+
+    Inside Δ all count everywhere. In ξ and η of `_CurvatureField`, the limits on an edge are sums over knots of
+    one η each, those at a corner over knots of one ξ and η.
+    """
+
+    point: BoolArray
+    xi: BoolArray
+    eta: BoolArray
+    xi_xi: BoolArray
+    xi_eta: BoolArray
+    eta_eta: BoolArray
+    against: BoolArray
+
+
+class _CurvatureField:
+    """Curvatures of one patch: what does not depend on the point is made once."""
+
+    def __init__(self, patch: Patch) -> None:
+        if patch.dimension == 1:
+            raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
+        self.domain = patch.domain
+        self.log_weights = patch.log_products
+        points = patch.control_points
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        # With points of size 1 no product of derivatives leaves the range of floats.
+        self.extent = float(np.abs(points - middle).max()) or 1.0
+        self.points = (points - middle) / self.extent
+        self.rounding = COINCIDENT_ULPS * EPS * float(np.abs(points).max()) / self.extent
+        self.axes: dict[int, _Axes] = {}
+
+    def at(self, location: Location) -> Curvature:
+        """Curvatures at the parameters of a location."""
+        shape, face = self.domain, location.face
+        n, r = len(shape.knots), len(shape.vertices)
+        if face == 0:
+            every = np.ones(n, dtype=bool)
+            layers = _Layers(every, every, every, every, every, every, against=~every)
+            knots = location.knots
+        elif is_corner(shape, face):
+            layers = self._corner_layers(face - 1 - r)
+            knots = np.zeros((n, 0))
+        else:
+            layers = self._edge_layers(face - 1)
+            knots = shape.along(face - 1, shape.knots)[:, None]
+        count = location.heights.shape[1]
+        gaussian, mean = np.empty(count), np.empty(count)
+        step = max(64, block_length(n) // ARRAYS)
+        for begin in range(0, count, step):
+            block = slice(begin, begin + step)
+            e = exponents(knots, self.log_weights, location.s[:, block])
+            gaussian[block], mean[block] = self._curvatures(e, layers)
+        return Curvature(gaussian / self.extent**2, mean / self.extent)
+
+    def _edge_layers(self, edge: int) -> _Layers:
+        level = _levels(self.domain.heights[:, edge])
+        on, first, second = (level == k for k in (0, 1, 2))
+        return _Layers(on, on, first, on, first, second, against=(level > 1) & (level < 2))
+
+    def _corner_layers(self, corner: int) -> _Layers:
+        """ξ runs along the edge that starts in the corner, η along the one that ends there."""
+        heights, incidence = self.domain.heights, self.domain.incidence
+        before, after = (corner - 1) % heights.shape[1], corner
+        xi = _levels(heights[:, before], incidence[:, after])
+        eta = _levels(heights[:, after], incidence[:, before])
+        slow = ((xi > 0) & (xi < 1)) | ((eta > 0) & (eta < 1))
+        slow |= ((xi > 1) & (xi < 2)) | ((eta > 1) & (eta < 2))
+        point, first, second = ((xi == i) & (eta == 0) for i in (0, 1, 2))
+        other_first, other_second = ((xi == 0) & (eta == j) for j in (1, 2))
+        return _Layers(point, first, other_first, second, (xi == 1) & (eta == 1), other_second, against=slow)
+
+    def _curvatures(self, e: FloatArray, layers: _Layers) -> Curvature:
+        """Curvatures where T has given (n, m) logarithms, up to an addend for each column."""
+        leader = np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)
+        gaussian, mean = np.empty(e.shape[1]), np.empty(e.shape[1])
+        for k in np.flatnonzero(np.bincount(leader)).tolist():
+            here = np.flatnonzero(leader == k)
+            if k not in self.axes:
+                self.axes[k] = _axes(self.domain, k)
+            gaussian[here], mean[here] = self._about(k, e[:, here] - e[k, here], layers)
+        return Curvature(gaussian, mean)
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of points without a normal or a finite limit
+    def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
+        """Curvatures where knot k has the largest T, with respect to which the logarithms are."""
+        axes, columns = self.axes[k], np.arange(e.shape[1])
+        # The other two: as pivots, so that the triangle is neither light nor narrow.
+        one = np.where(layers.xi[:, None], e + axes.log_lengths[:, None], -np.inf).argmax(axis=0)
+        other = np.where(layers.eta[:, None], e + axes.log_across[:, one], -np.inf).argmax(axis=0)
+        e_one, e_other = e[one, columns], e[other, columns]
+        xi = axes.across[:, other] / axes.across[one, other]
+        eta = axes.across[:, one] / axes.across[other, one]
+        deltas = self.points - self.points[k]
+        deltas[np.abs(deltas) <= self.rounding] = 0.0
+
+        def sums(members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
+            """(n, m) factor · T up to exp(shift), of members; exact zeros stay."""
+            x = np.exp(np.clip(e - shift, UNDERFLOW, -UNDERFLOW)) * factor
+            x[~members] = 0.0
+            return x
+
+        t = sums(layers.point, 0.0, 1.0)
+        total = t.sum(axis=0)
+        p = deltas.T @ t / total
+        first, second = (
+            deltas.T @ x - p * x.sum(axis=0) for x in (sums(layers.xi, e_one, xi), sums(layers.eta, e_other, eta))
+        )
+        cross = np.cross(first, second, axis=0)
+        lengths = [np.sqrt((v**2).sum(axis=0)) for v in (first, second, cross)]
+        regular = lengths[2] > PARALLEL * lengths[0] * lengths[1]
+        normal = np.where(regular, cross / lengths[2] * np.sign(axes.across[other, one]), np.nan)
+        # How far control points are from the tangent plane. Those of knot k and its likes are as near as p is.
+        d = deltas @ normal - (normal * p).sum(axis=0)
+        near = ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
+        d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
+        xi_xi, xi_eta, eta_eta = (
+            total * (sums(members, shift, factor) * d).sum(axis=0)
+            for members, shift, factor in (
+                (layers.xi_xi, 2 * e_one, xi * (xi - 1)),
+                (layers.xi_eta, e_one + e_other, xi * eta),
+                (layers.eta_eta, 2 * e_other, eta * (eta - 1)),
+            )
+        )
+        square, product = lengths[2] ** 2, (first * second).sum(axis=0)
+        gaussian = (xi_xi * eta_eta - xi_eta**2) / square
+        mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
+        unlimited = (d[layers.against] != 0).any(axis=0) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
+        return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
+
+
+class _Axes(NamedTuple):
+    """Tables about a knot k.
+
+    Attributes
+    ----------
+    across : (n, n) float
+        How far knot i is from the line through knots k and j, up to a factor for each j that is positive to the left
+        of it; exactly 0 on the line, in particular for knots on the same edge.
+    log_across : (n, n) float
+        Logarithm of its square.
+    log_lengths : (n,) float
+        Logarithm of the square of the distance from knot k, −inf within rounding.
+    """
+
+    across: FloatArray
+    log_across: FloatArray
+    log_lengths: FloatArray
+
+
+def _axes(shape: Domain, k: int) -> _Axes:
+    steps = (shape.knots - shape.knots[k]) / shape.size
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    tolerance = knot_tolerance(shape.knots) / shape.size
+    across = steps[:, 1:] * steps[:, 0] - steps[:, :1] * steps[:, 1]
+    across[np.abs(across) <= tolerance * lengths] = 0.0
+    for edge in np.flatnonzero(shape.incidence[k]).tolist():
+        on_edge = np.flatnonzero(shape.incidence[:, edge])
+        away = shape.heights[:, [edge]] / (shape.normal_lengths[edge] * shape.size)
+        across[:, on_edge] = away * (steps[on_edge] @ shape.direction(edge))
+    across[:, lengths <= tolerance] = 0.0
+    with np.errstate(divide="ignore"):
+        log_lengths = np.where(lengths > tolerance, 2 * np.log(lengths), -np.inf)
+        return _Axes(across, 2 * np.log(np.abs(across)), log_lengths)
+
+
+def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
+    """(n,) heights in units of the lowest positive one (of some knots); 0, 1 and 2 exactly, within `LAYER`."""
+    positive = heights > 0 if among is None else (heights > 0) & among
+    level = heights / heights[positive].min()
+    for whole in (1, 2):
+        level[np.abs(level - whole) * heights[positive].min() <= LAYER * heights.max()] = whole
+    return np.asarray(level)

@@ -1,0 +1,195 @@
+"""Degree elevation: the same curve or surface with more knots and control points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, IntArray, finite, positive
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.domain import knot_tolerance
+from gtb_cli.theory.patch import Patch
+
+MAX_KNOTS = 10_000
+"""Most knots of a result: as many as a spec may have."""
+
+MAX_SUMS = 2_000_000
+"""Most sums of knots before equal ones are merged: the arrays for them need 100 MB."""
+
+ORDINARY = 1e150
+"""Weights up to this, and down to its inverse, are multiplied and added as they are; others as logarithms."""
+
+
+def elevate(patch: Patch, by: int = 1) -> Patch:
+    """Elevate the degree of a patch: more knots, weights and control points for the same image.
+
+    The knots become sums of the patch's and of `multiplier`'s, taken `by` times; see `product`. For Bézier curves,
+    triangles and tensor product patches it is the classical elevation of the degree, of both degrees, by `by`.
+
+    Parameters
+    ----------
+    patch : Patch
+    by : int
+        How often.
+
+    Returns
+    -------
+    Patch
+        With all coefficients 1 and no lifting.
+
+    Raises
+    ------
+    DomainError
+        `by` is no whole number from 0, or the result would have more than `MAX_KNOTS` knots.
+
+    Notes
+    -----
+    The image is the same, exactly. A curve with k_0 = k_1 has the same points at the same fractions of its interval;
+    a Bézier patch at the same fractions of its domain; other surfaces are reparametrised.
+
+    References
+    ----------
+    The paper's Section 5 names it as future work; for lattices, any textbook.
+    """
+    if isinstance(by, bool) or not isinstance(by, int | np.integer) or by < 0:
+        raise DomainError(f"by: expected a whole number, at least 0, got {by!r}")
+    knots = multiplier(patch)
+    for _ in range(by):
+        patch = product(patch, knots)
+    return patch
+
+
+def multiplier(patch: Patch) -> FloatArray:
+    """Choose the knots by which a patch is multiplied in one elevation.
+
+    Returns
+    -------
+    (m, d) float
+        For the lattices of Bézier curves, triangles and tensor product patches one step in each direction. For other
+        curves 0 and the largest gap between knots; for other surfaces the corners of Δ, as no others
+        are sure to add no edges, relative to the first.
+    """
+    shape = patch.domain
+    v = shape.vertices
+    degrees = _lattice_degrees(patch)
+    if degrees is None:
+        if shape.dimension == 2:
+            return np.asarray(v - v[0])
+        return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])
+    sides = [v[1] - v[0], v[-1] - v[0]][: len(degrees)]
+    steps = [side / degree for side, degree in zip(sides, degrees, strict=True)]
+    zero = np.zeros(shape.dimension)
+    return np.array([zero, *steps] + ([steps[0] + steps[1]] if len(v) == 4 else []))
+
+
+def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) -> Patch:
+    """Multiply numerator and denominator of a patch by ``Σ_k g_k e^{<d_k, s>}``.
+
+    The knots become all sums a_i + d_k, equal ones merged, with ``W_e = Σ c_i ω_i g_k`` and control points
+    ``Σ c_i ω_i g_k b_i / W_e``, the sums over a_i + d_k = e.
+
+    Parameters
+    ----------
+    patch : Patch
+    knots : (m, d) float, or (m,) for a curve
+        d_k.
+    weights : (m,) float, optional
+        g_k > 0, default 1.
+
+    Returns
+    -------
+    Patch
+        The same image. Its knots are in ascending order, by rows from below for a surface; its coefficients are 1, and
+        it has no lifting.
+
+    Raises
+    ------
+    DomainError
+        Shapes that do not fit, or a result of more than `MAX_KNOTS` knots.
+
+    Notes
+    -----
+    An edge of the hull of d_k that is parallel to none of Δ's becomes an edge of the result which is one point.
+    """
+    places = finite("knots", knots)
+    if places.ndim == 1 and patch.dimension == 1:
+        places = places[:, None]
+    if places.ndim != 2 or places.shape[1] != patch.dimension or not len(places):
+        raise DomainError(f"knots: expected shape (m, {patch.dimension}), got {places.shape}")
+    factors = positive("weights", np.ones(len(places)) if weights is None else weights)
+    if factors.shape != (len(places),):
+        raise DomainError(f"weights: expected {len(places)} values, got shape {factors.shape}")
+    if len(patch.knots) * len(places) > MAX_SUMS:
+        raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {MAX_SUMS} are allowed")
+    sums = (patch.knots[:, None] + places).reshape(-1, patch.dimension)
+    first, group = _equal(sums)
+    if len(first) > MAX_KNOTS:
+        raise DomainError(f"knots: the elevated patch would have {len(first)}, at most {MAX_KNOTS} are allowed")
+    logs = (patch.log_products[:, None] + np.log(factors)).ravel()
+    top = np.full(len(first), -np.inf)
+    np.maximum.at(top, group, logs)
+    terms = np.exp(logs - top[group])
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        plain = ((patch.coefficients * patch.weights)[:, None] * factors).ravel()
+    ordinary = bool(np.isfinite(plain).all() and plain.min() > 1 / ORDINARY and plain.max() < ORDINARY)
+    if ordinary:
+        terms = plain  # so that whole numbers stay whole
+    totals = np.bincount(group, terms)
+    points = np.repeat(patch.control_points, len(places), axis=0)
+    control_points = np.stack([np.bincount(group, terms * axis) / totals for axis in points.T], axis=1)
+    single = np.bincount(group) == 1
+    control_points[single] = points[first[single]]
+    result = replace(
+        patch,
+        knots=sums[first],
+        control_points=control_points,
+        weights=totals if ordinary else None,  # type: ignore[arg-type]
+        log_weights=None if ordinary else top + np.log(totals),
+        coefficients=np.ones(len(first)),
+        lifting=None,
+        edge_normals="auto",
+        edge_scale=1.0,
+    )
+    return _with_scale_of(patch, result)
+
+
+def _with_scale_of(patch: Patch, result: Patch) -> Patch:
+    """Give a product the edge functions of the patch where its edges are the same, in the same order."""
+    ours, theirs = result.domain, patch.domain
+    normals = patch.edge_normals
+    corners = ours.vertices
+    if normals == "primitive" and not (corners == np.rint(corners)).all():
+        normals = "unit"
+    if np.ndim(patch.edge_scale) and len(corners) != len(theirs.vertices):
+        return replace(result, edge_normals=normals)
+    return replace(result, edge_normals=normals, edge_scale=patch.edge_scale)
+
+
+def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:
+    """Indices of the first of each group of equal (m, d) points, groups by rows from below, and each point's group."""
+    tolerance = knot_tolerance(points)
+    group = np.zeros(len(points), dtype=np.int64)
+    for coordinates in points.T[::-1]:
+        # Within each group so far, a gap in the coordinate begins another one.
+        order = np.lexsort((coordinates, group))
+        begins = (np.diff(coordinates[order]) > tolerance) | (np.diff(group[order]) > 0)
+        group[order] = np.concatenate([[0], np.cumsum(begins)])
+    first = np.full(int(group.max()) + 1, len(points))
+    np.minimum.at(first, group, np.arange(len(points)))
+    return first, group
+
+
+def _lattice_degrees(patch: Patch) -> tuple[int, ...] | None:
+    """Degrees of a Bézier curve, triangle (twice) or tensor product patch; None of any other patch."""
+    shape = patch.domain
+    try:
+        binomial_coefficients(shape)
+    except DomainError:
+        return None
+    if shape.dimension == 1:
+        return (len(shape.knots) - 1,)
+    along, across = int(shape.incidence[:, 0].sum()) - 1, int(shape.incidence[:, -1].sum()) - 1
+    return along, across

@@ -1,0 +1,372 @@
+"""The moment map μ and its inverse.
+
+``μ(s) = Σ_i T_i(s) a_i`` maps the torus coordinates one-to-one onto the interior of the knots' hull (Birch's theorem).
+The inverse is what the linear parametrisation needs: p ↦ P(μ⁻¹(p)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import ToleranceError
+from gtb_cli.theory.basis import (
+    NOTHING,
+    SAFE_EXPONENT,
+    UNDERFLOW,
+    block_length,
+    weighted_sums,
+)
+from gtb_cli.theory.decomposition import regular_decomposition
+from gtb_cli.theory.domain import EPS, domain
+from gtb_cli.theory.starts import Corrections, LayerStarts
+
+RESIDUAL = 1e-12
+"""Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
+
+ACCEPTED = RESIDUAL / 2
+"""The same in the coordinates in which a point is solved, whose axes may be longer and turned."""
+
+TARGET = 1e-14
+"""Residual at which a point is done at once if all digits are asked for; where rounding keeps it above, `REFUSALS`
+steps in a row end it."""
+
+REFUSALS = 4
+ITERATIONS = 300
+
+EXTREME = 3.0
+"""Range of log(c_i ω_i), affine part removed, from which the tropical limit is tried as a start too."""
+
+CELL_FLOOR = 1e-3
+"""How near the border of its cell, as a fraction of the next layer's distance, a tropical start may be: on the border
+itself it is infinite."""
+
+HALVINGS = 60
+"""Largest number of times a start that is far too far out is drawn in."""
+
+NEAR = 1.0
+"""Torus coordinates of unit knots from which a start is not drawn in further: it sees all knots."""
+
+WEAKEST = 1e-8
+"""Smallest regularisation, times the residual: less is lost in the rounding of the Hessian's determinant."""
+
+FIRST = 1e-2
+"""The same to begin with, and after a step that was refused: `REFUSALS` of these lead to short steps."""
+
+CANCELLED = 1 - 8 * EPS
+"""Of μ², what is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
+
+TINY = 1e-300
+"""Smallest curvature that is divided by."""
+
+SHORT = 8.0
+"""Largest exponent by which a plain step of Newton's method may change what knots weigh."""
+
+SHORT_STEPS = 6
+"""Points that take more of them are left to the safe method."""
+
+OFTEN = 2
+"""A point of a part of the hull with so many points, of which nothing is known, is solved before the others …"""
+
+MANY = 50
+"""… if there are so many parts like that: few points are solved together in less time than one after the other."""
+
+POOR = 0.05
+"""Residual of a start, as a fraction of the hull's size, from which the cells' limits are tried too."""
+
+
+@dataclass(frozen=True, eq=False)
+class MomentMap:
+    """``μ(s) = Σ_i T_i(s) a_i`` for one set of knots, and its inverse.
+
+    Parameters
+    ----------
+    knots : (n, d) float
+    log_weights : (n,) float
+        log(c_i ω_i).
+
+    Notes
+    -----
+    The inverse minimises the convex function log Σ c_i ω_i exp<a_i, s> − <p, s> by Newton's method: by plain steps
+    where these are short, else with a regularisation that follows the gradient. It starts from the torus coordinates of
+    p as if only the nearest layers of knots counted, corrected by what was found nearby, or, where weights are extreme
+    and the function is lower there, from the limit in a cell of the regular decomposition that log(c_i ω_i) induces.
+    """
+
+    knots: FloatArray
+    log_weights: FloatArray
+
+    def __call__(self, s: FloatArray) -> FloatArray:
+        """(m, d) points μ(s) of (d, m) torus coordinates."""
+        sums = weighted_sums(self._unit_knots, self.log_weights, self._unit_knots, s * self._extents[:, None])
+        return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
+
+    def inverse(self, p: FloatArray, within: float = 0.0) -> FloatArray:
+        """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
+
+        Where `within`, a fraction of the hull's size, is more than `TARGET`, that is near enough.
+
+        Raises
+        ------
+        ToleranceError
+            |μ(s) − p| stays above `RESIDUAL` times the hull's size.
+        """
+        target = max(TARGET, within)
+        unit = (p - self._origin) / self._extents
+        if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
+            unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
+        unit = unit.T
+        safe = self._layer_starts(unit)
+        s = safe.copy()
+        if len(unit) == 2:
+            part = self._corrections.part(unit)
+            often = self._corrections.unknown(part, OFTEN)
+            if len(often) >= MANY:
+                start = safe[:, often]
+                self._learn(part[often], unit[:, often], start, self._solve(unit[:, often], start, start, TARGET))
+            seldom = self._corrections.unknown(part, 1)
+            s += self._corrections(part, unit)
+        length = block_length(len(self.knots))
+        for begin in range(0, len(p), length):
+            block = slice(begin, begin + length)
+            s[:, block] = self._solve(unit[:, block], s[:, block], safe[:, block], target)
+        if len(unit) == 2 and len(seldom):
+            self._learn(part[seldom], unit[:, seldom], safe[:, seldom], s[:, seldom])
+        return np.asarray(s / self._extents[:, None])
+
+    def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
+        """Remember what was added to the starts of some points that were solved."""
+        _, _, (xx, yy, xy) = self._evaluate(solution)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._layer_starts.slopes(unit)
+        self._corrections.learn(part, unit, solution - start, slopes)
+
+    @cached_property
+    def _layer_starts(self) -> LayerStarts:
+        return LayerStarts(domain(self._unit_knots, "unit"))
+
+    @cached_property
+    def _corrections(self) -> Corrections:
+        return Corrections(self._unit_knots.min(axis=0), self._unit_knots.max(axis=0))
+
+    @cached_property
+    def _extents(self) -> FloatArray:
+        """(d,): the unit of each coordinate, so that thin hulls are solved like others."""
+        return np.asarray(np.ptp(self.knots, axis=0))
+
+    @cached_property
+    def _origin(self) -> FloatArray:
+        """(d,): 0 in coordinates where zeros are exact, as over an edge; else the middle of the hull."""
+        low, high = self.knots.min(axis=0), self.knots.max(axis=0)
+        far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
+        return np.where(far, (low + high) / 2, 0.0)
+
+    @cached_property
+    def _unit_knots(self) -> FloatArray:
+        return np.asarray((self.knots - self._origin) / self._extents)
+
+    @cached_property
+    def _exponents(self) -> FloatArray:
+        """(n, d + 1): unit knots, and log weights less that of the knot nearest 0, where Σ c ω e^<a, s> is about 1."""
+        nearest = np.lexsort((-self.log_weights, np.abs(self._unit_knots).max(axis=1)))[0]
+        return np.column_stack([self._unit_knots, self.log_weights - self.log_weights[nearest]])
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        return np.asarray(np.abs(self._exponents).max(axis=0))
+
+    @cached_property
+    def _summed(self) -> FloatArray:
+        """What is summed under T: 1, the knots, their squares and, for d = 2, their product."""
+        a = self._unit_knots.T
+        return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
+
+    @cached_property
+    def _cells(self) -> tuple[tuple[MomentMap, FloatArray], ...]:
+        """Each cell of the regular decomposition that log(c_i ω_i) induces, with its gradient; none where tame."""
+        w = self.log_weights
+        affine = np.column_stack([self._unit_knots, np.ones(len(w))])
+        if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < EXTREME:
+            return ()
+        parts = regular_decomposition(self._unit_knots, w)
+        return tuple(
+            (MomentMap(self._unit_knots[list(cell)], w[list(cell)]), gradient)
+            for cell, gradient in zip(parts.cells, parts.gradients, strict=True)
+        )
+
+    def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
+        d, count = s.shape
+        columns = np.empty((d + 1, count))
+        columns[:d], columns[d] = s, 1.0
+        e = self._exponents @ columns
+        shift: FloatArray | float = 0.0
+        if not self._reach @ np.abs(columns).max(axis=1, initial=0.0) <= SAFE_EXPONENT:
+            shift = e.max(axis=0)
+            e -= shift
+            np.maximum(e, UNDERFLOW, out=e)
+        np.exp(e, out=e)
+        sums = self._summed @ e
+        moments = sums[1:] / sums[0]
+        mu = moments[:d]
+        hessian = moments[d:]
+        hessian[:d] -= CANCELLED * mu**2
+        hessian[d:] -= mu[:1] * mu[1:]
+        return np.log(sums[0]) + shift, mu, hessian
+
+    def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
+        """Solve by short steps from `start`; others by `_newton` from `safe` first, or else from `start`."""
+        solution, left = self._short_steps(unit, start, target)
+        if len(left):
+            p = unit[:, left]
+            found, residual = self._newton(p, safe[:, left], target)
+            failed = np.flatnonzero(residual > max(ACCEPTED, target))
+            if len(failed):
+                found[:, failed], residual = self._newton(p[:, failed], start[:, left[failed]], target)
+                if (residual > max(ACCEPTED, target)).any():
+                    raise ToleranceError(
+                        f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} "
+                        f"steps, {RESIDUAL:g} is required"
+                    )
+            solution[:, left], _ = self._short_steps(p, found, target)
+        return solution
+
+    def _short_steps(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
+        """Take Newton's plain steps while they are short; where that is not enough, columns are left as they were.
+
+        Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. So how
+        large the residual is after a step is known before it is taken, and a point that it brings near enough is done.
+        """
+        s, p = start, unit
+        solution = start.copy()
+        active = np.arange(start.shape[1])
+        left = []
+        for _ in range(SHORT_STEPS):
+            _, mu, hessian = self._evaluate(s)
+            gradient = mu - p
+            step = _plain_step(gradient, hessian)
+            length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
+            short = length <= SHORT
+            going = -0.5 * np.exp(np.minimum(length, SHORT)) * _dot(gradient, step) > target
+            s = s + step
+            done = np.flatnonzero(short & ~going)
+            solution[:, active[done]] = s.take(done, axis=1)
+            left.append(active[~short])
+            keep = np.flatnonzero(short & going)
+            active, s, p = active[keep], s.take(keep, axis=1), p.take(keep, axis=1)
+            if not len(keep):
+                break
+        return solution, np.concatenate([*left, active])
+
+    def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
+        """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower.
+
+        Returns the columns, and (m,) residuals of those that did not come near enough, 0 of the others.
+        """
+        s = start
+        value, mu, hessian = self._evaluate(s)
+        value -= _dot(unit, s)
+        poor = np.flatnonzero(_size(mu - unit) > POOR) if self._cells else NOTHING
+        for cell, gradient in self._cells if len(poor) else ():
+            limit = cell._layer_starts(((unit[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
+            other = limit / cell._extents[:, None] - gradient[:, None]
+            their_value, their_mu, their_hessian = self._evaluate(other)
+            their_value -= _dot(unit[:, poor], other)
+            better = their_value < value[poor]
+            rows = poor[better]
+            s = s.copy()
+            s[:, rows], value[rows] = other[:, better], their_value[better]
+            mu[:, rows], hessian[:, rows] = their_mu[:, better], their_hessian[:, better]
+        gradient = mu - unit
+        # Far beyond its solution a start sees no curvature: it is drawn in while, to second order, the minimum along
+        # its ray is on the other side of 0.
+        for _ in range(HALVINGS):
+            curvature = _dot(hessian[: len(s)], s**2)
+            if len(s) == 2:
+                curvature += 2 * hessian[2] * s[0] * s[1]
+            rows = np.flatnonzero((_dot(gradient, s) > curvature) & (_size(s) > NEAR))
+            if not len(rows):
+                break
+            s = s.copy()
+            s[:, rows] /= 2
+            value[rows], mu, hessian[:, rows] = self._evaluate(s[:, rows])
+            value[rows] -= _dot(unit[:, rows], s[:, rows])
+            gradient[:, rows] = mu - unit[:, rows]
+        solution = s.copy()
+        active = np.arange(s.shape[1])
+        sigma = np.full(s.shape[1], FIRST)
+        refusals = np.zeros(s.shape[1], dtype=np.int64)
+        for _ in range(ITERATIONS):
+            residual = _size(gradient)
+            going = (residual > target) & ((refusals < REFUSALS) | (residual > ACCEPTED))
+            count = int(going.sum())
+            if not count:
+                break
+            if count < 0.5 * len(going):
+                solution[:, active] = s
+                active, refusals = active[going], refusals[going]
+                value, sigma, residual = value[going], sigma[going], residual[going]
+                s, gradient, hessian, unit = s[:, going], gradient[:, going], hessian[:, going], unit[:, going]
+            step = _regularised_step(gradient, hessian, sigma * residual)
+            trial = s + step
+            new_value, mu, new_hessian = self._evaluate(trial)
+            new_value -= _dot(unit, trial)
+            new_gradient = mu - unit
+            slope = _dot(gradient, step)
+            # Below the rounding of the objective only the gradient can tell a better point.
+            rounding = -slope < 64 * EPS * (1 + np.abs(value) + _dot(np.abs(unit), np.abs(trial)))
+            lower = np.where(rounding, _size(new_gradient) < residual, new_value <= value + 1e-4 * slope)
+            if lower.all():
+                s, value, gradient, hessian = trial, new_value, new_gradient, new_hessian
+            else:
+                s, value, gradient, hessian = (
+                    np.where(lower, new, old)
+                    for new, old in ((trial, s), (new_value, value), (new_gradient, gradient), (new_hessian, hessian))
+                )
+            sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
+            refusals = np.where(lower, 0, refusals + 1)
+        solution[:, active] = s
+        residuals = np.zeros(solution.shape[1])
+        residuals[active] = _size(gradient)
+        return solution, residuals
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) scalar products of (d, m) columns; for one or two rows faster than a reduction."""
+    return np.asarray(a[0] * b[0] if len(a) == 1 else a[0] * b[0] + a[1] * b[1])
+
+
+def _size(a: FloatArray) -> FloatArray:
+    """(m,) largest absolute entry of (d, m) columns."""
+    return np.asarray(np.abs(a[0]) if len(a) == 1 else np.maximum(np.abs(a[0]), np.abs(a[1])))
+
+
+def _plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
+    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
+    first = np.where(hessian[0] > 0, hessian[0], np.nan)
+    if len(gradient) == 1:
+        return np.asarray(-gradient / first)
+    ratio = hessian[2] / first
+    rest = hessian[1] - ratio * hessian[2]
+    step = np.empty_like(gradient)
+    step[1] = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.nan)
+    step[0] = -gradient[0] / first - ratio * step[1]
+    return step
+
+
+def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
+    """Solve (H + regular I) step = −gradient for each column."""
+    if len(gradient) == 1:
+        return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
+    # By Cholesky's way, which loses nothing where knots that count are nearly on a line; Cramer's rule does.
+    xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
+    ratio = xy / np.maximum(xx, TINY)
+    rest = yy - ratio * xy
+    rest = np.maximum(np.where(rest > 0, rest, yy), TINY)
+    over = (ratio * gradient[0] - gradient[1]) / rest
+    step = np.empty_like(gradient)
+    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, TINY), over
+    return step

@@ -1,0 +1,107 @@
+"""Where Newton's method starts that inverts a moment map: torus coordinates of points of a hull, nearly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.theory.domain import Domain
+
+START_FLOOR = 1e-17
+"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
+
+PARTS = 64
+"""The box around Δ is cut into this many parts each way."""
+
+COARSE = 8
+"""The same, for the parts of which nothing is known."""
+
+FARTHEST = 1.0
+"""Largest exponent by which the slope of a correction may move a start: beyond, it is no guide."""
+
+
+class LayerStarts:
+    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: torus coordinates of p as if only the nearest layers of knots counted.
+
+    Parameters
+    ----------
+    shape : Domain
+        The hull; δ_j is the distance of the knots nearest to edge j, but not on it.
+    """
+
+    def __init__(self, shape: Domain) -> None:
+        self.layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
+        self.normals = shape.normals
+        self.offsets = np.einsum("jk,jk->j", shape.normals, shape.vertices)
+
+    def __call__(self, p: FloatArray, floor: float = START_FLOOR) -> FloatArray:
+        """(d, m) starts of (d, m) points."""
+        heights = self.normals @ p - self.offsets[:, None]
+        logs = np.log(np.maximum(heights / self.layer[:, None], floor))
+        return np.asarray((self.normals / self.layer[:, None]).T @ logs)
+
+    def slopes(self, p: FloatArray) -> FloatArray:
+        """(d, d, m) derivatives of the starts of (d, m) points; inf or NaN on edges."""
+        heights = self.normals @ p - self.offsets[:, None]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.asarray(np.einsum("jk,jl,jm->klm", self.normals, self.normals / self.layer[:, None], 1 / heights))
+
+
+class Corrections:
+    """What the solutions of points of a polygon differ by from their starts, to start others near them with.
+
+    Of each part of the box around the polygon one point is remembered, and the slope there. Parts are narrow along
+    the box's sides where a polygon has edges and corners: there, solutions go to infinity.
+
+    Parameters
+    ----------
+    low, high : (2,) float
+        Corners of the box. Its lower side is the edge that points are near to.
+    """
+
+    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+        self.low, self.high = low, high
+        count = PARTS * PARTS + COARSE * COARSE
+        self.places = np.zeros((2, count))
+        self.values = np.full((2, count), np.nan)
+        self.slopes = np.zeros((2, 2, count))
+
+    def part(self, p: FloatArray) -> IntArray:
+        """(m,) numbers of the parts that (2, m) points lie in."""
+        along, over = (p - self.low[:, None]) / (self.high - self.low)[:, None]
+        column = PARTS / np.pi * np.arccos(np.clip(1 - 2 * along, -1, 1))
+        row = PARTS * np.sqrt(np.maximum(over, 0))
+        return np.asarray(
+            np.minimum(column, PARTS - 1).astype(np.int64) + PARTS * np.minimum(row, PARTS - 1).astype(np.int64)
+        )
+
+    def unknown(self, part: IntArray, uses: int) -> IntArray:
+        """The first points in parts of which nothing is known, and where so many points are at least."""
+        first = np.full(PARTS * PARTS, -1)
+        first[part[::-1]] = np.arange(len(part))[::-1]
+        chosen = (np.bincount(part, minlength=PARTS * PARTS) >= uses) & np.isnan(self.values[0, : PARTS * PARTS])
+        return np.asarray(first[chosen])
+
+    def learn(self, part: IntArray, p: FloatArray, values: FloatArray, slopes: FloatArray) -> None:
+        """Remember, of (k,) parts, (2, k) points, their corrections and the (2, 2, k) slopes of these."""
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        for place in (part, self._coarse(part)):
+            self.places[:, place], self.values[:, place], self.slopes[:, :, place] = p, values, slopes
+
+    def _coarse(self, part: IntArray) -> IntArray:
+        """Numbers of the larger parts that contain some parts."""
+        row, column = np.divmod(part, PARTS)
+        return np.asarray(PARTS * PARTS + row * COARSE // PARTS * COARSE + column * COARSE // PARTS)
+
+    def __call__(self, part: IntArray, p: FloatArray) -> FloatArray:
+        """(2, m) corrections at (2, m) points; 0 in parts of which nothing is known."""
+        unknown = np.flatnonzero(np.isnan(self.values[0, part]))
+        if len(unknown):
+            part = part.copy()
+            part[unknown] = self._coarse(part[unknown])
+        move = p - self.places.take(part, axis=1)
+        slope = self.slopes.take(part, axis=2)
+        turn = slope[:, 0] * move[0] + slope[:, 1] * move[1]
+        turn[~(np.abs(turn) < FARTHEST)] = 0.0
+        turn += self.values.take(part, axis=1)
+        return np.asarray(np.nan_to_num(turn, copy=False))

@@ -1,0 +1,112 @@
+"""Unit tangents of a curve, with their limits at its ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.tessellation.complex import Parametrization
+from gtb_cli.theory.basis import Location, exponents, is_corner, toric_locations
+from gtb_cli.theory.domain import EPS, knot_tolerance
+from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
+from gtb_cli.theory.patch import Patch
+
+
+def locations(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Iterable[Location]:
+    """Locate (m, d) parameters of a patch in either parametrisation."""
+    columns = patch.domain.columns(u)
+    if parametrization == "linear":
+        return LinearParametrization(patch.domain, patch.log_products).locations(columns)
+    if parametrization == "toric":
+        return toric_locations(patch.domain, columns)
+    raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+
+
+def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
+    """Unit tangents of a curve in the direction of its parameter.
+
+    Parameters
+    ----------
+    patch : Patch
+        A curve.
+    t : (m,) or (m, 1) float
+        Parameters of either parametrisation.
+
+    Returns
+    -------
+    (m, 3) float
+        NaN where the derivative vanishes. At an end the limit: the direction from its control point to that of the
+        nearest knot that has another one, of copies of a knot to their mean.
+
+    Raises
+    ------
+    DomainError
+        The patch is a surface, or a parameter lies outside Δ.
+
+    References
+    ----------
+    Property (c) of GT-Bézier curves, eq. 302, whose lengths depend on k_0 and k_1; the directions do not.
+    """
+    columns = patch.domain.columns(t)
+    return tangents_at(patch, locations(patch, columns, parametrization), len(columns))
+
+
+def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArray:
+    """(count, 3) unit tangents, as `tangents`, at locations found by any parametrisation."""
+    if patch.dimension != 1:
+        raise DomainError("tangents: a surface has many at a point, expected a curve")
+    result = np.empty((count, 3))
+    for location in where:
+        if is_corner(patch.domain, location.face):
+            result[location.rows] = _at_end(patch, location.face - 1)
+        else:
+            result[location.rows] = _inside(patch, location)
+    return result
+
+
+def _inside(patch: Patch, location: Location) -> FloatArray:
+    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised; about the knot with the largest T, which keeps digits at the ends."""
+    e = exponents(location.knots, patch.log_products, location.s)
+    leader = e.argmax(axis=0)
+    result = np.empty((e.shape[1], 3))
+    for k in np.flatnonzero(np.bincount(leader)).tolist():
+        rows = np.flatnonzero(leader == k)
+        deltas = _deltas(patch, k)
+        step = patch.knots[:, 0] - patch.knots[k, 0]
+        step[np.abs(step) <= knot_tolerance(patch.knots)] = 0.0
+        part = e[:, rows]
+        derivative = covariance(part, step[:, None], deltas, deltas.T @ shares(part)).T
+        result[rows] = _unit(derivative, PARALLEL * float(np.abs(step).max() * np.abs(deltas).max()))
+    return result
+
+
+def _at_end(patch: Patch, end: int) -> FloatArray:
+    heights, log_weights = patch.domain.heights[:, end], patch.log_products
+    order = np.argsort(heights, kind="stable")
+    layers = np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1)
+    deltas = _deltas(patch, int(layers[0][0]))
+    point, *others = (deltas[layer].T @ shares(log_weights[layer, None])[:, 0] for layer in layers)
+    rounding = COINCIDENT_ULPS * EPS * float(np.abs(patch.control_points).max())
+    for other in others:
+        if np.abs(other - point).max() > rounding:
+            return np.asarray(_unit((other - point)[None], 0.0)[0] * (1.0 if end == 0 else -1.0))
+    return np.full(3, np.nan)
+
+
+def _deltas(patch: Patch, k: int) -> FloatArray:
+    """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding."""
+    deltas = patch.control_points - patch.control_points[k]
+    deltas[np.abs(deltas) <= COINCIDENT_ULPS * EPS * np.abs(patch.control_points).max()] = 0.0
+    return np.asarray(deltas)
+
+
+def _unit(vectors: FloatArray, smallest: float) -> FloatArray:
+    """(m, 3) unit vectors, NaN where no entry is larger than `smallest`."""
+    size = np.abs(vectors).max(axis=1, keepdims=True)
+    scaled = np.where(size > smallest, vectors, np.nan) / np.where(size > 0, size, 1.0)
+    return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=1, keepdims=True)))

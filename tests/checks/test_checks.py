@@ -1,0 +1,521 @@
+"""Checks: specs pass them at any scale, every property is seen to fail on a patch broken for it, and known numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtb_cli.checks import PROPERTIES, check, check_model, check_patch
+from gtb_cli.checks.lattice import bernstein
+from gtb_cli.checks.probe import Outcome, Probe, evenly
+from gtb_cli.errors import DomainError
+from gtb_cli.spec.loading import load
+from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.degeneration import regular_control_surface
+from gtb_cli.theory.patch import Model, Patch
+from tests.specs import GOOD_SPECS, SPECS
+
+SMALL = 1e-7
+"""What patches are broken by, of their size: not to be seen on a picture, and a million roundings."""
+
+SOLVED = 1e-9
+"""Rounding of figures that are computed here in another way: sums, and eigenvalues of small matrices."""
+
+
+@cache
+def spec(name: str) -> Patch:
+    patch = load(SPECS / f"{name}.toml")
+    assert isinstance(patch, Patch)
+    return patch
+
+
+def finding(patch: Patch, name: str) -> Outcome:
+    (measure,) = (prop.measure for prop in PROPERTIES if prop.name == name)
+    return measure(Probe(patch))
+
+
+@cache
+def statuses(name: str) -> dict[str, str]:
+    return {found.name: found.status for found in check_patch(spec(name)).findings}
+
+
+PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
+
+
+# --- what holds
+
+EXPECTED_NOT_TO_APPLY = {
+    "classical Bézier",
+    "isoparametric curves",
+    "multiple knots",
+    "toric degeneration",
+    "coefficients of unity",
+    "convexity",
+}
+"""Properties with conditions that patches of ordinary size in `specs/` do not always fulfil."""
+
+
+@pytest.mark.parametrize("name", PATCHES)
+def test_every_spec_has_the_properties(name):
+    report = check(spec(name))
+    assert report.holds
+    for found in report.findings:
+        assert found.reason
+        if found.status == "not applicable":
+            assert found.name in EXPECTED_NOT_TO_APPLY
+            assert found.value is found.bound is None
+        elif found.status == "measured":
+            assert found.bound is None
+        else:
+            assert found.value <= found.bound
+    kind = 1 if spec(name).dimension == 1 else 2
+    assert [found.name for found in report.findings] == [prop.name for prop in PROPERTIES if prop[kind]]
+
+
+SCALES = [
+    (1e-9, 0.0, 1e9, 0.0),
+    (1e9, 0.0, 1e-9, 0.0),
+    (1.0, 1e7, 1.0, 1e7),
+    (1e-2, 0.0, 1e4, 1e7),
+    (1e4, 1e7, 1.0, 0.0),
+]
+
+
+@pytest.mark.parametrize(("index", "name"), list(enumerate(PATCHES)))
+def test_they_hold_at_any_size_and_place(index, name):
+    """Each spec at one of the sizes with the knots small, and one with them large or far away."""
+    patch = spec(name)
+    for scale, shift, points_scale, points_shift in (SCALES[3 * (index % 2)], SCALES[(1, 2, 4)[index % 3]]):
+        moved = replace(
+            patch,
+            knots=patch.knots * scale + shift,
+            control_points=patch.control_points * points_scale + points_shift,
+        )
+        report = check_patch(moved)
+        assert report.holds
+        # Even then most of it can be told.
+        assert sum(found.status == "holds" for found in report.findings) >= 8
+
+
+def test_the_same_patch_gives_the_same_report():
+    assert check_patch(load(SPECS / "pentagon.toml")) == check_patch(load(SPECS / "pentagon.toml"))
+
+
+@pytest.mark.parametrize(
+    ("name", "applicable"),
+    [
+        ("cubic-bezier", {"classical Bézier", "convexity", "strict total positivity"}),
+        ("bezier-triangle", {"classical Bézier"}),
+        ("bicubic", {"classical Bézier", "isoparametric curves"}),
+        ("repeated-knot", {"multiple knots", "isoparametric curves"}),
+        ("pentagon", {"toric degeneration"}),
+        ("example-3.4", {"toric degeneration", "convexity", "end tangent lengths"}),
+    ],
+)
+def test_conditions_are_seen_to_be_fulfilled(name, applicable):
+    found = statuses(name)
+    assert {found[prop] for prop in applicable} == {"holds"}
+
+
+def test_conditions_are_named_where_they_are_not_fulfilled():
+    space = Patch([0, 1, 2.5, 3], [[0, 0, 0], [1, 2, 0], [2, 2, 1], [3, 0, 4]])
+    assert "not in a plane" in finding(space, "convexity").reason
+    assert "planes" in finding(space, "variation diminishing").reason
+    zigzag = Patch([0, 1, 2.5, 3], [[0, 0], [1, 2], [2, -2], [3, 0]])
+    assert "not convex" in finding(zigzag, "convexity").reason
+    spiral = [[math.cos(t) * (9 - t), math.sin(t) * (9 - t)] for t in range(9)]
+    assert "not convex" in finding(Patch(range(9), spiral), "convexity").reason
+    line = Patch([0, 1, 3], [[0, 0], [1, 1], [2, 2]])
+    assert "on a line" in finding(line, "convexity").reason
+    assert "no rectangle" in finding(spec("bezier-triangle"), "isoparametric curves").reason
+    assert "equally spaced" in finding(spec("example-3.1"), "classical Bézier").reason
+    double = Patch([0, 1, 1, 2], [[0, 0], [1, 1], [2, 0], [3, 3]])
+    for name in ("strict total positivity", "progressive iteration", "coefficients of unity"):
+        assert finding(double, name).status == "not applicable"
+        assert "repeated" in finding(double, name).reason
+    assert finding(double, "total positivity").status == finding(double, "multiple knots").status == "holds"
+
+
+@pytest.mark.parametrize(
+    "patch",
+    [
+        Patch([0, 1], [[0, 0], [1, 1]]),
+        Patch([0, 1], [[1, 2], [1, 2]]),
+        Patch([0, 0, 1, 1], [[0, 0], [2, 0], [1, 1], [5, 1]], [1, 3, 2, 2]),
+        Patch([3, 0, 1, 2], [[3, 0], [0, 0], [1, 5], [2, 5]]),
+        Patch([0, 1, 1.0001, 2], [[0, 0], [1, 1], [2, 1], [3, 0]]),
+        Patch([0, 1, 2, 3], [[0, 0], [0, 0], [2, 1], [3, 0]]),
+        Patch([0, 50, 120], [[0, 0], [1, 1], [2, 0]], [1, 1e-30, 1e30]),
+        Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], log_weights=[0, 2000, -3000]),
+        Patch(range(60), [[t, math.sin(t)] for t in range(60)]),
+        Patch([[0, 0], [1, 0], [0, 1]], np.zeros((3, 3))),
+        Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1, 0, 0], [2, 0, 0]]),
+        Patch([[0, 0], [1, 0], [0, 1], [0, 0], [0.2, 0.2]], np.eye(5)[:, :3]),
+        Patch([[0, 0], [1, 0], [1, 1], [0, 1]], np.eye(4)[:, :3], edge_scale=[1, 2, 3, 4]),
+        Patch([[0, 0], [3, 0], [3, 3], [0, 3], [1, 1]], np.eye(5)[:, :3], lifting=[0, 0, 0, 0, 1e-7]),
+        Patch([[0, 0], [3, 0], [3, 3], [0, 3], [1, 1]], np.eye(5)[:, :3], lifting=[5, 5, 5, 5, 5]),
+        Patch([[0, 0], [1, 0], [1, 1e-6], [0, 1e-6]], np.eye(4)[:, :3]),
+    ],
+    ids=range(16),
+)
+def test_unusual_patches_have_the_properties(patch):
+    report = check_patch(patch)
+    assert [found for found in report.findings if found.status == "fails"] == []
+
+
+# --- what fails
+
+
+class Broken(Patch):
+    """A patch that is wrong by a little; its copies are, too."""
+
+    @property
+    def size(self) -> float:
+        return float(np.ptp(self.control_points, axis=0).max())
+
+
+def broken(patch: Patch, kind: type[Patch]) -> Patch:
+    values = {field.name: getattr(patch, field.name) for field in fields(patch)}
+    if patch.log_weights is not None:
+        values["weights"] = None
+    return kind(**values)
+
+
+class Shifted(Broken):
+    """All points are a little beside their places."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) + SMALL * self.size
+
+
+class Larger(Broken):
+    """Points are a little too far from the middle."""
+
+    def points_at(self, locations, count):
+        middle = self.control_points.mean(axis=0)
+        return middle + (1 + 1e-3) * (super().points_at(locations, count) - middle)
+
+
+class OffThePlane(Broken):
+    """Points leave the plane, or line, of flat control points."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) + np.array([0, 0, SMALL * self.size])
+
+
+class Negative(Broken):
+    """One value of the basis in a thousand is below zero by nearly nothing."""
+
+    def basis(self, u):
+        values = super().basis(u).copy()
+        values.ravel()[500::1000] = -1e-300
+        return values
+
+
+class Incomplete(Broken):
+    """The basis adds up to a little less than 1."""
+
+    def basis(self, u):
+        return super().basis(u) * (1 - SMALL)
+
+
+class BesideItsCorners(Broken):
+    """Corners are missed by the last digits, as if by rounding."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) * (1 + 1e-14)
+
+
+class LeakingEdges(Broken):
+    """Knots keep a share on edges that they are not on."""
+
+    def basis(self, u):
+        values = super().basis(u) + SMALL
+        return values / values.sum(axis=1, keepdims=True)
+
+
+class OtherBoundary(Broken):
+    """The curve of an edge is another one."""
+
+    def boundary(self, edge):
+        curve = super().boundary(edge)
+        return replace(curve, weights=curve.weights * np.linspace(1, 1 + 1e-6, len(curve.weights)) ** 2 + 1e-6)
+
+
+class CoefficientsCount(Broken):
+    """Coefficients act not only through their products with weights."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) + SMALL * self.size * self.coefficients[0]
+
+
+class ScaleCounts(Broken):
+    """The scale of the edge functions moves the surface."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) + SMALL * self.size * self.domain.normal_lengths[0]
+
+
+class Permuted(Broken):
+    """Two neighbours in the basis are exchanged."""
+
+    def basis(self, u):
+        values = super().basis(u)
+        order = np.arange(values.shape[1])
+        order[[1, 2]] = [2, 1]
+        return values[:, order]
+
+
+class Diverging(Broken):
+    """The collocation matrix has a negative eigenvalue."""
+
+    def basis(self, u):
+        return super().basis(u)[:, ::-1]
+
+
+class Wavy(Broken):
+    """A curve with small waves, which a straight line crosses often."""
+
+    def points_at(self, locations, count):
+        points = super().points_at(locations, count)
+        t = (points[:, :1] - points[:, :1].min()) / self.size
+        return points + 0.02 * self.size * np.sin(60 * t) * [0, 1, 0]
+
+
+class Dented(Broken):
+    """A convex curve with a dent that can hardly be seen."""
+
+    def points_at(self, locations, count):
+        points = super().points_at(locations, count)
+        middle = points[len(points) // 2]
+        distance = ((points - middle) ** 2).sum(axis=1, keepdims=True) / self.size**2
+        return points + 0.1 * np.exp(-200 * distance) * (self.control_points.mean(axis=0) - middle)
+
+
+class Turned(Broken):
+    """Points are turned about the first control point by a small angle."""
+
+    def points_at(self, locations, count):
+        points = super().points_at(locations, count) - self.control_points[0]
+        return self.control_points[0] + points + SMALL * np.cross(points, [0, 0, 1.0])
+
+
+class Stretched(Broken):
+    """Points are too far away by one in a thousand."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) * (1 + 1e-3)
+
+
+class KnotsCount(Broken):
+    """The number of knots moves the surface."""
+
+    def points_at(self, locations, count):
+        return super().points_at(locations, count) + SMALL * self.size * len(self.knots)
+
+
+class Unsolvable(Broken):
+    """Nothing can be evaluated."""
+
+    def points_at(self, locations, count):
+        raise DomainError("parameters: none will do")
+
+
+class Endless(Broken):
+    """Points are not numbers."""
+
+    def points_at(self, locations, count):
+        return np.full((count, 3), np.nan)
+
+
+FLAT = Patch([[0, 0], [2, 0], [2, 1], [0, 1.5], [1, 1]], [[0, 0], [2, 0], [2, 2], [0, 3], [1, 1]])
+STRAIGHT = Patch([0, 1, 3], [[0, 0], [3, 0], [5, 0]])
+
+BREAKS = [
+    ("definition", "pentagon", Shifted),
+    ("definition", "example-3.1", Shifted),
+    ("nonnegativity", "pentagon", Negative),
+    ("nonnegativity", "example-3.1", Negative),
+    ("partition of unity", "pentagon", Incomplete),
+    ("partition of unity", "cubic-bezier", Incomplete),
+    ("corners", "pentagon", BesideItsCorners),
+    ("corners", "pentagon", Permuted),
+    ("corners", "cubic-bezier", BesideItsCorners),
+    ("boundary curves", "hexagon", LeakingEdges),
+    ("boundary curves", "hexagon", OtherBoundary),
+    ("boundary curves", "trapezoid", Shifted),
+    ("convex hull", "hexagon", Larger),
+    ("convex hull", "example-3.1", Larger),
+    ("convex hull", "example-3.1", OffThePlane),
+    ("convex hull", FLAT, Larger),
+    ("convex hull", FLAT, OffThePlane),
+    ("convex hull", STRAIGHT, Larger),
+    ("affine invariance", "pentagon", Shifted),
+    ("affine invariance", "example-3.1", Shifted),
+    ("weights times coefficients", "trapezoid", CoefficientsCount),
+    ("weights times coefficients", "example-2.1", CoefficientsCount),
+    ("edge scale", "pentagon", ScaleCounts),
+    ("edge scale", "example-3.1", ScaleCounts),
+    ("classical Bézier", "cubic-bezier", Shifted),
+    ("classical Bézier", "bezier-triangle", Shifted),
+    ("classical Bézier", "bicubic", Shifted),
+    ("total positivity", "example-3.1", Permuted),
+    ("strict total positivity", "example-3.1", Permuted),
+    ("progressive iteration", "example-3.1", Diverging),
+    ("variation diminishing", "example-3.1", Wavy),
+    ("convexity", "example-3.1", Dented),
+    ("end tangents", "example-3.1", Turned),
+    ("end tangents", "cubic-bezier", Shifted),
+    ("end tangent lengths", "example-3.1", Stretched),
+    ("one weight to infinity", "example-3.1", Shifted),
+    ("isoparametric curves", "bicubic", Shifted),
+    ("multiple knots", "repeated-knot", KnotsCount),
+    ("toric degeneration", "pentagon", Larger),
+    ("toric degeneration", "example-3.4", Larger),
+    ("linear precision, linear parametrization", "pentagon", Shifted),
+    ("linear precision, linear parametrization", "example-3.1", Shifted),
+]
+
+
+@pytest.mark.parametrize(("name", "patch", "kind"), BREAKS)
+def test_a_check_sees_what_is_broken(name, patch, kind):
+    whole = spec(patch) if isinstance(patch, str) else patch
+    assert finding(whole, name).status == "holds"
+    found = finding(broken(whole, kind), name)
+    assert found.status == "fails"
+    assert found.value > found.bound
+
+
+def test_every_property_with_a_verdict_is_broken_here():
+    without_verdict = {"linear precision", "coefficients of unity"}
+    assert {name for name, _, _ in BREAKS} == {prop.name for prop in PROPERTIES} - without_verdict
+
+
+@pytest.mark.parametrize("kind", [Unsolvable, Endless])
+@pytest.mark.parametrize("name", ["pentagon", "bicubic", "example-3.4"])
+def test_a_patch_without_points_fails(name, kind):
+    report = check_patch(broken(spec(name), kind))
+    assert not report.holds
+    failing = {found.name: found.reason for found in report.findings if found.status == "fails"}
+    of_points = {"definition", "corners", "convex hull", "affine invariance", "edge scale", "toric degeneration"}
+    assert of_points - {name for name, status in statuses(name).items() if status == "not applicable"} <= set(failing)
+    if kind is Unsolvable:
+        assert failing["corners"] == "could not be measured: parameters: none will do"
+
+
+# --- known numbers
+
+
+def test_progressive_iteration_of_the_bernstein_basis():
+    """The Bernstein operator of degree n has the eigenvalues n!/((n − k)! nᵏ)."""
+    for n in (2, 3, 5):
+        patch = Patch(
+            range(n + 1), [[i, i * i] for i in range(n + 1)], coefficients=[math.comb(n, i) for i in range(n + 1)]
+        )
+        found = finding(patch, "progressive iteration")
+        assert found.status == "holds"
+        assert found.value == pytest.approx(1 - math.factorial(n) / n**n, abs=SOLVED)
+
+
+def test_linear_precision_is_a_number():
+    """Mathematics.md, section 7: 0.40 and 0.22 on a pentagon of size 2; a Bernstein basis has none."""
+    assert finding(spec("pentagon"), "linear precision").value == pytest.approx(0.40 / 2, abs=0.005)
+    unit = replace(spec("pentagon"), edge_normals="unit")
+    assert finding(unit, "linear precision").value == pytest.approx(0.22 / 2, abs=0.005)
+    bernstein_patch = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], coefficients=[1, 2, 1])
+    assert finding(bernstein_patch, "linear precision").value < SOLVED
+
+
+def test_coefficients_of_unity_are_a_number_or_the_values():
+    """Mathematics.md, section 5: C(n, i)/nⁿ for knots 0 … n; for Example 2.1 the ends' (1 − t) and t are all."""
+    assert finding(spec("cubic-bezier"), "coefficients of unity").value == pytest.approx(1 / 27, rel=SOLVED)
+    found = finding(spec("example-2.1"), "coefficients of unity")
+    assert found.status == "measured"
+    assert found.value is None
+    assert "not all positive" in found.reason
+
+
+def test_a_broken_law_is_measured_at_its_size():
+    assert finding(broken(spec("pentagon"), Incomplete), "partition of unity").value == pytest.approx(SMALL, rel=1e-6)
+    larger = finding(broken(STRAIGHT, Larger), "convex hull")
+    assert larger.value == pytest.approx(1e-3 * (8 / 3) / 5, rel=1e-6)  # of 5, the middle being at 8/3
+
+
+@pytest.mark.parametrize("degree", [1, 2, 7])
+def test_bernstein_polynomials(degree):
+    """Against binomials; the triangle's against multinomials, by exponents of the second and third share."""
+    t = np.array([0.0, 0.125, 0.5, 1.0])
+    values = bernstein(degree, np.stack([1 - t, t]))
+    for i in range(degree + 1):
+        np.testing.assert_allclose(values[:, i], math.comb(degree, i) * t**i * (1 - t) ** (degree - i), rtol=1e-14)
+    a, b = np.array([0.25, 0.0, 0.5]), np.array([0.25, 1.0, 0.5])
+    values = bernstein(degree, np.stack([1 - a - b, a, b]))
+    for i in range(degree + 1):
+        for j in range(degree + 1 - i):
+            k = degree - i - j
+            count = math.factorial(degree) // (math.factorial(i) * math.factorial(j) * math.factorial(k))
+            np.testing.assert_allclose(values[:, i, j], count * a**i * b**j * (1 - a - b) ** k, rtol=1e-14)
+    assert values.sum(axis=(1, 2)) == pytest.approx(1)
+
+
+def test_samples_are_spread_evenly():
+    points = evenly(1000, 2)
+    assert points.min() >= 0
+    assert points.max() < 1
+    counts = np.histogram2d(*points.T, bins=10, range=[[0, 1], [0, 1]])[0]
+    assert counts.min() >= 7  # of 10 each; random ones leave boxes with 2
+    assert counts.max() <= 13
+
+
+def test_off_the_lattice_by_less_than_is_forgiven():
+    """Knots typed with seven digits are a lattice for coefficients; the distance from the Bézier curve is theirs."""
+    knots = [0, 0.3333333, 0.6666667, 1]
+    patch = Patch(knots, [[0, 0], [1, 2], [2, 2], [3, 0]], coefficients=[1, 3, 3, 1])
+    binomial_coefficients(patch.domain)  # does not refuse
+    found = finding(patch, "classical Bézier")
+    assert found.status == "holds"
+    assert 1e-9 < found.value < 1e-6
+
+
+# --- models
+
+
+def test_a_model_is_checked_patch_by_patch_and_joint_by_joint():
+    model = regular_control_surface(spec("pentagon"))
+    report = check_model(model)
+    assert report.holds
+    assert [part.name for part in report.patches] == [f"pentagon-cell{i}" for i in range(5)]
+    joints = {found.name: found for found in report.joints}
+    assert joints["joined edges"].status == "holds"
+    # Three triangles and two quadrilaterals: 17 edges; the pentagon's hull has 7 of the decomposition's edges.
+    assert joints["open edges"].value == 7
+    assert "5 joints" in joints["joined edges"].reason
+    assert joints["orientation"].value == joints["crowded edges"].value == 0
+    assert check(model) == report
+
+
+def test_a_model_of_curves_has_joined_ends():
+    model = regular_control_surface(spec("example-3.4"))
+    report = check_model(model)
+    assert report.holds
+    assert {found.name: found.value for found in report.joints}["open edges"] == 2
+
+
+def test_a_broken_patch_of_a_model_is_seen_at_its_joints():
+    first, *others = regular_control_surface(spec("pentagon")).patches
+    report = check_model(Model((broken(first, Larger), *others)))
+    assert not report.holds
+    assert {found.name: found.status for found in report.joints}["joined edges"] == "fails"
+    assert not report.patches[0].holds
+    assert all(part.holds for part in report.patches[1:])
+
+
+def test_patches_without_common_edges():
+    model = Model((spec("pentagon"), replace(spec("pentagon"), control_points=spec("pentagon").control_points + 9)))
+    report = check_model(model)
+    assert report.joints[0].status == "not applicable"
+    assert report.joints[1].value == 10

@@ -1,0 +1,646 @@
+"""Commands and options, run in this process; what only real processes show is in test_shell.py."""
+
+import json
+import math
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gtb_cli
+from gtb_cli.commands import console, meshing
+from gtb_cli.commands.cli import COMMANDS
+from gtb_cli.commands.cli import gtb as group
+from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.export import FORMATS
+from gtb_cli.tessellation.tessellate import MAX_FACES, tessellate
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
+
+TWO = b"""
+name = "two"
+[[patches]]
+knots = [[0, 0], [1, 0], [0, 1]]
+control_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1]]
+lifting = [0, 0, 1]
+[[patches]]
+knots = [[0, 0], [1, 0], [1, 1], [0, 1]]
+control_points = [[5, 0, 0], [6, 0, 0], [6, 1, 0], [5, 1, 0]]
+lifting = [0, 1, 0, 0]
+"""
+TRIANGLE = b"knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1]]\n"
+BROKEN = b"knots = [[0, 0], [1, 0], [0, 1]]\nweights = [1, -1, 1]\n"
+
+
+def failure(result) -> list[str]:
+    """Lines of a run that failed as it should: nothing on standard output, and each line an error."""
+    assert result.status == 2
+    assert result.out == b""
+    lines = result.err.splitlines()
+    assert lines
+    assert all(line.startswith("gtb: error: ") for line in lines)
+    return [line.removeprefix("gtb: error: ") for line in lines]
+
+
+def one_line(result) -> str:
+    lines = failure(result)
+    assert len(lines) == 1
+    return lines[0]
+
+
+def vertices(text: bytes) -> np.ndarray:
+    return np.array([line.split()[1:] for line in text.decode().splitlines() if line.startswith("v ")], dtype=float)
+
+
+# --- the group
+
+
+def test_help_lists_every_command():
+    result = gtb("--help")
+    assert result.status == 0
+    for name, (_, summary) in COMMANDS.items():
+        assert f"  {name} " in result.text
+        assert summary in " ".join(result.text.split())
+
+
+def test_version():
+    assert gtb("--version").text == f"gtb {gtb_cli.__version__}\n"
+
+
+def test_no_arguments_show_the_help_as_an_error():
+    result = gtb()
+    assert result.status == 2
+    assert result.out == b""
+    assert result.err.startswith("Usage: gtb ")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_says_what_it_does(name):
+    command = group.get_command(click.Context(group), name)
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help
+            assert parameter.help.endswith(".")
+            assert any(option.startswith("--") for option in parameter.opts)
+    shown = gtb(name, "--help").text
+    assert all(option in shown for parameter in command.params for option in parameter.opts if option.startswith("-"))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_opens_with_an_example(name):
+    lines = [line for line in gtb(name, "--help").text.splitlines() if line.strip()]
+    assert lines[0].startswith(f"Usage: gtb {name}")
+    assert lines[1].startswith("  Example: ")
+    assert f"gtb {name}" in lines[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["mehs"], "No such command: mehs. Did you mean mesh?"),
+        (["qqq"], "No such command: qqq. Try 'gtb --help'."),
+        ([""], "No such command: ''."),
+        (["--frob"], "No such option"),
+        (["mesh"], "Missing argument 'SPEC...'. Try 'gtb mesh --help'."),
+        (["mesh", PENTAGON, "--normal"], "--normals"),
+        (["mesh", PENTAGON, "-f", "fbx"], "'fbx' is not one of 'obj', 'ply', 'stl', 'glb'"),
+        (["mesh", PENTAGON, "-n"], "requires an argument"),
+        (["mesh", PENTAGON, "-n", "0"], "0 is not in the range"),
+        (["mesh", PENTAGON, "-n", "-3"], "-3 is not in the range"),
+        (["mesh", PENTAGON, "-n", "1.5"], "'1.5' is not a valid integer"),
+        (["mesh", PENTAGON, "-n", "9" * 5000], "is not a valid integer"),
+        (["mesh", PENTAGON, "-j", "0"], "0 is not in the range"),
+        (["mesh", PENTAGON, "--max-faces", "0"], "0 is not in the range"),
+        (["mesh", PENTAGON, "-n", "3", "--tolerance", "1"], "-n and --tolerance exclude each other"),
+        (["mesh", PENTAGON, "--parametrization", "cubic"], "'cubic' is not one of 'toric', 'linear'"),
+        (["mesh", PENTAGON, "--spec-format", "yaml"], "'yaml' is not one of 'toml', 'json'"),
+        (["mesh", "-", "-"], "standard input can be read once only"),
+        (["mesh", PENTAGON, BICUBIC], "2 specs need a folder"),
+        (["mesh", PENTAGON, BICUBIC, "-o", "x.obj"], "2 specs need a folder for their meshes, and x.obj names a file"),
+        (["mesh", PENTAGON, "-o", PENTAGON], "is the spec, and would be overwritten"),
+        (["mesh", PENTAGON, "-o", "x.fbx"], "cannot tell the format of x.fbx"),
+        (["mesh", PENTAGON, "-o", "x"], "cannot tell the format of x:"),
+        (["mesh", PENTAGON, "-o", ""], "cannot tell the format of '':"),
+        (["mesh", CURVE, "-f", "stl"], "cubic-bezier.toml: STL holds triangles, and a curve has none"),
+        (["mesh", PENTAGON, "-f", "glb", "--ascii"], "pentagon.toml: GLB has no text form"),
+        (["mesh", "/nothing/there.toml"], "/nothing/there.toml: No such file or directory"),
+        (["mesh", str(SPECS)], "specs: Is a directory"),
+        (["mesh", ""], "'': No such file or directory"),
+        (["eval", PENTAGON, ""], "'': No such file or directory"),
+        (["mesh", "\x1b[2J\u2028.toml"], "\\x1b[2J\\u2028.toml: No such file or directory"),
+        (["info", PENTAGON, PENTAGON], "unexpected extra argument"),
+        (["eval", "-", "-"], "cannot both be standard input"),
+        (["eval", PENTAGON, "/nothing/there"], "/nothing/there: No such file or directory"),
+        (["eval", PENTAGON, str(SPECS)], "specs: Is a directory"),
+        (["decompose", BICUBIC], "bicubic.toml: has no lifting"),
+        (["decompose", BICUBIC, "--lifting", "1,2"], "bicubic.toml: lifting: expected 16"),
+        (["decompose", BICUBIC, "--lifting", "1,frog"], "unknown name 'frog'"),
+        (["decompose", BICUBIC, "--lifting", ""], "--lifting"),
+    ],
+)
+def test_usage_errors_are_one_line(arguments, message):
+    assert message in one_line(gtb(*arguments))
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "nan", "inf", "1e999", "", "%", "abc", "1%%", "1 2", "1_0", "٣"])
+def test_bad_tolerances(text):
+    assert "is no positive number or percentage" in one_line(gtb("mesh", PENTAGON, "--tolerance", text))
+
+
+def test_all_errors_of_a_spec_are_lines():
+    lines = failure(gtb("info", "-", stdin=BROKEN))
+    assert len(lines) == 2
+    assert lines[0].startswith("<stdin>: control_points: is missing")
+    assert lines[1].startswith("<stdin>:2: weights[1]: must be positive, got -1")
+
+
+def test_unexpected_errors_are_reported_without_traceback(monkeypatch):
+    def broken(*arguments):
+        raise RuntimeError("surprise")
+
+    monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
+    monkeypatch.delenv("GTB_TRACEBACK", raising=False)
+    assert one_line(gtb("info", PENTAGON)).startswith("internal error, please report it: RuntimeError: surprise")
+    monkeypatch.setenv("GTB_TRACEBACK", "1")
+    assert "Traceback" in gtb("info", PENTAGON).err
+
+
+def test_too_little_memory_is_an_error(monkeypatch):
+    def hungry(*arguments, **options):
+        raise MemoryError
+
+    monkeypatch.setattr("gtb_cli.tessellation.tessellate.tessellate", hungry)
+    assert one_line(gtb("mesh", PENTAGON)) == "not enough memory for this"
+
+
+# --- mesh
+
+
+def test_formats_here_are_those_of_the_exporter():
+    assert meshing.FORMATS == FORMATS
+    assert meshing.MAX_FACES == MAX_FACES
+
+
+def test_mesh_to_standard_output_is_obj():
+    result = gtb("mesh", PENTAGON)
+    assert result.status == 0
+    assert result.err == ""
+    found = vertices(result.out)
+    expected = tessellate(gtb_cli.load(PENTAGON), 32).vertices
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("options", [["-n", "32"], ["-o", "-"], ["-f", "obj"], ["-f", "OBJ"]])
+def test_defaults(options):
+    assert gtb("mesh", PENTAGON, *options).out == gtb("mesh", PENTAGON).out
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "start"),
+    [
+        ("x.obj", [], b"v "),
+        ("x.OBJ", [], b"v "),
+        ("x.ply", [], b"ply\nformat binary_little_endian"),
+        ("x.ply", ["--ascii"], b"ply\nformat ascii"),
+        ("x.stl", ["--ascii"], b"solid pentagon"),
+        ("x.glb", [], b"glTF"),
+        ("x.obj", ["-f", "glb"], b"glTF"),
+        ("no suffix", ["-f", "ply"], b"ply"),
+    ],
+)
+def test_format_is_that_of_the_option_or_the_suffix(tmp_path, name, options, start):
+    result = gtb("mesh", PENTAGON, "-n", 4, "-o", tmp_path / name, *options)
+    assert result.status == 0
+    assert (tmp_path / name).read_bytes().startswith(start)
+
+
+def test_binary_formats_go_to_standard_output_too(tmp_path):
+    for kind in ("ply", "stl", "glb"):
+        gtb("mesh", PENTAGON, "-n", 4, "-o", tmp_path / f"x.{kind}")
+        assert gtb("mesh", PENTAGON, "-n", 4, "-f", kind).out == (tmp_path / f"x.{kind}").read_bytes()
+
+
+def test_a_written_file_is_reported_unless_quiet(tmp_path):
+    path = tmp_path / "x.obj"
+    result = gtb("mesh", PENTAGON, "-n", 4, "-o", path)
+    assert result.out == b""
+    assert result.err == f"gtb: {path}: 51 vertices, 80 faces\n"  # 1 + 5 (1 + 2 + 3 + 4), and 5 · 4²
+    assert gtb("mesh", PENTAGON, "-n", 4, "-o", path, "--quiet").err == ""
+    assert gtb("mesh", CURVE, "-n", 4, "-o", path).err == f"gtb: {path}: 5 vertices, 4 segments\n"
+
+
+def test_warnings_can_be_silenced(tmp_path):
+    options = ["mesh", CURVE, "-n", 4, "-o", tmp_path / "x.ply"]
+    assert "gtb: warning: " in gtb(*options).err
+    assert gtb(*options, "-q").err == ""
+
+
+def test_normals_and_uv_are_written_when_asked_for():
+    text = gtb("mesh", PENTAGON, "-n", 4, "--normals", "--uv").text
+    assert len([line for line in text.splitlines() if line.startswith("vn ")]) == 51
+    assert len([line for line in text.splitlines() if line.startswith("vt ")]) == 51
+    assert "vn" not in gtb("mesh", PENTAGON, "-n", 4).text
+
+
+def test_parametrization_moves_vertices_only():
+    toric, linear, default = (
+        gtb("mesh", PENTAGON, *options).out
+        for options in (["--parametrization", "toric"], ["--parametrization", "linear"], [])
+    )
+    assert toric == default
+    assert toric != linear
+    assert [line for line in toric.splitlines() if line[:1] == b"f"] == [
+        line for line in linear.splitlines() if line[:1] == b"f"
+    ]
+
+
+def test_tolerance_in_percent_is_of_the_diagonal_of_the_surface():
+    low, high = tessellate(gtb_cli.load(PENTAGON), 400).bounds
+    diagonal = math.dist(low, high)
+    percent = gtb("mesh", PENTAGON, "--tolerance", "1%")
+    same = gtb("mesh", PENTAGON, "--tolerance", f"{diagonal / 100 * 0.999}")
+    assert percent.status == same.status == 0
+    # The diagonal is measured on a coarser mesh: up to 0.1 % less.
+    assert abs(len(percent.out) - len(same.out)) < 0.05 * len(same.out)
+    assert len(gtb("mesh", PENTAGON, "--tolerance", "0.1%").out) > 4 * len(percent.out)
+
+
+def test_a_percentage_of_a_point_is_refused(tmp_path):
+    spec = tmp_path / "point.toml"
+    spec.write_text("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[1, 1, 1], [1, 1, 1], [1, 1, 1]]\n")
+    message = one_line(gtb("mesh", spec, "--tolerance", "5%"))
+    assert message == f"{spec}: tolerance: 5% of the size of a single point is nothing"
+
+
+def test_too_many_faces_are_refused_with_their_number():
+    message = one_line(gtb("mesh", PENTAGON, "-n", 2000))
+    assert message == (
+        f"{PENTAGON}: -n 2000 makes 20000000 faces, more than 5000000: "
+        "take a smaller -n, or allow them with --max-faces 20000000"
+    )
+    assert "-n 10 makes 500 faces, more than 499" in one_line(gtb("mesh", PENTAGON, "-n", 10, "--max-faces", 499))
+    assert gtb("mesh", PENTAGON, "-n", 10, "--max-faces", 500).status == 0
+    assert one_line(gtb("mesh", "-", "-n", 10, "--max-faces", 299, stdin=TWO)).startswith("<stdin>: ")  # 100 + 2 · 100
+    assert gtb("mesh", "-", "-n", 10, "--max-faces", 300, stdin=TWO).status == 0
+
+
+def test_more_faces_than_memory_are_refused():
+    message = one_line(gtb("mesh", PENTAGON, "-n", 10**8, "--max-faces", 10**30))
+    assert "GB of memory, this machine has" in message
+
+
+def test_a_model_is_one_mesh_with_groups():
+    text = gtb("mesh", "-", "-n", 3, stdin=TWO).text
+    assert [line for line in text.splitlines() if line.startswith("g ")] == ["g patch0", "g patch1"]
+    assert len(vertices(text.encode())) == 10 + 16
+
+
+@pytest.mark.parametrize("options", [[], ["--spec-format", "toml"]])
+def test_a_spec_may_come_from_standard_input(options):
+    assert gtb("mesh", "-", *options, stdin=Path(PENTAGON).read_bytes()).out == gtb("mesh", PENTAGON).out
+
+
+def test_spec_format_beats_the_suffix(tmp_path):
+    path = tmp_path / "spec.toml"
+    path.write_text('{"knots": [0, 1], "control_points": [[0, 0], [1, 1]]}', encoding="utf-8")
+    assert "is not valid TOML" in one_line(gtb("info", path))
+    assert json.loads(gtb("info", path, "--json", "--spec-format", "json").out)["name"] == "spec"
+
+
+# --- mesh of several specs
+
+
+@pytest.fixture
+def specs(tmp_path):
+    """Three good specs in a folder."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("a.toml", "b c.toml", "d.toml"):
+        (folder / name).write_bytes(TRIANGLE)
+    return folder
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_several_specs_become_files_of_a_new_folder(specs, tmp_path):
+    out = tmp_path / "deep" / "out"
+    result = gtb("mesh", *sorted(specs.iterdir()), "-o", out, "-n", 2)
+    assert result.status == 0
+    assert names(out) == ["a.obj", "b c.obj", "d.obj"]
+    assert result.err == "".join(f"gtb: {out / name}: 6 vertices, 4 faces\n" for name in names(out))
+    single = gtb("mesh", specs / "a.toml", "-n", 2).out
+    assert (out / "a.obj").read_bytes() == single
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_several_specs_in_any_format(specs, tmp_path, kind):
+    assert gtb("mesh", *sorted(specs.iterdir()), "-o", tmp_path / "out", "-f", kind, "-q").err == ""
+    assert names(tmp_path / "out") == [f"a.{kind}", f"b c.{kind}", f"d.{kind}"]
+
+
+def test_one_spec_goes_into_a_folder_too(specs, tmp_path):
+    (tmp_path / "there").mkdir()
+    assert gtb("mesh", specs / "a.toml", "-o", tmp_path / "there").status == 0
+    assert gtb("mesh", specs / "a.toml", "-o", f"{tmp_path}/new/", "-f", "ply").status == 0
+    assert names(tmp_path / "there") == ["a.obj"]
+    assert names(tmp_path / "new") == ["a.ply"]
+
+
+def test_names_of_files_do_nothing_to_a_terminal(specs, tmp_path):
+    path = specs / "a\x1b[2J.toml"
+    path.write_bytes(TRIANGLE)
+    assert gtb("mesh", path, "-n", 1, "-o", tmp_path / "\x9b2J.obj").err == (
+        f"gtb: {tmp_path}/\\x9b2J.obj: 3 vertices, 1 faces\n"
+    )
+
+
+@pytest.mark.parametrize(("name", "file"), [("../../up", "_._.._up.obj"), ("a/b", "a_b.obj"), ("", "patch.obj")])
+def test_a_name_from_standard_input_stays_in_the_folder(specs, tmp_path, name, file):
+    text = (f'name = "{name}"\n'.encode() if name else b"") + TRIANGLE
+    assert gtb("mesh", "-", specs / "a.toml", "-o", tmp_path / "out", stdin=text).status == 0
+    assert names(tmp_path / "out") == sorted(["a.obj", file])
+
+
+def test_two_specs_of_one_name_are_refused(specs, tmp_path):
+    other = tmp_path / "a.json"
+    other.write_text('{"knots": [0, 1], "control_points": [[0, 0], [1, 1]]}', encoding="utf-8")
+    message = one_line(gtb("mesh", specs / "a.toml", other, "-o", tmp_path / "out"))
+    assert message.startswith(f"{specs / 'a.toml'} and {other} would both be written to a.obj")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_bad_spec_among_several_is_left_out(specs, tmp_path, jobs):
+    (specs / "b c.toml").write_bytes(BROKEN)
+    (specs / "e.toml").write_bytes(b"knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\n")
+    paths = [*sorted(specs.iterdir()), specs / "z.toml"]
+    result = gtb("mesh", *paths, "-o", tmp_path / "out", "-f", "stl", "-q", "-j", jobs)
+    lines = failure(result)
+    assert [line.partition(":")[0] for line in lines] == [
+        str(specs / name) for name in ("b c.toml", "b c.toml", "z.toml", "e.toml")
+    ]
+    assert names(tmp_path / "out") == ["a.stl", "d.stl"]
+
+
+def test_where_every_spec_is_bad_no_folder_appears(specs, tmp_path):
+    (specs / "a.toml").write_bytes(BROKEN)
+    failure(gtb("mesh", specs / "a.toml", specs / "nothing.toml", "-o", tmp_path / "out"))
+    failure(gtb("mesh", CURVE, CURVE.replace("cubic-bezier", "example-3.1"), "-f", "stl", "-o", tmp_path / "out"))
+    failure(gtb("mesh", specs / "d.toml", specs / "b c.toml", "-n", 9999, "-o", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_is_no_folder(specs, tmp_path):
+    (tmp_path / "out").write_text("mine", encoding="utf-8")
+    assert "out" in one_line(gtb("mesh", specs / "a.toml", specs / "d.toml", "-o", tmp_path / "out"))
+    assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
+
+
+@given(st.text(max_size=300))
+def test_file_stems_stay_in_their_folder(name):
+    stem = meshing.file_stem(name)
+    assert stem
+    assert stem[0] not in ".- "
+    assert not set(stem) & set('/\\:*?"<>|\0\n\r\t')
+    assert len(stem.encode("utf-8")) <= meshing.MAX_STEM
+    assert meshing.file_stem(stem) == stem
+
+
+# --- eval
+
+
+def rows(text: bytes) -> np.ndarray:
+    return np.array([line.split() for line in text.decode().splitlines()], dtype=float)
+
+
+def test_eval_gives_digits_that_read_back_exactly():
+    u = np.array([[0.5, 1.5], [2, 0], [0, 0.1], [1 / 3, 2 / 3]])
+    text = "".join(f"{a!r} {b!r}\n" for a, b in u.tolist()).encode()
+    patch = gtb_cli.load(PENTAGON)
+    assert (rows(gtb("eval", PENTAGON, stdin=text).out) == patch.evaluate(u)).all()
+    assert (rows(gtb("eval", PENTAGON, "--basis", stdin=text).out) == patch.basis(u)).all()
+    assert gtb("eval", PENTAGON, stdin=b"2 1").out == b"2.0 1.0 2.0\n"
+
+
+def test_eval_reads_lines_as_people_write_them():
+    plain = gtb("eval", PENTAGON, stdin=b"0.5 1.5\n1 1\n0 0\n").out
+    odd = b"\xef\xbb\xbf# parameters\r\n\r\n 0.5,1.5 \r\n\t1\t1e0 # the middle\n\n+0,\t-0."
+    assert gtb("eval", PENTAGON, stdin=odd).out == plain
+    assert plain.count(b"\n") == 3
+
+
+def test_eval_of_a_curve_takes_one_number(tmp_path):
+    path = tmp_path / "t.txt"
+    path.write_text("0\n1.5\n3\n", encoding="utf-8")
+    result = gtb("eval", CURVE, path)
+    assert (rows(result.out) == gtb_cli.load(CURVE).evaluate([0, 1.5, 3])).all()
+
+
+def test_eval_of_nothing_is_nothing():
+    assert gtb("eval", PENTAGON, stdin=b"").out == b""
+    assert gtb("eval", PENTAGON, stdin=b"# nothing\n\n").out == b""
+    assert json.loads(gtb("eval", PENTAGON, "--json").out) == {"points": [], "parameters": []}
+
+
+def test_eval_as_json():
+    found = json.loads(gtb("eval", PENTAGON, "--json", stdin=b"0.5 1.5\n\n2 0\n").out)
+    patch = gtb_cli.load(PENTAGON)
+    assert found == {
+        "points": patch.evaluate([[0.5, 1.5], [2, 0]]).tolist(),
+        "parameters": [[0.5, 1.5], [2.0, 0.0]],
+    }
+    basis = json.loads(gtb("eval", PENTAGON, "--json", "--basis", stdin=b"0.5 1.5\n").out)
+    assert basis["basis"] == patch.basis([[0.5, 1.5]]).tolist()
+
+
+def test_eval_linearly_has_linear_precision():
+    """With the values of the basis at p, the knots sum up to p: mathematics.md, section 2."""
+    text = b"0.5 1.5\n0 0.7\n1.9 0.05\n2 1\n"
+    patch = gtb_cli.load(PENTAGON)
+    basis = rows(gtb("eval", PENTAGON, "--basis", "--parametrization", "linear", stdin=text).out)
+    np.testing.assert_allclose(basis @ patch.knots, rows(text), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"0.5", "<stdin>:1: expected two numbers, u v, got '0.5'"),
+        (b"1 1\n\n# x\n1 2 3\n", "<stdin>:4: expected two numbers, u v, got '1 2 3'"),
+        (b"1 1\n1 one\n", "<stdin>:2: 'one' is not a number"),
+        (b"1 1\n1 \xff\n", "<stdin>:2: '\\\\xff' is not a number"),
+        (b"1 1\n1 nan\n", "<stdin>:2: must be finite, got (1.0, nan)"),
+        (b"1 1\n\n5 5\n6 6\n", "<stdin>:3: (5.0, 5.0) is outside the domain, by up to "),
+        (b"1 1\n" * (LINES + 5) + b"\n0 -1\n", f"<stdin>:{LINES + 7}: (0.0, -1.0) is outside the domain"),
+        (b"1 " * MAX_LINE + b"\n", "<stdin>:1: expected two numbers"),
+        (b"1 1\n" + b"1 " * CHUNK, f"<stdin>:2: a line of more than {MAX_LINE} characters"),
+    ],
+)
+@pytest.mark.parametrize("parametrization", ["toric", "linear"])
+def test_eval_names_the_wrong_line(text, message, parametrization):
+    result = gtb("eval", PENTAGON, "--parametrization", parametrization, stdin=text)
+    assert result.status == 2
+    assert result.err.startswith(f"gtb: error: {message}")
+    assert result.err.count("\n") == 1
+
+
+def test_eval_of_many_lines():
+    u = np.random.default_rng(5).uniform(0, 3, (2 * LINES + 3, 2))
+    text = b"".join(b"%r %r\n" % tuple(row) for row in u.tolist())
+    np.testing.assert_allclose(
+        rows(gtb("eval", BICUBIC, stdin=text).out), gtb_cli.load(BICUBIC).evaluate(u), rtol=0, atol=1e-14
+    )
+
+
+def test_eval_writes_a_file_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "points.txt"
+    path.write_text("old", encoding="utf-8")
+    text = b"1 1\n" * LINES
+    assert gtb("eval", PENTAGON, "-o", path, stdin=text + b"9 9\n").status == 2
+    assert path.read_text(encoding="utf-8") == "old"
+    assert names(tmp_path) == ["points.txt"]
+    assert gtb("eval", PENTAGON, "-o", path, stdin=text).status == 0
+    assert path.read_bytes().count(b"\n") == LINES
+
+
+def test_eval_is_for_one_patch():
+    assert "is a model of 2 patches" in one_line(gtb("eval", "-", PENTAGON, stdin=TWO))
+
+
+# --- info
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "degree"),
+    [
+        ("pentagon", "GT", None),
+        ("hexagon", "GT", None),
+        ("example-4.1-integer", "toric", None),
+        ("trapezoid", "toric", None),
+        ("cubic-bezier", "rational Bézier curve", [3]),
+        ("bezier-triangle", "rational Bézier triangle", [3]),
+        ("bicubic", "rational Bézier tensor product", [3, 3]),
+        ("example-3.1", "GT", None),
+    ],
+)
+def test_info_names_the_kind(name, kind, degree):
+    path = SPECS / f"{name}.toml"
+    found = json.loads(gtb("info", path, "--json").out)
+    assert found["kind"] == kind
+    assert found["degree"] == degree
+    assert f"kind              {kind}" in gtb("info", path).text
+
+
+def test_info_of_the_pentagon():
+    found = json.loads(gtb("info", PENTAGON, "--json").out)
+    assert found["name"] == "pentagon"
+    assert found["dimension"] == 2
+    assert found["knots"] == 8
+    assert found["hull_vertices"] == [[0, 0], [2, 0], [2, 1], [1, 2], [0, 2]]
+    assert found["edges"] == [[5, 6, 7], [7, 4], [4, 1], [1, 0], [0, 2, 5]]
+    assert found["bounding_box"] == [[0, 0, 0], [2, 2, 5]]
+    assert found["edge_normals"] == "primitive"
+    assert found["repeated_knots"] == []
+    assert round(found["linear_precision_error"], 2) == 0.40  # mathematics.md, section 7
+    text = gtb("info", PENTAGON).text
+    assert "hull vertices     0 0; 2 0; 2 1; 1 2; 0 2\n" in text
+    assert "knots of edge 4   0 2 5\n" in text
+
+
+def test_info_sees_the_scale_of_the_normals():
+    text = Path(PENTAGON).read_bytes() + b'\nedge_normals = "unit"\n'
+    found = json.loads(gtb("info", "-", "--json", stdin=text).out)
+    assert found["edge_normals"] == "unit"
+    assert round(found["linear_precision_error"], 2) == 0.22  # mathematics.md, section 7
+
+
+def test_info_of_a_curve_and_of_repeated_knots():
+    found = json.loads(gtb("info", CURVE, "--json").out)
+    assert found["dimension"] == 1
+    assert found["edges"] == [[0], [3]]
+    assert found["edge_normals"] is None
+    assert "knots of end 0    0\n" in gtb("info", CURVE).text
+    repeated = json.loads(gtb("info", SPECS / "repeated-knot.toml", "--json").out)
+    groups = repeated["repeated_knots"]
+    knots = gtb_cli.load(SPECS / "repeated-knot.toml").knots
+    assert len(groups) == 1
+    assert len({tuple(knots[i]) for i in groups[0]}) == 1
+    assert len(groups[0]) == 2
+
+
+def test_info_of_a_bernstein_patch_has_linear_precision():
+    text = b'knots = [0, 1, 2, 3]\ncontrol_points = [[0, 0], [1, 1], [2, 2], [3, 3]]\ncoefficients = "binomial"\n'
+    assert json.loads(gtb("info", "-", "--json", stdin=text).out)["linear_precision_error"] < 1e-15
+
+
+def test_info_of_a_model():
+    found = json.loads(gtb("info", "-", "--json", stdin=TWO).out)
+    assert found["kind"] == "model"
+    assert found["name"] == "two"
+    assert [patch["kind"] for patch in found["patches"]] == [
+        "rational Bézier triangle",
+        "rational Bézier tensor product",
+    ]
+    assert found["bounding_box"] == [[0, 0, 0], [6, 1, 1]]
+    assert gtb("info", "-", stdin=TWO).text.startswith("name              two\nkind              model\npatches ")
+
+
+# --- decompose
+
+
+def test_decompose_example_4_4():
+    """Mathematics.md, section 7: three triangles and two quadrilaterals."""
+    cells = [[0, 1, 2, 3], [1, 3, 4], [2, 3, 6], [2, 5, 6], [3, 4, 6, 7]]
+    assert json.loads(gtb("decompose", PENTAGON, "--json").out) == {"cells": cells, "absent": []}
+    lines = [f"cell {index}: {' '.join(map(str, cell))}\n" for index, cell in enumerate(cells)]
+    assert gtb("decompose", PENTAGON).text == "".join([*lines, "absent: none\n"])
+
+
+def test_decompose_with_another_lifting():
+    found = json.loads(gtb("decompose", CURVE, "--lifting", "0, sqrt(2), -1, 0", "--json").out)
+    assert found == {"cells": [[0, 1], [1, 3]], "absent": [2]}
+    assert gtb("decompose", CURVE, "--lifting", "-1,-1,-1,-1").text == "cell 0: 0 1 2 3\nabsent: none\n"
+
+
+def test_decompose_a_model():
+    found = json.loads(gtb("decompose", "-", "--json", stdin=TWO).out)
+    # The square is folded along its diagonal from knot 1, the raised one, to its neighbours' far corner.
+    assert found == {"patches": [{"cells": [[0, 1, 2]], "absent": []}, {"cells": [[0, 1, 3], [1, 2, 3]], "absent": []}]}
+    assert "single patch" in one_line(gtb("decompose", "-", "--lifting", "1,2,3", stdin=TWO))
+    bare = TWO.replace(b"lifting = [0, 1, 0, 0]", b"")
+    assert one_line(gtb("decompose", "-", stdin=bare)).startswith("<stdin>: patches[1]: has no lifting")
+
+
+# --- schema
+
+
+def test_schema_is_json_schema(tmp_path):
+    import tomllib
+
+    import jsonschema
+
+    schema = json.loads(gtb("schema").out)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(tomllib.loads(Path(PENTAGON).read_text(encoding="utf-8")), schema)
+    gtb("schema", "-o", tmp_path / "schema.json")
+    assert json.loads((tmp_path / "schema.json").read_bytes()) == schema
+
+
+# --- messages
+
+
+def test_errors_name_what_they_are_about():
+    with pytest.raises(GtbError, match=r"a.toml: one\na.toml: two"), meshing.about("a.toml"):
+        raise GtbError("one\ntwo")
+
+
+def test_progress_goes_from_nothing_to_all():
+    progress = console.Progress(2.0, visible=False)
+    with progress:
+        progress.advance(1.0)
+        assert list(progress.over([b"1234", b"5678", b"90"], 1.0, 5.0)) == [b"1234", b"5678", b"90"]
+    assert progress._done == 2.0

@@ -1,0 +1,241 @@
+"""`gtb check` as scripts and people see it; what is measured is tested in test_checks.py."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gtb_cli import checks
+from gtb_cli.checks import PROPERTIES
+from gtb_cli.checks.probe import Outcome
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process
+
+TWO = b"""
+name = "two"
+[[patches]]
+name = "first"
+knots = [[0, 0], [1, 0], [0, 1]]
+control_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1]]
+[[patches]]
+knots = [[0, 0], [1, 0], [1, 1], [0, 1]]
+control_points = [[1, 0, 0], [0, 0, 0], [0, -1, 0], [1, -1, 0]]
+"""
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """As if the basis did not add up to 1; the second failure has no number, the third an infinite one."""
+
+    def replaced(prop):
+        if prop.name == "partition of unity":
+            return prop._replace(measure=lambda probe: Outcome("fails", 0.25, 1e-14, "largest difference"))
+        if prop.name == "convex hull":
+            return prop._replace(measure=lambda probe: Outcome("fails", None, None, "could not be measured"))
+        if prop.name == "corners":
+            return prop._replace(measure=lambda probe: Outcome("fails", float("inf"), 0.0, "not a number"))
+        return prop
+
+    monkeypatch.setattr(checks, "PROPERTIES", tuple(map(replaced, PROPERTIES)))
+
+
+def test_a_table_with_a_line_for_each_property():
+    result = gtb("check", PENTAGON)
+    assert result.status == 0
+    assert result.err == ""
+    *lines, summary = result.text.splitlines()
+    assert len(lines) == sum(prop.of_surfaces is not None for prop in PROPERTIES)
+    for line, prop in zip(lines, (prop for prop in PROPERTIES if prop.of_surfaces), strict=True):
+        assert line[:14].strip() in ("holds", "measured", "not applicable")
+        assert line[16:].startswith(f"{prop.name} ")
+        assert f"  {prop.of_surfaces}: " in line
+    assert summary == "11 hold, 0 fail, 2 measured, 3 not applicable"
+    assert "\033" not in result.text
+
+
+def test_a_report_as_json():
+    found = json.loads(gtb("check", CURVE, "--json").out)
+    assert found["name"] == "cubic-bezier"
+    assert found["holds"] is True
+    assert [row["name"] for row in found["properties"]] == [prop.name for prop in PROPERTIES if prop.of_curves]
+    for row in found["properties"]:
+        assert set(row) == {"name", "reference", "status", "value", "bound", "reason"}
+        assert row["status"] in ("holds", "measured", "not applicable")
+        if row["status"] == "holds":
+            assert row["value"] <= row["bound"]
+
+
+def test_a_property_that_fails_is_exit_status_1(failing):
+    result = gtb("check", PENTAGON)
+    assert result.status == 1
+    assert result.err == ""
+    (line,) = (line for line in result.text.splitlines() if "partition of unity" in line)
+    assert line.startswith("fails ")
+    assert "0.25 > 1e-14" in line
+    assert "3 fail" in result.text.splitlines()[-1]
+    assert gtb("check", PENTAGON, "-q").status == 1
+
+
+def test_a_failure_as_json_has_no_numbers_that_json_has_not(failing):
+    result = gtb("check", PENTAGON, "--json")
+    assert result.status == 1
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    found = json.loads(result.out, parse_constant=refuse)
+    assert found["holds"] is False
+    rows = {row["name"]: row for row in found["properties"]}
+    assert rows["partition of unity"]["value"] == 0.25
+    assert rows["corners"]["value"] is None
+    assert rows["convex hull"]["value"] is rows["convex hull"]["bound"] is None
+
+
+def test_a_model_is_summed_up():
+    result = gtb("check", "-", stdin=TWO)
+    assert result.status == 0
+    lines = result.text.splitlines()
+    assert lines[0].startswith("holds           joined edges ")
+    assert [line for line in lines if line.startswith("patch ")] == [
+        "patch 0 (first): 11 hold, 0 fail, 2 measured, 3 not applicable",
+        "patch 1: 12 hold, 0 fail, 2 measured, 2 not applicable",
+    ]
+    found = json.loads(gtb("check", "-", "--json", stdin=TWO).out)
+    assert found["name"] == "two"
+    assert found["holds"] is True
+    assert len(found["patches"]) == 2
+    joints = {row["name"]: row["value"] for row in found["joints"]}
+    assert joints["open edges"] == 3 + 4 - 2
+
+
+def test_a_model_that_fails_lists_what_does(failing):
+    result = gtb("check", "-", stdin=TWO)
+    assert result.status == 1
+    lines = result.text.splitlines()
+    first = lines.index("patch 0 (first): 8 hold, 3 fail, 2 measured, 3 not applicable")
+    assert [line[:5] for line in lines[first + 1 : first + 4]] == ["fails"] * 3
+    assert lines[first + 4].startswith("patch 1: ")
+    assert json.loads(gtb("check", "-", "--json", stdin=TWO).out)["holds"] is False
+
+
+def test_a_report_goes_to_a_file(tmp_path):
+    path = tmp_path / "report.json"
+    result = gtb("check", BICUBIC, "--json", "-o", path)
+    assert result.out == b""
+    assert path.read_bytes() == gtb("check", BICUBIC, "--json").out
+
+
+def test_a_spec_may_come_from_standard_input():
+    text = Path(PENTAGON).read_bytes()
+    assert gtb("check", "-", stdin=text).out == gtb("check", PENTAGON).out
+    assert gtb("check", "-", "--spec-format", "toml", stdin=text).out == gtb("check", PENTAGON).out
+
+
+def test_a_spec_that_is_none_is_exit_status_2():
+    for arguments in (["check", "nothing.toml"], ["check"], ["check", "-"]):
+        result = gtb(*arguments)
+        assert result.status == 2
+        assert result.out == b""
+        assert result.err.startswith("gtb: error: ")
+
+
+def test_the_same_report_in_any_environment():
+    expected = process("check", SPECS / "example-3.4.toml", "--json")
+    assert expected.status == 0
+    other = process("check", SPECS / "example-3.4.toml", "--json", PYTHONHASHSEED="7", LC_ALL="C", OMP_NUM_THREADS="2")
+    assert other.out == expected.out
+
+
+def on_terminal(monkeypatch, **variables: str) -> str:
+    """What a terminal would show."""
+    monkeypatch.setattr("gtb_cli.commands.check.is_terminal", lambda output: True)
+    for name in ("NO_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    return gtb("check", CURVE).text
+
+
+def test_colours_are_for_terminals(monkeypatch):
+    assert "\033[32mholds" in on_terminal(monkeypatch)
+    assert "\033" not in on_terminal(monkeypatch, NO_COLOR="1")
+    assert "\033" not in on_terminal(monkeypatch, TERM="dumb")
+    assert "\033[32mholds" in on_terminal(monkeypatch, NO_COLOR="")
+
+
+# --- errors as JSON, versions
+
+
+@pytest.mark.parametrize(
+    ("arguments", "errors"),
+    [
+        (["info", "nothing.toml", "--json"], ["nothing.toml: No such file or directory"]),
+        (["--json", "mesh", "nothing.toml"], ["nothing.toml: No such file or directory"]),
+        (["--json", "mehs"], ["No such command: mehs. Did you mean mesh?"]),
+        (["check", "--json"], ["Missing argument 'SPEC'. Try 'gtb check --help'."]),
+        (["check", PENTAGON, "--json", "-o", "/nothing/x"], None),
+        (["schema", "--json"], None),
+    ],
+)
+def test_errors_are_one_json_object_when_json_is_asked_for(arguments, errors):
+    result = gtb(*arguments)
+    assert result.status == 2
+    assert result.out == b""
+    assert result.err.count("\n") == 1
+    found = json.loads(result.err)
+    assert found["status"] == 2
+    assert found["errors"]
+    if errors is not None:
+        assert found["errors"] == errors
+
+
+def test_all_errors_of_a_spec_are_in_the_object():
+    result = gtb("info", "-", "--json", stdin=b"knots = [[0, 0], [1, 0], [0, 1]]\nweights = [1, -1, 1]\n")
+    first, second = json.loads(result.err)["errors"]
+    assert first.startswith("<stdin>: control_points: is missing")
+    assert second.startswith("<stdin>:2: weights[1]: must be positive")
+
+
+def test_unexpected_errors_are_an_object_too(monkeypatch):
+    monkeypatch.setattr("gtb_cli.spec.loading.load", lambda path: 1 / 0)
+    monkeypatch.delenv("GTB_TRACEBACK", raising=False)
+    (error,) = json.loads(gtb("info", PENTAGON, "--json").err)["errors"]
+    assert error.startswith("internal error, please report it: ZeroDivisionError")
+
+
+def test_without_json_errors_are_lines():
+    assert gtb("info", "nothing.toml").err == "gtb: error: nothing.toml: No such file or directory\n"
+
+
+@pytest.mark.parametrize("arguments", [["--version", "--json"], ["--json", "--version"]])
+def test_versions_as_json(arguments):
+    import platform
+    from importlib.metadata import version
+
+    import gtb_cli
+
+    result = gtb(*arguments)
+    assert result.status == 0
+    found = json.loads(result.out)
+    assert found == {
+        "gtb": gtb_cli.__version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "trimesh", "click")},
+    }
+
+
+def test_a_package_that_is_missing_has_no_version(monkeypatch):
+    import importlib.metadata
+
+    def version(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    assert json.loads(gtb("--version", "--json").out)["numpy"] is None
+
+
+def test_json_alone_is_no_command():
+    result = gtb("--json")
+    assert result.status == 2
+    assert json.loads(result.err)["errors"] == ["Missing command. Try 'gtb --help'."]

@@ -1,0 +1,62 @@
+"""`gtb decompose --net`: the control net that a lifting induces, as a mesh of lines."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from gtb_cli.spec.loading import load
+from tests.shell import SPECS, gtb
+
+
+def lines(text: bytes) -> list[tuple[int, int]]:
+    return [
+        (int(a) - 1, int(b) - 1) for kind, a, b in (row.split() for row in text.decode().splitlines() if row[0] == "l")
+    ]
+
+
+def borders(knots: np.ndarray, cell: list[int]) -> set[tuple[int, int]]:
+    """Pairs of knots of a cell with no knot between them, and none on one side of their line."""
+    found = set()
+    for i, j in combinations(cell, 2):
+        step = knots[j] - knots[i]
+        others = knots[[k for k in cell if k not in (i, j)]] - knots[i]
+        across = others[:, 0] * step[1] - others[:, 1] * step[0]
+        on_line = np.abs(across) < 1e-12
+        between = on_line & (others @ step > 0) & (others @ step < step @ step)
+        if not between.any() and ((across >= -1e-12).all() or (across <= 1e-12).all()):
+            found.add((i, j))
+    return found
+
+
+@pytest.mark.parametrize("name", ["pentagon", "example-4.4", "example-4.1", "nonagon"])
+def test_the_net_runs_along_the_borders_of_the_cells(name):
+    path = SPECS / f"{name}.toml"
+    patch = load(path)
+    options = () if patch.lifting is not None else ("--lifting", ",".join("0" * len(patch.knots)))
+    cells = json.loads(gtb("decompose", str(path), *options, "--json").out)["cells"]
+    written = gtb("decompose", str(path), *options, "--net")
+    assert written.status == 0
+    assert set(lines(written.out)) == set().union(*(borders(patch.knots, cell) for cell in cells))
+    points = [row.split()[1:] for row in written.out.decode().splitlines() if row[0] == "v"]
+    np.testing.assert_allclose(np.array(points, dtype=float), patch.control_points, atol=1e-8)
+
+
+def test_the_net_of_a_curve_is_the_polygon_of_the_knots_that_are_present():
+    """Property (g): with one weight to infinity, the polyline b_0 b_i b_n."""
+    result = gtb("decompose", str(SPECS / "example-3.1.toml"), "--lifting", "0,0,1,0,0", "--net")
+    assert lines(result.out) == [(0, 2), (2, 4)]
+
+
+def test_the_output_names_the_format(tmp_path):
+    target = tmp_path / "net.ply"
+    assert gtb("decompose", str(SPECS / "pentagon.toml"), "--net", "-o", str(target)).status == 0
+    assert target.read_bytes().startswith(b"ply\n")
+    for options in (("-o", str(tmp_path / "net.stl")), ("--json",)):
+        result = gtb("decompose", str(SPECS / "pentagon.toml"), "--net", *options)
+        assert (result.status, result.out) == (2, b"")
+        assert "--net" in str(result.err)
+    assert [path.name for path in tmp_path.iterdir()] == ["net.ply"]

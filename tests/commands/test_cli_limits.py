@@ -1,0 +1,387 @@
+"""`gtb degenerate` and `gtb knot-limit`: files, names, records, refusals."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import gtb_cli.tessellation.sequence as sequence_room
+from gtb_cli.spec.loading import parse
+from gtb_cli.theory.degeneration import merge_knots
+from tests.shell import BICUBIC, SPECS, gtb, process
+from tests.theory.test_limits import spec
+
+SURFACE = str(SPECS / "example-4.4.toml")
+MOVING = str(SPECS / "example-4.2.toml")
+LINE = str(SPECS / "example-3.4.toml")
+PLAIN = str(SPECS / "example-3.1.toml")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Distances measured roughly: their accuracy is tested in test_sequence."""
+    monkeypatch.setattr(sequence_room, "MEASURED", {1: 1e-3, 2: 0.02})
+    monkeypatch.setattr(sequence_room, "MEASURED_CELLS", {1: 16, 2: 100})
+    monkeypatch.setattr("gtb_cli.tessellation.lattice.SAMPLES", 100)
+
+
+def lines(path: Path, kind: str) -> list[str]:
+    return [line for line in path.read_text().splitlines() if line.startswith(f"{kind} ")]
+
+
+def listing(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def refusal(result) -> str:
+    assert result.status == 2
+    assert result.out == b""
+    (line,) = result.err.splitlines()
+    assert line.startswith("gtb: error: ")
+    return line.removeprefix("gtb: error: ")
+
+
+# --- degenerate
+
+
+def test_the_sequence_of_example_44(tmp_path):
+    out = tmp_path / "new" / "folder"
+    values = ["5", "100", "600", "1e6", "1e30"]
+    result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", "6", "-o", out)
+    assert result.status == 0
+    assert result.out == b""
+    files = [f"example-4.4-x{x}.obj" for x in values] + ["example-4.4-limit.obj"]
+    assert listing(out) == sorted([*files, "sequence.json"])
+    record = json.loads((out / "sequence.json").read_text())
+    assert list(record) == ["name", "meshes"]
+    assert record["name"] == "example-4.4"
+    assert [entry["file"] for entry in record["meshes"]] == files
+    assert [entry["x"] for entry in record["meshes"]] == [5, 100, 600, 10**6, 1e30, "inf"]
+    distances = [entry["distance_to_limit"] for entry in record["meshes"]]
+    assert distances == sorted(distances, reverse=True)
+    assert distances[-2] < 1e-5
+    assert distances[-1] == 0
+    faces = lines(out / files[0], "f")
+    assert len(faces) == (2 * 2 + 3) * 36
+    for entry in record["meshes"]:
+        assert lines(out / entry["file"], "f") == faces
+        assert (entry["faces"], entry["vertices"]) == (len(faces), len(lines(out / entry["file"], "v")))
+        assert f"{out / entry['file']}: {entry['vertices']} vertices, {len(faces)} faces" in result.err
+
+
+def test_the_same_bytes_in_another_process(tmp_path):
+    arguments = ["degenerate", LINE, "-x", "2", "-x", "1e30", "-n", "5"]
+    for name, settings in (("one", {}), ("two", {"PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "2", "LC_ALL": "C"})):
+        assert process(*arguments, "-o", tmp_path / name, **settings).status == 0
+    assert listing(tmp_path / "one") == listing(tmp_path / "two")
+    for name in listing(tmp_path / "one"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_without_x_there_is_the_limit_alone(tmp_path):
+    for extra in ([], ["-x", "inf"]):
+        assert gtb("degenerate", LINE, *extra, "-o", tmp_path, "-q").err == ""
+        assert listing(tmp_path) == ["example-3.4-limit.obj", "sequence.json"]
+
+
+def test_a_sweep(tmp_path):
+    arguments = ["--from", "1", "--to", "1e6", "--count", "4", "-x", "5", "-n", "2"]
+    assert gtb("degenerate", LINE, *arguments, "-o", tmp_path).status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["x"] for entry in record["meshes"]] == [1, 5, 100, 10000, 10**6, "inf"]
+    assert record["meshes"][4]["file"] == "example-3.4-x1e6.obj"
+
+
+def test_a_sweep_has_short_numbers(tmp_path):
+    """Rounded to the digits that names have, so that these tell all."""
+    assert gtb("degenerate", LINE, "--from", "1", "--to", "1e-5", "--count", "20", "-n1", "-o", tmp_path).status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    values = [entry["x"] for entry in record["meshes"]]
+    assert values[0] == 1
+    assert values[-2:] == [1e-5, 0]
+    ratios = np.array(values[1:-1]) / values[:-2]
+    np.testing.assert_allclose(ratios, 1e-5 ** (1 / 19), rtol=1e-5)
+    assert [entry["file"] for entry in record["meshes"][1:-1]] == [f"example-3.4-x{x:g}.obj" for x in values[1:-1]] or (
+        record["meshes"][-2]["file"] == "example-3.4-x1e-5.obj"
+    )
+
+
+@pytest.mark.parametrize(
+    ("x", "name"),
+    [
+        ("0.25", "0.25"),
+        ("1e-30", "1e-30"),
+        ("123456789", "123456789"),
+        ("sqrt(2)", "1.4142135623730951"),
+        ("7e5", "700000"),
+    ],
+)
+def test_names_tell_every_x(tmp_path, x, name):
+    assert gtb("degenerate", LINE, "-x", x, "-n", "1", "-o", tmp_path).status == 0
+    assert (tmp_path / f"example-3.4-x{name}.obj").exists()
+
+
+def test_the_lower_hull(tmp_path):
+    assert gtb("degenerate", LINE, "-x", "0.5", "-x", "0", "-n", "2", "-o", tmp_path).status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["x"] for entry in record["meshes"]] == [0.5, 0]
+    # The lower hull of (2, 1, 5, 9 − 4√2, 1) has the corners 0, 1 and 4.
+    points = np.array([line.split()[1:] for line in lines(tmp_path / "example-3.4-limit.obj", "v")], dtype=float)
+    expected = [[0, 0, 0], [0.2, 0.65, 0], [0.4, 1.3, 0], [2.2, 0.65, 0], [4, 0, 0]]
+    np.testing.assert_allclose(points, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("lifting", "segments"), [("knot:3", 2), ("0,2.5,3,2.5,0", 4), ("2, 1, 5, 9 - 4*sqrt(2), 1", 2)]
+)
+def test_liftings(tmp_path, lifting, segments):
+    assert gtb("degenerate", PLAIN, "--lifting", lifting, "-n", "1", "-o", tmp_path).status == 0
+    assert len(lines(tmp_path / "example-3.1-limit.obj", "l")) == segments
+
+
+@pytest.mark.parametrize("format", ["ply", "stl", "glb"])
+def test_formats(tmp_path, format):
+    assert gtb("degenerate", SURFACE, "-x9", "-n2", "-f", format, "--normals", "-o", tmp_path).status == 0
+    files = [f"example-4.4-x9.{format}", f"example-4.4-limit.{format}"]
+    assert listing(tmp_path) == sorted([*files, "sequence.json"])
+    counts = {len(trimesh.load_mesh(tmp_path / name, process=False).faces) for name in files}
+    assert counts == {28}
+
+
+def test_a_tolerance_in_percent(tmp_path):
+    assert gtb("degenerate", LINE, "-x", "3", "--tolerance", "0.1%", "-o", tmp_path).status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    counts = {entry["faces"] for entry in record["meshes"]}
+    assert len(counts) == 1
+    assert 10 < counts.pop() < 100
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-x", "2"], "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"),
+        (["-x", "2", "-o", "-", "-f", "ply"], "a sequence is several files: give -o DIR"),
+        (["-x", "2", "-o", "x.obj"], "needs a folder, and x.obj names a file"),
+        (["-x", "-2", "-o", "out"], "'-2' is negative"),
+        (["-x", "frog", "-o", "out"], "unknown name 'frog'"),
+        (["-x", "nan", "-o", "out"], "unknown name 'nan'"),
+        (["-x", "0.5", "-x", "2", "-o", "out"], "0.5 goes towards 0 and 2 towards infinity"),
+        (["--from", "1", "--to", "2", "-o", "out"], "a sweep needs all of --from, --to and --count"),
+        (["--from", "1", "--to", "inf", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
+        (["--from", "0", "--to", "2", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
+        (["--count", "1", "-o", "out"], "is not in the range"),
+        (["--from", "5", "--to", "5", "--count", "3", "-o", "out"], "too near each other for 3 x of six digits"),
+        (["--from", "0.1", "--to", "10", "--count", "3", "-o", "out"], "0.1 goes towards 0 and 10 towards infinity"),
+        (["-x", "0", "-x", "inf", "-o", "out"], "0 goes towards 0 and inf towards infinity"),
+        (["-x", "1e400", "-o", "out"], "inf is not finite"),
+        (["--parametrization", "toric", "-o", "out"], "toric parameters would run together"),
+        (["--thickness", "1", "-o", "out"], "--thickness is for single meshes"),
+        (["--require", "watertight", "-o", "out"], "--require is for single meshes"),
+        (["--attribute", "u", "-o", "out"], "--attribute is for single meshes"),
+        (["--lifting", "1,2", "-o", "out"], "lifting: expected 8 values"),
+        (["--lifting", "knot:8", "-o", "out"], "knot: expected an index from 0 to 7, got 8"),
+        (["--lifting", "knot:x", "-o", "out"], "expected the index of a knot, such as knot:3"),
+        (["-x", "2", "-n", "5000", "-o", "out"], "2 meshes of 175000000 faces have more than 5000000"),
+    ],
+)
+def test_what_degenerate_refuses(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert message in refusal(gtb("degenerate", SURFACE, *arguments))
+    assert listing(tmp_path) == []
+
+
+def test_errors_name_the_spec(tmp_path):
+    assert "bicubic.toml: has no lifting" in refusal(gtb("degenerate", BICUBIC, "-o", tmp_path))
+    model = b"[[patches]]\nknots=[0,1]\ncontrol_points=[[0,0],[1,1]]\n" * 2
+    for command in (["degenerate"], ["knot-limit", "--merge", "0:1"]):
+        message = refusal(gtb(*command, "-", "-o", tmp_path, stdin=model))
+        assert message == "<stdin>: expected a single patch, this is a model of 2"
+
+
+def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+    """The disk is full at the second file: the new folder goes again, and an old one stays as it was."""
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "sequence.json").write_text("old")
+    for name in ("new", "old"):
+        written = []
+
+        def full(descriptor: int, written: list = written) -> None:
+            written.append(descriptor)
+            if len(written) == 2:
+                raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("os.fsync", full)
+        assert "No space left on device" in refusal(gtb("degenerate", LINE, "-x2", "-n1", "-o", tmp_path / name))
+    assert listing(tmp_path) == ["old"]
+    assert listing(tmp_path / "old") == ["sequence.json"]
+    assert (tmp_path / "old" / "sequence.json").read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "x"),
+    [
+        (["-x5", "-x2", "-x", "10/2", "-xinf", "-x5.0"], [2, 5, "inf"]),  # put in order, each once
+        (["-x", "1"], [1, "inf"]),  # the patch itself, towards the upper hull unless 0 is asked for
+        (["-x", "1", "-x0"], [1, 0]),
+        (["-x0"], [0]),
+        (["-x1e-300", "-x0.5", "-x0.1"], [0.5, 0.1, 1e-300, 0]),
+        (["--from", "1e6", "--to", "1", "--count", "3"], [1, 1000, 10**6, "inf"]),  # towards the limit anyhow
+        (["--from", "sqrt(4)", "--to", "2*4", "--count", "2", "-x", "2"], [2, 8, "inf"]),
+    ],
+)
+def test_which_x_there_are(tmp_path, arguments, x):
+    assert gtb("degenerate", LINE, *arguments, "-n1", "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["x"] for entry in record["meshes"]] == x
+    distances = [entry["distance_to_limit"] for entry in record["meshes"]]
+    assert distances == sorted(distances, reverse=True)
+
+
+def test_an_affine_lifting_changes_nothing(tmp_path):
+    """It is a translation of the torus coordinates: the set is its own limit."""
+    assert gtb("degenerate", PLAIN, "--lifting", "1,1,1,1,1", "-x7", "-n3", "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["distance_to_limit"] for entry in record["meshes"]] == [0, 0]
+
+
+def test_options_that_a_sequence_takes(tmp_path):
+    arguments = ["degenerate", SURFACE, "-x5", "-n3", "--normals", "--uv"]
+    assert gtb(*arguments, "-o", tmp_path / "obj").status == 0
+    for path in (tmp_path / "obj").glob("*.obj"):
+        assert len(lines(path, "v")) == len(lines(path, "vn")) == len(lines(path, "vt"))
+    assert gtb(*arguments, "--ascii", "-f", "ply", "-o", tmp_path / "ply").status == 0
+    for path in (tmp_path / "ply").glob("*.ply"):
+        header = path.read_text().split("end_header")[0]
+        assert "format ascii" in header
+        assert "property double nx" in header
+        assert "property double s" in header
+
+
+@pytest.mark.parametrize("command", [["degenerate", LINE, "-x2"], ["knot-limit", PLAIN, "--merge", "1:2"]])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-f", "stl"], "STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"),
+        (["-f", "glb", "--ascii"], "GLB has no text form"),
+        (["--radius", "0.1"], "--radius is for single meshes, of gtb mesh"),
+        (["--thickness", "0.1"], "--thickness is for single meshes, of gtb mesh"),
+        (["--attribute", "u"], "--attribute is for single meshes, of gtb mesh"),
+        (["--require", "watertight"], "--require is for single meshes, of gtb mesh"),
+        (["-n", "3", "--tolerance", "1%"], "-n and --tolerance exclude each other"),
+        (["-j", "2"], "No such option '-j'"),
+    ],
+)
+def test_options_that_a_sequence_refuses(tmp_path, command, options, message):
+    assert message in refusal(gtb(*command, *options, "-o", tmp_path / "new"))
+    assert listing(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["../../up", "/tmp/up", "a/../../b", "..", "~/x", "-o", "a\\\\b"])
+@pytest.mark.parametrize("arguments", [["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]])
+def test_a_name_stays_in_the_folder(name, arguments, tmp_path):
+    text = f'name = "{name}"\nknots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\nlifting = [0, 1, 0]\n'
+    out = tmp_path / "deep" / "out"
+    assert gtb(*arguments, "-", "-n2", "-o", out, stdin=text.encode()).status == 0
+    files = listing(out)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == list(out.iterdir())
+    assert "sequence.json" in files
+    assert all(re.fullmatch(r"[\w~][\w.~-]*", file) for file in files)
+
+
+# --- knot-limit
+
+
+def test_the_sequence_of_example_42(tmp_path):
+    result = gtb("knot-limit", MOVING, "--merge", "3:1", "--steps", "0,0.4,0.8", "-n4", "-o", tmp_path)
+    assert result.status == 0
+    files = [f"example-4.2-{label}.obj" for label in ("step0", "step0.4", "step0.8", "limit")]
+    assert listing(tmp_path) == sorted([*files, "sequence.json"])
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["file"] for entry in record["meshes"]] == files
+    assert [entry["step"] for entry in record["meshes"]] == [0, 0.4, 0.8, 1]
+    assert len({"\n".join(lines(tmp_path / name, "f")) for name in files}) == 1
+    assert record["meshes"][2]["distance_to_limit"] == pytest.approx(0.559, abs=0.02)
+    assert record["meshes"][2]["distance_to_limit_with_film"] < 0.5
+    assert record["meshes"][3]["distance_to_limit"] == 0
+    # The merged patch alone is as far from itself with the film as the film reaches: what the steps keep.
+    assert record["meshes"][3]["distance_to_limit_with_film"] == pytest.approx(0.559, abs=0.02)
+    assert f"limit.obj: {record['meshes'][3]['vertices']} vertices" in result.err
+    assert "its film reaches 0.5" in result.err
+    warning = [line for line in result.err.splitlines() if line.startswith("gtb: warning: ")]
+    assert len(warning) == 1
+    assert "knot 3 comes to the corner (1, 2), where the limit is pointwise only" in warning[0]
+    default = gtb("knot-limit", MOVING, "--merge", "3:1", "-n4", "-o", tmp_path / "default", "-q")
+    assert default.err == ""
+    assert listing(tmp_path / "default") == listing(tmp_path)[1:] or "default" in listing(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        ([PLAIN, "--merge", "1:0"], "knot 1 comes to the end (0)"),
+        ([str(SPECS / "hexagon.toml"), "--merge", "18:6"], "knot 18 comes to edge 2"),
+    ],
+)
+def test_the_place_of_a_film_is_named(arguments, place):
+    assert place in gtb("knot-limit", *arguments, "--emit-spec").err
+
+
+def test_minus_zero_is_zero(tmp_path):
+    assert gtb("knot-limit", PLAIN, "--merge", "1:2", "--steps", "-0", "-n2", "-o", tmp_path).status == 0
+    assert listing(tmp_path) == ["example-3.1-limit.obj", "example-3.1-step0.obj", "sequence.json"]
+
+
+def test_where_the_limit_is_uniform_nothing_is_said(tmp_path):
+    merges = ["--merge", "1:2", "--merge", "3:2"]
+    result = gtb("knot-limit", PLAIN, *merges, "--emit-spec", "--steps", "0.5", "-o", tmp_path)
+    assert "warning" not in result.err
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert list(record["meshes"][0]) == ["file", "step", "vertices", "faces", "distance_to_limit"]
+    merged = parse(result.out)
+    assert merged.weights.tolist() == [1, 36, 5]
+    np.testing.assert_allclose(merged.control_points[1], [66.2 / 36, 62 / 36, 0])
+
+
+def test_the_merged_spec_goes_on_through_a_pipe():
+    result = gtb("knot-limit", MOVING, "--merge", "3:1", "--emit-spec")
+    merged, expected = parse(result.out), merge_knots(spec("example-4.2"), {3: 1})
+    for name in ("knots", "weights", "control_points", "coefficients"):
+        assert (getattr(merged, name) == getattr(expected, name)).all()
+    assert gtb("mesh", "-", "-n", "2", stdin=result.out).status == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "Missing option '--merge'"),
+        (["--merge", "3:1"], "a sequence is several files: give -o DIR"),
+        (
+            ["--merge", "3:1", "--emit-spec", "-o", "-"],
+            "--emit-spec prints to standard output: give another -o, or none",
+        ),
+        (["--merge", "3", "-o", "out"], "expected two knot indices, such as 3:1"),
+        (["--merge", "3:1", "--merge", "3:2", "-o", "out"], "knot 3 cannot move to both 1 and 2"),
+        (["--merge", "3:9", "-o", "out"], "example-4.2.toml: moves: expected knot indices from 0 to 7, got 9"),
+        (["--merge", "1:3", "-o", "out"], "knot 1 -> 3 changes the hull: no other knot stays at its corner (1, 2)"),
+        (["--merge", "3:1", "--steps", "2", "-o", "out"], "step: expected a number from 0 to 1, got 2.0"),
+        (["--merge", "3:1", "--steps", "x", "-o", "out"], "unknown name 'x'"),
+        (["--merge", "3:1", "--steps", "", "-o", "out"], "is empty"),
+        (["--merge", "3:1", "--steps=-0.5", "-o", "out"], "step: expected a number from 0 to 1, got -0.5"),
+        (["--merge", "3:3", "-o", "out"], "3 -> 3 is a cycle"),
+        (["--merge", "3:1", "--radius", "1", "-o", "out"], "--radius is for single meshes"),
+    ],
+)
+def test_what_knot_limit_refuses(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert message in refusal(gtb("knot-limit", MOVING, *arguments))
+    assert listing(tmp_path) == []
+
+
+def test_steps_are_put_in_order_and_1_is_the_limit(tmp_path):
+    arguments = ["--merge", "1:2", "--steps", "1/2,0.5,0.1,1,0", "-n2"]
+    assert gtb("knot-limit", PLAIN, *arguments, "-o", tmp_path, "-q").status == 0
+    record = json.loads((tmp_path / "sequence.json").read_text())
+    assert [entry["step"] for entry in record["meshes"]] == [0, 0.1, 0.5, 1]

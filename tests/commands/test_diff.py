@@ -1,0 +1,193 @@
+"""`gtb diff`: what differs, by how much, and with which exit status."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.formats.export import write_mesh
+from gtb_cli.meshes import compare
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.spec.loading import dump, load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.patch import Patch
+from tests.shell import CURVE, PENTAGON, gtb
+from tests.tiny_meshes import model, surface
+
+
+def moved(by: float) -> Mesh:
+    mesh = tessellate(load(PENTAGON), 8)
+    vertices = mesh.vertices.copy()
+    vertices[17, 2] += by
+    return Mesh(vertices, mesh.cells, name="moved")
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
+def test_a_mesh_is_that_of_its_spec(kind, tmp_path):
+    target = tmp_path / f"mesh.{kind}"
+    assert gtb("mesh", PENTAGON, "-n", 8, "-o", target).status == 0
+    result = gtb("diff", target, PENTAGON, "-n", 8, "--json")
+    assert result.status == 0, result.err + result.text
+    assert json.loads(result.out)["same"] is True
+
+
+def test_a_vertex_that_moved_is_found(tmp_path):
+    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
+    write_mesh(moved(0.0), one)
+    write_mesh(moved(3e-6), two)
+    found = json.loads(gtb("diff", one, two, "--json").out)
+    assert (found["same"], found["method"]) == (False, "vertices")
+    assert found["distance"] == pytest.approx(3e-6, abs=2e-8)
+    assert gtb("diff", one, two).status == 1
+    assert gtb("diff", one, two, "--tolerance", "4e-6").status == 0
+    assert gtb("diff", one, two, "--tolerance", "1%").status == 0
+
+
+def test_a_control_point_changed_by_a_millionth_of_the_size_is_found(tmp_path):
+    patch = load(PENTAGON)
+    size = float(np.linalg.norm(np.ptp(patch.control_points, axis=0)))
+    points = patch.control_points.copy()
+    points[3, 2] += 1e-6 * size
+    changed = tmp_path / "changed.toml"
+    changed.write_text(dump(Patch(patch.knots, points, patch.weights)))
+    assert gtb("diff", PENTAGON, changed, "-n", 12).status == 1
+
+
+def test_other_faces_are_compared_as_surfaces(tmp_path):
+    found = json.loads(gtb("diff", PENTAGON, PENTAGON, "--json").out)
+    assert found["same"] is True
+    coarse, fine = tmp_path / "coarse.obj", tmp_path / "fine.obj"
+    gtb("mesh", PENTAGON, "-n", 8, "-o", coarse)
+    gtb("mesh", PENTAGON, "-n", 13, "-o", fine)
+    found = json.loads(gtb("diff", coarse, fine, "--json").out)
+    assert (found["same"], found["method"]) == (False, "surface")
+    assert 1e-3 < found["distance"] < 0.5
+
+
+def test_curves_are_compared_too(tmp_path):
+    target = tmp_path / "curve.obj"
+    gtb("mesh", CURVE, "-o", target)
+    assert gtb("diff", target, CURVE).status == 0
+
+
+@pytest.mark.parametrize("text", [b"", b"v 1 2\nf 1 2 3\n", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"])
+def test_what_cannot_be_read_is_an_error_that_names_the_file(text, tmp_path):
+    broken = tmp_path / "broken.obj"
+    broken.write_bytes(text)
+    result = gtb("diff", broken, PENTAGON)
+    assert result.status == 2
+    assert str(broken) in result.err
+    assert "internal" not in result.err
+
+
+def plane(n: int) -> Mesh:
+    mesh = surface(n)
+    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
+
+
+def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):
+    monkeypatch.setattr(compare, "EFFORT", 0)
+    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
+    for n in (5, 7):
+        write_mesh(plane(n), tmp_path / f"{n}.obj")
+    result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "-q")
+    assert result.status == 0
+    assert "not proved: at most 0." in result.text
+    result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "--json")
+    found = json.loads(result.out)
+    assert (found["same"], found["proved"]) == (True, False)
+    assert found["bound"] > found["tolerance"]
+    assert "warning" in result.err
+
+
+def test_a_tolerance_that_the_file_cannot_hold_is_said(tmp_path):
+    write_mesh(surface(5), tmp_path / "x.ply")
+    result = gtb("diff", tmp_path / "x.ply", tmp_path / "x.ply", "--tolerance", "1e-12", "--json")
+    found = json.loads(result.out)
+    assert found["asked_tolerance"] == 1e-12 < found["tolerance"] == found["resolution"]
+    assert "in place of 1e-12: the numbers in the files hold no less" in result.err
+
+
+def test_faces_that_look_to_the_other_side_are_said(tmp_path):
+    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
+    write_mesh(surface(4), one)
+    write_mesh(Mesh(surface(4).vertices, surface(4).cells[:, ::-1]), two)
+    result = gtb("diff", one, two, "--json")
+    assert result.status == 0
+    assert json.loads(result.out)["turned_faces"] == len(surface(4).cells)
+    assert f"{len(surface(4).cells)} faces are turned" in result.err
+
+
+def test_the_part_of_a_model_that_differs_is_named(tmp_path):
+    mesh = model()
+    vertices = mesh.vertices.copy()
+    vertices[mesh.cells[mesh.groups[1][1], 0], 0] += 0.01
+    write_mesh(mesh, tmp_path / "one.obj")
+    write_mesh(Mesh(vertices, mesh.cells, groups=mesh.groups), tmp_path / "two.obj")
+    result = gtb("diff", tmp_path / "one.obj", tmp_path / "two.obj")
+    assert result.status == 1
+    assert " of right: (" in result.text
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Two folders with the same meshes, one of them in a folder within."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    for folder in (one, two):
+        (folder / "inner").mkdir(parents=True)
+        write_mesh(surface(3), folder / "a.obj")
+        write_mesh(surface(4), folder / "inner" / "b.ply")
+        (folder / "manifest.json").write_text(str(folder))
+        (folder / ".hidden.obj").write_text(str(folder))
+    return one, two
+
+
+def test_folders(folders):
+    one, two = folders
+    result = gtb("diff", one, two)
+    assert (result.status, result.text) == (0, "2 same, 0 different, 0 missing, 0 extra\n")
+    write_mesh(surface(5), two / "a.obj")
+    (two / "inner" / "b.ply").rename(two / "b.ply")
+    result = gtb("diff", one, two, "--json")
+    found = json.loads(result.out)
+    assert (result.status, found["same"]) == (1, False)
+    assert [(entry["name"], entry["same"]) for entry in found["files"]] == [("a.obj", False)]
+    assert (found["missing"], found["extra"], found["errors"]) == (["inner/b.ply"], ["b.ply"], {})
+
+
+def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
+    one, two = folders
+    (two / "a.obj").write_text("v 1 2\n")
+    result = gtb("diff", one, two)
+    assert (result.status, result.text) == (2, "1 same, 0 different, 0 missing, 0 extra, 1 unreadable\n")
+    assert result.err.count(str(two / "a.obj")) == 1
+
+
+def test_linked_folders_are_compared_too(folders):
+    for folder, n in zip(folders, (3, 5), strict=True):
+        (folder / "inner").rename(folder.parent / f"real-{folder.name}")
+        (folder / "inner").symlink_to(folder.parent / f"real-{folder.name}")
+        (folder / "inner" / "loop").symlink_to(folder)
+        write_mesh(surface(n), folder / "inner" / "b.ply")
+    (folders[0] / "again").symlink_to(folders[0] / "inner")
+    (folders[1] / "again").symlink_to(folders[1] / "inner")
+    result = gtb("diff", *folders)
+    assert (result.status, result.text.splitlines()[-1]) == (1, "1 same, 2 different, 0 missing, 0 extra")
+
+
+def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
+    one, _ = folders
+    assert gtb("diff", one, one / "a.obj").status == 0
+    gtb("mesh", PENTAGON, CURVE, "-n", 4, "-o", tmp_path / "out")
+    (tmp_path / "specs").mkdir()
+    for path in map(Path, (PENTAGON, CURVE)):
+        (tmp_path / "specs" / path.name).write_bytes(path.read_bytes())
+    assert gtb("diff", tmp_path / "out", tmp_path / "specs", "-n", 4).status == 0
+    assert gtb("diff", tmp_path / "specs", tmp_path / "out", "-n", 5).status == 1
+    (tmp_path / "empty").mkdir()
+    result = gtb("diff", tmp_path / "empty", one)
+    assert result.status == 2
+    assert "no meshes and no specs" in result.err

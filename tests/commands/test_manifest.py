@@ -1,0 +1,171 @@
+"""`gtb mesh --manifest`: what it says is what the files are, and it appears with them or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gtb_cli import __version__
+from tests.shell import BICUBIC, CURVE, PENTAGON, REPOSITORY, SPECS, gtb, process
+from tests.test_architecture import loaded_by
+
+BOX = str(SPECS / "hebesphenorotunda.toml")
+
+SINGLE = 1e-5
+"""Relative: 32-bit numbers, differences of which are summed."""
+
+
+def manifest_of(*arguments: object, path: Path) -> dict:
+    result = gtb("mesh", *arguments, "--manifest", path)
+    assert result.status == 0, result.err
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
+def test_it_says_what_the_files_are(kind, tmp_path):
+    found = manifest_of(PENTAGON, BOX, "-n", 5, "-f", kind, "-o", tmp_path / "out", path=tmp_path / "out" / "m.json")
+    assert [entry["file"] for entry in found["files"]] == [f"pentagon.{kind}", f"hebesphenorotunda.{kind}"]
+    for entry in found["files"]:
+        data = (tmp_path / "out" / entry["file"]).read_bytes()
+        assert (entry["sha256"], entry["bytes"]) == (hashlib.sha256(data).hexdigest(), len(data))
+        theirs = trimesh.load_mesh(tmp_path / "out" / entry["file"])
+        theirs.merge_vertices(digits_vertex=5)
+        assert entry["faces"] == len(theirs.faces)
+        assert entry["area"] == pytest.approx(theirs.area, rel=SINGLE)
+        assert np.allclose(entry["bounds"], theirs.bounds, rtol=0, atol=SINGLE)
+        assert (entry["volume"] is not None) == theirs.is_watertight
+        if entry["volume"] is not None:
+            assert entry["volume"] == pytest.approx(theirs.volume, rel=SINGLE)
+
+
+def test_it_says_what_they_were_made_with(tmp_path):
+    found = manifest_of(PENTAGON, BOX, "--tolerance", "1%", "-o", tmp_path / "a", path=tmp_path / "m.json")
+    assert found["versions"] == {"gtb": __version__, "numpy": version("numpy"), "trimesh": version("trimesh")}
+    options = found["options"]
+    assert (options["resolution"], options["tolerance"], options["format"]) == (None, "1%", "obj")
+    pentagon = found["files"][0]
+    assert pentagon["parametrization"] == "linear"
+    assert pentagon["tolerance"] == pytest.approx(0.01 * np.sqrt(4 + 4 + 16), rel=1e-9)  # it is 2 by 2 by 4
+    found = manifest_of(PENTAGON, BOX, "-n", 3, "--normals", "-o", tmp_path / "b", path=tmp_path / "m.json")
+    assert (found["options"]["resolution"], found["options"]["normals"]) == (3, True)
+    assert [entry["parametrization"] for entry in found["files"]] == ["toric", "linear"]  # the second is a model
+    assert "tolerance" not in found["files"][0]
+
+
+def test_curves_have_a_length(tmp_path):
+    entry = manifest_of(CURVE, "-n", 4, "-o", tmp_path / "c.ply", path=tmp_path / "m.json")["files"][0]
+    points = np.array(
+        [line.split()[1:] for line in gtb("mesh", CURVE, "-n", 4).text.splitlines() if line.startswith("v ")],
+        dtype=float,
+    )
+    assert entry["segments"] == 4
+    assert entry["length"] == pytest.approx(np.linalg.norm(np.diff(points, axis=0), axis=1).sum(), rel=1e-7)
+    assert not {"area", "volume"} & entry.keys()
+
+
+def test_names_are_those_below_its_folder_and_never_more(tmp_path):
+    (tmp_path / "in").mkdir()
+    for output, path, name in (
+        ("out", tmp_path / "m.json", "out/pentagon.obj"),
+        ("out", tmp_path / "out" / "m.json", "pentagon.obj"),
+        ("out", tmp_path / "in" / "m.json", "pentagon.obj"),
+    ):
+        found = manifest_of(PENTAGON, BICUBIC, "-n", 2, "-o", tmp_path / output, path=path)
+        assert found["files"][0]["file"] == name
+        assert str(tmp_path) not in path.read_text()
+
+
+def test_a_link_is_named_as_it_is_called(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "link.obj").symlink_to(tmp_path / "elsewhere" / "real.obj")
+    (tmp_path / "folder").symlink_to(tmp_path / "elsewhere")
+    for output, name in (("link.obj", "link.obj"), ("folder/x.obj", "elsewhere/x.obj")):
+        found = manifest_of(PENTAGON, "-n", 2, "-o", tmp_path / output, path=tmp_path / "m.json")
+        assert found["files"][0]["file"] == name
+    assert (tmp_path / "elsewhere" / "real.obj").exists()
+
+
+def test_the_same_bytes_wherever_and_with_any_number_of_processes(tmp_path):
+    texts = set()
+    for folder, jobs in (("a", 1), ("b", 2), ("a", 1)):
+        manifest_of(PENTAGON, BICUBIC, "-n", 3, "-j", jobs, "-o", tmp_path / folder, path=tmp_path / folder / "m.json")
+        texts.add((tmp_path / folder / "m.json").read_bytes())
+    assert len(texts) == 1
+
+
+def test_standard_output_is_for_one_of_them(tmp_path):
+    result = gtb("mesh", PENTAGON, "-n", 2, "-o", tmp_path / "x.obj", "--manifest", "-")
+    assert json.loads(result.out)["files"][0]["bytes"] == (tmp_path / "x.obj").stat().st_size
+    result = gtb("mesh", PENTAGON, "-n", 2, "--manifest", tmp_path / "m.json")
+    entry = json.loads((tmp_path / "m.json").read_text())["files"][0]
+    assert (entry["file"], entry["sha256"]) == ("-", hashlib.sha256(result.out).hexdigest())
+    result = gtb("mesh", PENTAGON, BICUBIC, "-n", 2, "-o", tmp_path / "out", "--manifest", "-")
+    assert len(json.loads(result.out)["files"]) == 2
+    result = gtb("mesh", PENTAGON, "--manifest", "-")
+    assert (result.status, result.out) == (2, b"")
+    assert "standard output already" in result.err
+
+
+def test_a_pipe_takes_it(tmp_path):
+    found = process("mesh", PENTAGON, "-n", "2", "-o", "x.obj", "--manifest", "/dev/stdout", folder=tmp_path)
+    assert json.loads(found.out)["files"][0]["file"] == "x.obj"
+
+
+@pytest.fixture
+def broken(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text('knots = "none"\n', encoding="utf-8")
+    return path
+
+
+def test_a_spec_with_an_error_is_left_out(broken, tmp_path):
+    result = gtb("mesh", PENTAGON, broken, "-n", 2, "-o", tmp_path / "out", "--manifest", tmp_path / "m.json")
+    assert result.status == 2
+    assert [entry["file"] for entry in json.loads((tmp_path / "m.json").read_text())["files"]] == ["out/pentagon.obj"]
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_no_mesh_no_manifest(several, broken, tmp_path):
+    record = tmp_path / "m.json"
+    record.write_text("old")
+    output = tmp_path / ("out" if several else "x.obj")
+    result = gtb(
+        "mesh", broken, *([broken.with_name("missing.toml")] if several else []), "-o", output, "--manifest", record
+    )
+    assert result.status == 2
+    assert record.read_text() == "old"
+    assert not output.exists()
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_where_it_cannot_be_written_no_mesh_is(several, tmp_path):
+    output = tmp_path / ("out" if several else "x.obj")
+    (tmp_path / "folder").mkdir()
+    locked = tmp_path / "locked.toml"
+    locked.write_bytes(Path(CURVE).read_bytes())
+    for record, message in (
+        (tmp_path / "folder", "it is a folder"),
+        (tmp_path / "missing" / "m.json", "does not exist"),
+        (output / "locked.obj" if several else output, "two files of this name"),
+        (locked, "would be overwritten"),
+    ):
+        specs = [locked, PENTAGON] if several else [locked]
+        result = gtb("mesh", *specs, "-n", 2, "-o", output, "--manifest", record)
+        assert result.status == 2
+        assert message in result.err
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "locked.toml"]
+    assert locked.read_bytes() == Path(CURVE).read_bytes()
+
+
+def test_it_imports_no_trimesh_for_a_version(tmp_path):
+    arguments = ["mesh", "-q", "-n", "2", PENTAGON, "-o", "x.obj", "--manifest", "m.json"]
+    loaded = loaded_by(f"from gtb_cli.commands.cli import run; run({arguments!r})", tmp_path)
+    assert "trimesh" not in loaded
+    assert (tmp_path / "m.json").exists()
+    assert REPOSITORY.name not in (tmp_path / "m.json").read_text()

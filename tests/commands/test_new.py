@@ -1,0 +1,269 @@
+"""Starter specs, completion, and the commands that print specs: boundary, elevate, coefficients."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import tomllib
+
+import numpy as np
+import pytest
+
+from gtb_cli.checks import check
+from gtb_cli.commands import completion, new
+from gtb_cli.commands.cli import COMMANDS
+from gtb_cli.errors import SpecError
+from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.templates import FEWEST_SIDES, MOST_SIDES, TEMPLATES, template
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.joints import find_joints
+from gtb_cli.theory.patch import Model
+from tests.commands.test_cli_check import TWO
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process, shell
+
+ALL = [(name, None) for name in TEMPLATES if name != "n-gon"] + [("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100)]
+
+LINE = 110
+"""Characters of a line that people read."""
+
+
+def arguments(name: str, sides: int | None) -> list[object]:
+    return [name] if sides is None else [name, sides]
+
+
+# --- new
+
+
+@pytest.mark.parametrize(("name", "sides"), ALL)
+def test_a_template_meshes_and_has_the_properties(name, sides):
+    result = gtb("new", *arguments(name, sides))
+    assert result.status == 0
+    assert result.err == ""
+    shape = parse(result.text)
+    assert tessellate(shape, 4).bounds.shape == (2, 3)
+    assert gtb("mesh", "-", "-n", 4, stdin=result.out).status == 0
+    if (sides or 0) < 50:
+        assert check(shape).holds
+    # No line of it is left to the defaults that is there to be changed, and lines can be read.
+    assert result.text.startswith("# ")
+    assert re.search(r"^# .*Mesh it with: gtb mesh \S+\.toml -o \S+\.obj", result.text, re.MULTILINE)
+    if sides != 100:
+        assert max(map(len, result.text.splitlines())) <= LINE
+    assert result.text.count("#") >= 4
+
+
+def test_templates_are_what_they_are_called():
+    patches = {name: parse(template(name)) for name in ("curve", "triangle", "rectangle", "pentagon")}
+    assert patches["curve"].dimension == 1
+    sides = {name: len(patch.domain.vertices) for name, patch in patches.items()}
+    assert sides == {"curve": 2, "triangle": 3, "rectangle": 4, "pentagon": 5}
+    for n in (3, 4, 5, 6, 7, 12, 100):
+        patch = parse(template("n-gon", n))
+        assert len(patch.domain.vertices) == n
+        assert len(patch.knots) == 2 * n + 1
+        # A regular polygon: rotated by an angle of its own, the corners are the same.
+        turn = 2 * np.pi / n
+        rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        np.testing.assert_allclose(patch.knots[:n] @ rotation.T, np.roll(patch.knots[:n], -1, axis=0), atol=1e-14)
+    assert parse(template("triangle")).coefficients.tolist() == [1, 2, 1, 2, 2, 1]
+    assert parse(template("pentagon")).lifting is not None
+
+
+def test_the_model_is_a_closed_body():
+    model = parse(template("model"))
+    assert isinstance(model, Model)
+    joints = find_joints(model.patches)
+    assert joints.closed
+    assert not any(joints.flipped)
+    body = tessellate(model, 16).to_trimesh()
+    assert body.is_watertight
+    assert body.volume > 0
+    volumes = [tessellate(model, n).to_trimesh().volume for n in (8, 16, 32)]
+    assert (volumes[2] - volumes[1]) / (volumes[1] - volumes[0]) == pytest.approx(1 / 4, abs=0.02)
+
+
+def test_names_here_are_those_of_the_templates():
+    assert tuple(TEMPLATES) == new.TEMPLATES
+
+
+def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
+    path = tmp_path / "mine.toml"
+    result = gtb("new", "pentagon", "-o", path)
+    assert result.status == 0
+    assert result.err == f"gtb: {path}: gtb mesh {path} -o {tmp_path / 'mine.obj'} meshes it\n"
+    assert load(path).name == "pentagon"
+    path.write_text("mine", encoding="utf-8")
+    result = gtb("new", "pentagon", "-o", path)
+    assert result.status == 2
+    assert "is there already, and would be overwritten" in result.err
+    assert path.read_text(encoding="utf-8") == "mine"
+    assert gtb("new", "curve", "-o", tmp_path / "x.toml", "-q").err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["n-gon"], "n-gon: expected a number of sides, such as n-gon 7"),
+        (["n-gon", "2"], f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got 2"),
+        (["n-gon", "101"], "got 101"),
+        (["n-gon", "seven"], "'seven' is not a valid integer"),
+        (["curve", "7"], "curve: expected no number of sides, got 7; n-gon takes one"),
+        (["octagon"], "'octagon' is not one of 'curve', 'triangle'"),
+        ([], "Missing argument 'TEMPLATE'"),
+    ],
+)
+def test_what_is_no_template(words, message):
+    result = gtb("new", *words)
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err
+
+
+def test_an_unknown_template_is_an_error_in_python_too():
+    with pytest.raises(SpecError, match="template: expected one of curve, triangle"):
+        template("octagon")
+
+
+def test_new_chains_with_mesh(tmp_path):
+    assert shell("gtb new pentagon | gtb mesh - -q -o x.obj && gtb new n-gon 7 | gtb check - -q", tmp_path).status == 0
+    assert (tmp_path / "x.obj").stat().st_size > 1000
+
+
+# --- completion
+
+
+@pytest.mark.parametrize("name", completion.SHELLS)
+def test_a_completion_script_asks_gtb(name):
+    result = gtb("completion", name)
+    assert result.status == 0
+    assert f"_GTB_COMPLETE={name}_complete" in result.text
+    assert "gtb" in result.text
+
+
+@pytest.mark.parametrize("name", [name for name in completion.SHELLS if shutil.which(name)])
+def test_a_shell_understands_its_script(name, tmp_path):
+    path = tmp_path / "script"
+    path.write_bytes(gtb("completion", name).out)
+    done = subprocess.run([name, "-n", path], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def completions(words: str, count: int) -> list[str]:
+    """What gtb tells bash that the last of some words may become, each as kind,word."""
+    result = process(_GTB_COMPLETE="bash_complete", COMP_WORDS=words, COMP_CWORD=str(count))
+    assert result.err == ""
+    return result.out.decode().split()
+
+
+@pytest.mark.parametrize("words", ["gtb diff sp", "gtb diff one.obj sp", "gtb eval one.toml sp", "gtb check sp"])
+def test_files_are_completed(words):
+    assert completions(words, len(words.split()) - 1) == ["file,sp"]
+
+
+def test_commands_options_and_files_are_completed():
+    assert completions("gtb ", 1) == [f"plain,{name}" for name in COMMANDS]
+    assert completions("gtb che", 1) == ["plain,check"]
+    assert completions("gtb check sp", 2) == ["file,sp"]
+    assert completions("gtb mesh specs/pen", 2) == ["file,specs/pen"]
+    assert completions("gtb mesh x.toml -o b", 4) == ["file,b"]
+    assert completions("gtb new r", 2) == ["plain,rectangle"]
+    assert "plain,--json" in completions("gtb info x.toml --", 3)
+    assert completions("gtb mesh x.toml -f p", 4) == ["plain,ply"]
+
+
+def test_bash_completes_in_the_shell(tmp_path):
+    ask = 'COMP_WORDS=(gtb chec); COMP_CWORD=1; _gtb_completion gtb; echo "${COMPREPLY[@]}"'
+    line = f'eval "$(gtb completion bash)"; {ask}'
+    assert shell(line, tmp_path).out == b"check\n"
+
+
+def test_completion_needs_no_shell_here(monkeypatch):
+    monkeypatch.setattr(os, "environ", {})
+    assert gtb("completion", "fish").status == 0
+    assert gtb("completion", "tcsh").status == 2
+
+
+# --- specs out
+
+
+def test_boundary_of_an_edge():
+    result = gtb("boundary", PENTAGON, 4)
+    curve = parse(result.text)
+    assert curve.name == "pentagon-edge4"
+    np.testing.assert_allclose(curve.knots[:, 0], [0, 0.8, 2], rtol=1e-15)
+    assert curve.weights.tolist() == [2, 5, 3]
+    assert curve.control_points.tolist() == [[0, 2, 0], [0, 1.2, 2], [0, 0, 0]]
+    assert curve.lifting.tolist() == [1, 3, 1]
+
+
+def test_boundary_of_all_edges_is_a_model():
+    model = parse(gtb("boundary", PENTAGON).text)
+    assert isinstance(model, Model)
+    assert len(model.patches) == 5
+    ends = [curve.evaluate(curve.domain.vertices) for curve in model.patches]
+    for end, start in zip(ends, ends[1:] + ends[:1], strict=True):
+        assert end[1].tolist() == start[0].tolist()
+    assert gtb("mesh", "-", "-n", 4, stdin=gtb("boundary", PENTAGON).out).text.count("\nl ") >= 5
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["boundary", PENTAGON, "5"], "pentagon.toml: edge: expected 0 … 4 of a surface, got 5"),
+        (["boundary", CURVE], "cubic-bezier.toml: is a curve, and has no boundary curves"),
+        (["boundary", CURVE, "0"], "cubic-bezier.toml: is a curve"),
+        (["boundary", "-"], "<stdin>: is a model of 2 patches"),
+        (["coefficients", "-"], "<stdin>: is a model of 2 patches"),
+        (["elevate", PENTAGON, "--by", "-1"], "-1 is not in the range"),
+        (["elevate", PENTAGON, "--by", "40"], "pentagon.toml: knots: "),
+        (["coefficients", CURVE, "--at", "1,2,3"], "cubic-bezier.toml: --at: expected 4 numbers, 4 parameters, got 3"),
+        (["coefficients", CURVE, "--at", "1,2,3,4"], "is outside the domain"),
+        (["coefficients", SPECS / "example-3.1.toml"], "which are not all positive"),
+        (["coefficients", SPECS / "repeated-knot.toml"], "no unique solution"),
+    ],
+)
+def test_specs_that_cannot_be_had(words, message):
+    result = gtb(*words, stdin=TWO)
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err
+
+
+def test_elevate_prints_a_spec_that_chains(tmp_path):
+    line = f"gtb elevate {CURVE} --by 2 | gtb elevate - | gtb info - --json"
+    found = json.loads(shell(line, tmp_path).out)
+    assert (found["kind"], found["degree"]) == ("rational Bézier curve", [6])
+    once = parse(gtb("elevate", PENTAGON).text)
+    assert len(once.knots) == 30
+    assert once.name == "pentagon"
+    assert gtb("elevate", PENTAGON, "--by", 0).text.count("lifting") == 1  # nothing is changed
+
+
+def test_elevate_keeps_a_model_joined():
+    model = parse(template("model"))
+    elevated = parse(gtb("elevate", "-", stdin=template("model").encode()).text)
+    assert isinstance(elevated, Model)
+    assert find_joints(elevated.patches).closed
+    assert {len(patch.knots) for patch in elevated.patches} == {10}
+    volumes = [tessellate(shape, 8).to_trimesh().volume for shape in (model, elevated)]
+    assert volumes[0] == pytest.approx(volumes[1], rel=1e-12)
+
+
+def test_coefficients_of_a_bernstein_basis():
+    """C(n, i)/nⁿ on the knots 0 … n: mathematics.md, section 5, whatever the parameters."""
+    for options in ([], ["--at", "0.5, 1, sqrt(2), 2.5"]):
+        found = tomllib.loads(gtb("coefficients", CURVE, *options).text)
+        np.testing.assert_allclose(found["coefficients"], np.array([1, 3, 3, 1]) / 27, rtol=1e-12)
+    patch = parse(gtb("coefficients", BICUBIC).text)
+    assert patch.weights.tolist() == load(BICUBIC).weights.tolist()
+    expected = np.outer([1, 3, 3, 1], [1, 3, 3, 1]).ravel() / 27**2
+    np.testing.assert_allclose(patch.coefficients, expected, rtol=1e-10)
+
+
+def test_coefficients_of_a_surface_at_given_parameters():
+    text = b"knots = [[0, 0], [1, 0], [1, 1], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [1, 1], [0, 1]]\n"
+    found = tomllib.loads(gtb("coefficients", "-", "--at", "0.2,0.2,0.7,0.3,0.6,0.9,0.1,0.8", stdin=text).text)
+    np.testing.assert_allclose(found["coefficients"], 1, rtol=1e-12)  # (1 − u)(1 − v) and so on add up to 1 already

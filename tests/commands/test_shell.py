@@ -1,0 +1,565 @@
+"""What only real processes show: pipes, signals, full disks, terminals, and the same bytes everywhere."""
+
+import ctypes
+import hashlib
+import os
+import pty
+import re
+import resource
+import select
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from gtb_cli.commands.cli import COMMANDS
+from tests.shell import (
+    BICUBIC,
+    PENTAGON,
+    REPOSITORY,
+    SPECS,
+    TIMEOUT,
+    command,
+    environment,
+    gtb,
+    process,
+    shell,
+)
+
+SOON = 10.0
+"""Seconds within which what should end at once has ended, on a busy machine."""
+
+LARGE = ["-n", "150", "-f", "stl", "--ascii", "-q"]
+"""Options of a mesh whose writing takes about a second, and much longer than making it."""
+
+
+@pytest.fixture
+def workplace(tmp_path):
+    """A folder with `specs/`, as in a clone."""
+    (tmp_path / "specs").symlink_to(SPECS)
+    return tmp_path
+
+
+@pytest.fixture
+def start():
+    """Start real processes; what is left of them is ended with the test."""
+    children = []
+
+    def started(*arguments: object, **options) -> subprocess.Popen:
+        child = subprocess.Popen(command(*arguments), env=environment(), **options)
+        children.append(child)
+        return child
+
+    yield started
+    for child in children:
+        child.kill()
+        child.wait()
+        for stream in (child.stdin, child.stdout, child.stderr):
+            if stream is not None:
+                stream.close()
+
+
+@pytest.fixture
+def on_terminal(start):
+    """Start a process with a terminal as standard error, and as standard output unless that is to be kept apart."""
+    terminals = []
+
+    def started(*arguments: object, keep_stdout: bool = False) -> tuple[subprocess.Popen, int]:
+        terminal, end = pty.openpty()
+        terminals.append(terminal)
+        stdout = subprocess.PIPE if keep_stdout else end
+        child = start(*arguments, stdin=subprocess.DEVNULL, stdout=stdout, stderr=end)
+        os.close(end)
+        return child, terminal
+
+    yield started
+    for terminal in terminals:
+        os.close(terminal)
+
+
+def read_all(terminal: int) -> str:
+    shown = b""
+    while select.select([terminal], [], [], SOON)[0]:
+        try:
+            shown += os.read(terminal, 65536)
+        except OSError:  # how Linux says that the other end is closed
+            break
+    return shown.decode("utf-8")
+
+
+def wait_for(condition, what: str):
+    end = time.monotonic() + SOON
+    while not condition():
+        assert time.monotonic() < end, f"timed out: {what}"
+        time.sleep(0.005)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+# --- commands
+
+
+def example_of(name: str) -> str:
+    return re.search(r"^  Example: (.*)$", gtb(name, "--help").text, re.MULTILINE)[1]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_example_in_the_help_runs(name, workplace):
+    result = shell(example_of(name), workplace)
+    assert result.status == 0
+    assert "error" not in result.err
+
+
+def test_commands_chain_through_pipes(workplace):
+    there = "cat specs/pentagon.toml | gtb mesh - -n 4 | tee x.obj | grep -c ^f"
+    assert shell(f"{there} && gtb mesh specs/pentagon.toml -n 4 | cmp - x.obj", workplace).out == b"80\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [(["--version"], 0), (["mesh", PENTAGON, "-n", "2"], 0), ([], 2), (["frob"], 2), (["info", "nothing.toml"], 2)],
+)
+def test_exit_status(arguments, status):
+    result = process(*arguments)
+    assert result.status == status
+    assert "Traceback" not in result.err
+    assert (result.err == "") == (status == 0)
+
+
+def test_the_entry_point_is_the_module():
+    import tomllib
+
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"] == {"gtb": "gtb_cli.__main__:main"}
+
+
+# --- streams
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "gtb mesh specs/pentagon.toml -n 100 | head -n 1",
+        "gtb mesh specs/pentagon.toml -n 100 -f ply | head -c 10",
+        "gtb mesh specs/pentagon.toml -n 100 -o /dev/stdout | head -n 1",
+        "gtb eval specs/pentagon.toml parameters.txt | head -n 1",
+        "gtb schema | head -n 0",
+        "gtb mesh --help | head -n 0",
+    ],
+)
+def test_a_closed_pipe_ends_silently(line, workplace):
+    (workplace / "parameters.txt").write_text("1 1\n" * 20_000, encoding="utf-8")
+    result = shell(line, workplace)
+    assert result.err == ""
+    assert result.status == 0
+
+
+@pytest.mark.parametrize(
+    "arguments", [["mesh", PENTAGON], ["--help"], ["mesh", "--help"], ["info", PENTAGON], ["schema"]]
+)
+def test_a_full_disk_under_standard_output(arguments, tmp_path):
+    result = shell(f"gtb {' '.join(arguments)} > /dev/full", tmp_path)
+    assert result.status == 2
+    assert result.err == "gtb: error: cannot write standard output: No space left on device\n"
+
+
+def test_a_full_disk_under_eval(workplace):
+    result = shell("echo 1 1 | gtb eval specs/pentagon.toml > /dev/full", workplace)
+    assert result.status == 2
+    assert result.err == "gtb: error: cannot write standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "error"),
+    [
+        ("gtb mesh - <&-", 2, "gtb: error: <stdin>: standard input is closed\n"),
+        ("gtb mesh specs/pentagon.toml >&-", 2, "gtb: error: cannot write standard output: it is closed\n"),
+        ("gtb mesh specs/pentagon.toml -o x.obj 2>&-", 0, ""),
+        ("gtb mesh specs/pentagon.toml -o x.obj >&- 2>&- <&-", 0, ""),
+        ("gtb frob 2>&-", 2, ""),
+        ("gtb frob 2>/dev/full", 2, ""),
+        ("gtb mesh /dev/null", 2, "gtb: error: /dev/null: is empty\n"),
+        ("gtb mesh < specs/bicubic.toml specs/../specs/pentagon.toml > /dev/null", 0, ""),
+        ("gtb info <(cat specs/pentagon.toml) > /dev/null", 0, ""),
+    ],
+)
+def test_streams_that_are_not_as_usual(line, status, error, workplace):
+    result = shell(line, workplace)
+    assert result.status == status
+    assert result.err == error
+
+
+def test_eval_does_not_depend_on_how_a_pipe_is_cut(start, tmp_path):
+    text = "".join(f"{i / 5000} {1 - i / 5000}\n" for i in range(5000)).encode()
+    whole = process("eval", PENTAGON, stdin=text)
+    cut = start("eval", PENTAGON, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+    for piece in range(0, len(text), 20_001):
+        cut.stdin.write(text[piece : piece + 20_001])
+        time.sleep(0.02)
+    out, _ = cut.communicate(timeout=TIMEOUT)
+    assert cut.returncode == 0
+    assert out == whole.out
+    assert out.count(b"\n") == 5000
+
+
+# --- terminals
+
+
+@pytest.mark.parametrize(("options", "refused"), [(["-f", "ply"], True), (["-f", "glb"], True), ([], False)])
+def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
+    child, terminal = on_terminal("mesh", PENTAGON, "-n", 1, *options)
+    shown = read_all(terminal)
+    assert child.wait(TIMEOUT) == (2 if refused else 0)
+    assert ("is binary, and standard output a terminal" in shown) == refused
+    assert ("f 1 " in shown) != refused
+
+
+def test_a_bar_appears_when_work_takes_long(on_terminal):
+    child, terminal = on_terminal("mesh", PENTAGON, "-n", 100, keep_stdout=True)
+    shown = b""
+    while b"%" not in shown:  # the pipe is full, and so the work takes as long as nobody reads
+        assert select.select([terminal], [], [], SOON)[0]
+        shown += os.read(terminal, 65536)
+    assert re.search(rb"\[#+-+\] +\d+% 0:0\d /", shown)
+    child.stdout.read()
+    shown += read_all(terminal).encode()
+    assert child.wait(TIMEOUT) == 0
+    assert shown.endswith(b" \r")
+
+
+@pytest.mark.parametrize("options", [["-n", "4"], ["-n", "100", "-q"]])
+def test_no_bar_when_work_is_short_or_nobody_wants_it(options, on_terminal):
+    child, terminal = on_terminal("mesh", PENTAGON, *options, keep_stdout=True)
+    if "-q" in options:
+        time.sleep(2.5)
+    child.stdout.read()
+    assert read_all(terminal) == ""
+    assert child.wait(TIMEOUT) == 0
+
+
+# --- stopping
+
+
+def stop_while_writing(start, folder: Path, number: int) -> subprocess.Popen:
+    """Send a signal to a process when its temporary file has appeared."""
+    child = start("mesh", PENTAGON, "-o", folder / "x.obj", *LARGE, stderr=subprocess.PIPE)
+    wait_for(lambda: any(name.startswith(".gtb-") for name in names(folder)), "a temporary file")
+    child.send_signal(number)
+    return child
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_stopped_process_leaves_no_traces(number, status, start, tmp_path):
+    (tmp_path / "x.obj").write_text("old", encoding="utf-8")
+    child = stop_while_writing(start, tmp_path, number)
+    _, error = child.communicate(timeout=SOON)
+    assert child.returncode == status
+    assert error == b""
+    assert names(tmp_path) == ["x.obj"]
+    assert (tmp_path / "x.obj").read_text(encoding="utf-8") == "old"
+
+
+def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
+    child = start(
+        "mesh",
+        PENTAGON,
+        "-n",
+        "100",
+        "-o",
+        tmp_path / "x.obj",
+        "-q",
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )
+    while child.poll() is None:
+        child.send_signal(signal.SIGINT)
+        time.sleep(0.02)
+    assert child.returncode == 0
+    assert names(tmp_path) == ["x.obj"]
+
+
+def group_is_gone(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def start_batch(start, folder: Path) -> subprocess.Popen:
+    specs = [SPECS / f"{name}.toml" for name in ("bicubic", "pentagon", "hexagon", "nonagon")]
+    child = start("mesh", *specs, "-j", 2, "-o", folder, *LARGE, stderr=subprocess.PIPE, start_new_session=True)
+    wait_for(lambda: len(Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()) == 2, "workers")
+    wait_for(lambda: any(name.startswith(".gtb-") for name in names(folder)), "a temporary file")
+    return child
+
+
+@pytest.mark.parametrize("whole_group", [False, True])
+def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
+    (tmp_path / "out").mkdir()
+    child = start_batch(start, tmp_path / "out")
+    os.killpg(child.pid, signal.SIGINT) if whole_group else child.send_signal(signal.SIGINT)
+    _, error = child.communicate(timeout=SOON)
+    assert child.returncode == 130
+    assert error == b""
+    wait_for(lambda: group_is_gone(child.pid), "the end of the workers")
+    assert names(tmp_path / "out") == []
+
+
+def test_workers_do_not_outlive_their_parent(start, tmp_path):
+    (tmp_path / "out").mkdir()
+    child = start_batch(start, tmp_path / "out")
+    child.kill()
+    child.communicate(timeout=SOON)
+    wait_for(lambda: group_is_gone(child.pid), "the end of the workers")
+
+
+def test_a_killed_worker_is_an_error(start, tmp_path):
+    (tmp_path / "out").mkdir()
+    child = start_batch(start, tmp_path / "out")
+    workers = Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()
+    os.kill(int(workers[0]), signal.SIGKILL)
+    _, error = child.communicate(timeout=SOON)
+    assert child.returncode == 2
+    assert error == b"gtb: error: a process was killed (is there too little memory? -j 1 needs less)\n"
+    assert names(tmp_path / "out") == []
+
+
+CUT_OFF = """
+import os, struct, sys, time
+from gtb_cli.commands.processes import in_processes
+
+def work(task):
+    if task:  # the length of a result that never comes, as if it was killed while it writes that
+        os.read(start, 1)
+        os.write(sys._getframe(1).f_locals["result_queue"]._writer.fileno(), struct.pack("!i", 1_000_000))
+        os.write(there, b".")
+        time.sleep(600)
+
+here, there = os.pipe()
+start, go = os.pipe()
+results = in_processes(work, [0, 1, 0], 2)
+next(results)
+os.write(go, b".")
+os.read(here, 1)
+time.sleep(0.1)
+results.close()
+"""
+
+
+def test_a_worker_killed_while_it_hands_over_its_result_is_not_waited_for():
+    subprocess.run([sys.executable, "-c", CUT_OFF], check=True, timeout=SOON, env=environment())
+
+
+# --- files
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("there/x.obj", "cannot write there/x.obj: Not a directory"),
+        ("/proc/x.obj", "cannot write /proc/x.obj: "),
+        ("missing/x.obj", "cannot write missing/x.obj: the folder missing does not exist"),
+        ("/dev/full", "cannot write /dev/full: No space left on device"),
+    ],
+)
+def test_where_nothing_can_be_written(output, message, tmp_path):
+    (tmp_path / "there").write_text("a file", encoding="utf-8")
+    result = process("mesh", PENTAGON, "-o", output, "-f", "obj", folder=tmp_path)
+    assert result.status == 2
+    assert result.err.startswith(f"gtb: error: {message}")
+    assert result.err.count("\n") == 1
+    assert names(tmp_path) == ["there"]
+
+
+@pytest.mark.parametrize("jobs", [[], [BICUBIC, "-j", "2"]])
+def test_a_disk_that_fills_up_leaves_the_old_file(jobs, start, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "pentagon.obj").write_text("old", encoding="utf-8")
+    child = start(
+        "mesh",
+        PENTAGON,
+        *jobs,
+        "-o",
+        out,
+        "-q",
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
+    )
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert error.decode() == f"gtb: error: cannot write {out / 'pentagon.obj'}: File too large\n"
+    assert names(out) == ["pentagon.obj"]
+    assert (out / "pentagon.obj").read_text(encoding="utf-8") == "old"
+
+
+SEQUENCES = [
+    ["degenerate", SPECS / "example-3.4.toml", "-x", "5", "-n", "200"],
+    ["knot-limit", SPECS / "example-3.1.toml", "--merge", "1:2", "-n", "200"],
+]
+
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("arguments", SEQUENCES, ids=lambda arguments: arguments[0])
+def test_a_disk_that_fills_up_leaves_the_old_sequence(arguments, there, start, tmp_path):
+    out = tmp_path / "deep" / "out"
+    if there:
+        assert process(*arguments, "-n", "10", "-o", out).status == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    child = start(*arguments, "-o", out, stderr=subprocess.PIPE, preexec_fn=limit)
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert re.fullmatch(rf"gtb: error: cannot write {out}/example-3\.[14]-\S+\.obj: File too large\n", error.decode())
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert there or names(tmp_path) == []
+
+
+def without_power_over_files():
+    """Let even root need permissions: PR_CAPBSET_DROP of CAP_DAC_OVERRIDE, before the program starts."""
+    ctypes.CDLL(None).prctl(24, 1, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "output"),
+    [
+        (["mesh", PENTAGON], "x.obj"),
+        (["mesh", PENTAGON, BICUBIC], "."),
+        (["mesh", PENTAGON, BICUBIC], "new"),
+        (SEQUENCES[0], "new"),
+        (["elevate", PENTAGON], "x.toml"),
+    ],
+)
+def test_a_folder_without_permission(arguments, output, start, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "old.obj").write_text("old", encoding="utf-8")
+    folder.chmod(0o555)
+    child = start(*arguments, "-o", folder / output, stderr=subprocess.PIPE, preexec_fn=without_power_over_files)
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert re.fullmatch(rf"gtb: error: cannot write {folder}/\S+: Permission denied\n", error.decode())
+    assert names(folder) == ["old.obj"]
+
+
+@pytest.mark.parametrize(
+    "arguments", [["-n", "99999"], ["--lifting", "1"], ["-f", "glb", "--ascii"], ["--tolerance", "1e-300"]]
+)
+def test_a_failing_run_leaves_the_old_file(arguments, tmp_path):
+    path = tmp_path / "x.obj"
+    path.write_text("old", encoding="utf-8")
+    assert process("mesh", PENTAGON, "-o", path, *arguments).status == 2
+    assert names(tmp_path) == ["x.obj"]
+    assert path.read_text(encoding="utf-8") == "old"
+
+
+def test_refusing_is_quick_and_needs_no_memory(start):
+    child = start(
+        "mesh",
+        PENTAGON,
+        "-n",
+        "100000000",
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2**30, 2**30)),
+    )
+    _, error = child.communicate(timeout=SOON)
+    assert child.returncode == 2
+    assert b"makes 50000000000000000 faces" in error
+
+
+def test_memory_that_runs_out_is_an_error(start, tmp_path):
+    child = start(
+        "mesh",
+        PENTAGON,
+        "-n",
+        "1000",
+        "-o",
+        tmp_path / "x.obj",
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2**29, 2**29)),
+    )
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert child.returncode == 2
+    assert error == b"gtb: error: not enough memory for this\n"
+    assert names(tmp_path) == []
+
+
+# --- the same bytes
+
+
+@pytest.fixture(scope="module")
+def reference() -> dict[str, str]:
+    """Digests of what one process wrote."""
+    return {kind: digest(process("mesh", PENTAGON, "-f", kind, "--uv", "--normals").out) for kind in ("obj", "glb")}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["check", SPECS / "trapezoid.toml", "--json"],
+        ["diff", PENTAGON, BICUBIC, "-n", "6", "--json"],
+        ["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_the_same_answers_in_any_environment(arguments, tmp_path):
+    one = process(*arguments, PYTHONHASHSEED="3")
+    two = process(
+        *arguments, folder=tmp_path, PYTHONHASHSEED="4", LC_ALL="C", OPENBLAS_NUM_THREADS="2", OMP_NUM_THREADS="2"
+    )
+    assert one.out
+    assert one == two
+
+
+def digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"PYTHONHASHSEED": "1"},
+        {"LC_ALL": "C", "PYTHONHASHSEED": "2"},
+        {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "0", "TZ": "Asia/Tokyo"},
+        {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"},
+    ],
+)
+def test_the_same_bytes_in_any_environment(variables, reference, tmp_path):
+    for kind, expected in reference.items():
+        found = process("mesh", PENTAGON, "-f", kind, "--uv", "--normals", folder=tmp_path, **variables)
+        assert digest(found.out) == expected
+
+
+def test_the_same_bytes_from_any_place_and_any_number_of_processes(reference, workplace):
+    options = ["--uv", "--normals", "-q"]
+    specs = ["specs/pentagon.toml", "specs/hexagon.toml", "specs/cubic-bezier.toml"]
+    for kind, expected in reference.items():
+        for jobs in (1, 3):
+            result = process("mesh", *specs, *options, "-f", kind, "-o", f"{kind}{jobs}", "-j", jobs, folder=workplace)
+            assert result.status == 0
+        assert names(workplace / f"{kind}1") == names(workplace / f"{kind}3")
+        for name in names(workplace / f"{kind}1"):
+            assert (workplace / f"{kind}1" / name).read_bytes() == (workplace / f"{kind}3" / name).read_bytes()
+        assert digest((workplace / f"{kind}1" / f"pentagon.{kind}").read_bytes()) == expected
+
+
+@pytest.mark.parametrize(
+    "variables", [{"LC_ALL": "C"}, {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+)
+def test_any_locale_will_do(variables, tmp_path):
+    spec = 'name = "Fläche ∆"\nknots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\n'.encode()
+    result = process("info", "-", stdin=spec, **variables)
+    assert result.status == 0
+    assert "Fläche ∆".encode() in result.out
+    assert process("--help", **variables).status == 0
+    path = tmp_path / "Fläche.toml"
+    path.write_bytes(b"knots = 1\n")
+    message = process("mesh", path, **variables)
+    assert message.status == 2
+    assert message.err.startswith("gtb: error: ")

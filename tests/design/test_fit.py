@@ -1,0 +1,150 @@
+"""Curves through points: they pass them, and the iteration converges as its matrix says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.checks import check_patch
+from gtb_cli.design.fit import MAX_POINTS, REACHED, fit
+from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.spec.loading import parse
+from tests.shell import gtb
+
+
+def helix(n: int) -> np.ndarray:
+    return np.array([[math.cos(t), math.sin(t), t / 5] for t in np.linspace(0, 6, n)])
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 10, 30, 70, MAX_POINTS])
+def test_a_curve_passes_its_points(n):
+    found = fit(helix(n))
+    size = np.abs(helix(n)).max()
+    assert found.distance <= REACHED * size
+    np.testing.assert_allclose(found.curve.evaluate(found.parameters), helix(n), atol=2 * REACHED * size)
+    assert found.curve.evaluate(found.curve.domain.vertices).tolist() == helix(n)[[0, -1]].tolist()
+    assert (np.diff(found.parameters) > 0).all()
+
+
+def test_more_points_of_a_circle_make_a_better_circle():
+    errors = []
+    for n in (10, 20, 40):
+        curve = fit(helix(n)).curve
+        points = curve.evaluate(np.linspace(*curve.domain.vertices[:, 0], 1000))
+        errors.append(np.abs(np.hypot(points[:, 0], points[:, 1]) - 1).max())
+    assert errors[0] < 0.02
+    assert errors[1] < errors[0] / 3
+    assert errors[2] < errors[1] / 3
+
+
+def test_parameters_are_spread_evenly():
+    """With equal steps of the parameter, no step along the curve is much longer than another."""
+    curve = fit(helix(50)).curve
+    points = curve.evaluate(np.linspace(*curve.domain.vertices[:, 0], 2000))
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert steps.max() < 3 * steps.mean()
+
+
+def test_rounds_are_what_the_eigenvalues_say():
+    """Each round shrinks what is missed by the spectral radius of I − C, in the end."""
+    found = fit(helix(12))
+    matrix = found.curve.basis(found.parameters)
+    radius = np.abs(1 - np.linalg.eigvals(matrix)).max()
+    expected = math.log(REACHED) / math.log(radius)
+    assert 0.6 * expected < found.rounds < 1.2 * expected
+    assert fit(helix(50)).rounds < 1.5 * fit(helix(12)).rounds
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
+def test_any_size(scale):
+    found, plain = fit(helix(9) * scale), fit(helix(9))
+    np.testing.assert_allclose(
+        found.curve.control_points, plain.curve.control_points * scale, rtol=1e-9, atol=1e-11 * scale
+    )
+    np.testing.assert_allclose(found.parameters, plain.parameters * scale, rtol=1e-12)
+
+
+def test_knots_may_be_given():
+    points = np.random.default_rng(3).normal(size=(7, 2))
+    knots = [0, 1, 1.5, 3, 3.2, 5, 8]
+    found = fit(points, knots)
+    assert found.curve.knots[:, 0].tolist() == knots
+    np.testing.assert_allclose(found.curve.evaluate(found.parameters)[:, :2], points, atol=1e-11)
+    assert check_patch(found.curve).holds
+
+
+def test_points_may_come_back():
+    """Points that are visited twice, and a closed curve."""
+    points = [[0, 0], [1, 1], [2, 0], [1, 1], [0, 0]]
+    found = fit(points)
+    np.testing.assert_allclose(found.curve.evaluate(found.parameters)[:, :2], points, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("points", "knots", "message"),
+    [
+        ([[0, 0]], None, "points: expected 2 to 100, got 1"),
+        (np.arange(202).reshape(101, 2), None, "got 101"),
+        ([[0, 0], [1, 1], [1, 1]], None, "points: 1 and 2 coincide"),
+        ([0, 1, 2], None, r"points: expected shape \(n, 3\) or \(n, 2\)"),
+        ([[0, 0], [1, math.nan]], None, r"points\[1\]\[1\]: must be finite"),
+        ([[0, 0], [1, 1]], [0, 1, 2], r"knots: expected 2, one for each point, got shape \(3,\)"),
+        ([[0, 0], [1, 1], [2, 1]], [0, 1, 1], "knots: must ascend, got 1 before 1"),
+        ([[0, 0], [1, 1], [2, 1]], [0, 2, 1], "knots: must ascend, got 2 before 1"),
+        ([[0, 0], [1, 1], [2, 1], [3, 0]], [0, 1e-9, 1, 2], "beyond the range of floats"),
+    ],
+)
+def test_what_has_no_curve(points, knots, message):
+    with pytest.raises(DomainError, match=message):
+        fit(points, knots)
+
+
+def test_an_iteration_that_does_not_end_is_an_error(monkeypatch):
+    monkeypatch.setattr("gtb_cli.design.fit.MAX_ROUNDS", 5)
+    with pytest.raises(ToleranceError, match=r"still misses a point by .* after 5 rounds"):
+        fit(helix(9))
+
+
+# --- the command
+
+
+def test_fit_prints_a_spec(tmp_path):
+    text = b"# points\n0 0\n1, 2\n\n3\t1 # the third\n4 3\n"
+    result = gtb("fit", stdin=text)
+    assert result.status == 0
+    curve = parse(result.text)
+    np.testing.assert_allclose(curve.knots[:, 0], np.cumsum([0, 5**0.5, 5**0.5, 5**0.5]), rtol=1e-15)
+    path = tmp_path / "way.txt"
+    path.write_bytes(text)
+    named = gtb("fit", path)
+    assert named.text == 'name = "way"\n' + result.text
+    assert "4 points" in named.err
+    assert gtb("fit", path, "-q").err == ""
+
+
+def test_fit_takes_knots():
+    curve = parse(gtb("fit", "--knots", "0, 1, sqrt(2), 4", stdin=b"0 0 0\n1 2 0\n3 1 1\n4 3 1\n").text)
+    assert curve.knots[:, 0].tolist() == [0, 1, math.sqrt(2), 4]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "<stdin>: has no points"),
+        (b"# none\n", "<stdin>: has no points"),
+        (b"1 2\n1\n", "<stdin>:2: expected 2 coordinates, got 1"),
+        (b"1\n", "<stdin>:1: expected two or three coordinates, got 1"),
+        (b"1 2\n1 x\n", "<stdin>:2: 'x' is not a number"),
+        (b"1 2\n1 \xff\n", "is not a number"),
+        (b"1 2\n1 inf\n", "<stdin>: points[1][1]: must be finite"),
+        (b"1 2\n", "<stdin>: points: expected 2 to 100, got 1"),
+        (b"1 2\n" * 400_000, "<stdin>: more than 1000000 bytes"),
+    ],
+)
+def test_points_that_are_none(text, message):
+    result = gtb("fit", stdin=text)
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err

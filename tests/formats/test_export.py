@@ -1,0 +1,358 @@
+"""The file formats: what each holds and refuses, and every file read back by other programs."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import plyfile
+import pytest
+import stl
+import trimesh
+
+from gtb_cli.errors import ExportError
+from gtb_cli.formats.export import FORMATS, encode_mesh, warnings_for, write_mesh
+from gtb_cli.meshes.mesh import Mesh
+from tests.tiny_meshes import curve, encoded, lines, model, surface, two_curves
+
+# 32-bit numbers: half a unit in the last of 24 bits.
+SINGLE = 2.0**-24
+# OBJ: half a unit of the ninth significant digit of the model's size, at least.
+NINE_DIGITS = 0.5e-8
+# A unit vector written with 8 decimals or more, or in 32 bits.
+UNIT = 1e-7
+
+# meshio multiplies four bytes of any ASCII STL by 50, as 32-bit numbers, to see whether it is a binary one.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered in scalar multiply:RuntimeWarning:meshio")
+
+
+# --- every file, read back by others ---------------------------------------------------------------------------------
+
+
+def read_by_trimesh(path: Path) -> tuple[int, np.ndarray]:
+    """Return the number of triangles, or of segments, and the points."""
+    loaded = trimesh.load(path, process=False)
+    geometries = list(loaded.geometry.values()) if isinstance(loaded, trimesh.Scene) else [loaded]
+    cells = sum(
+        len(g.faces) if hasattr(g, "faces") else sum(len(e.points) - 1 for e in getattr(g, "entities", ()))
+        for g in geometries
+    )
+    return cells, np.vstack([g.vertices for g in geometries])
+
+
+def read_by_meshio(path: Path) -> tuple[int, np.ndarray]:
+    loaded = meshio.read(path)
+    return sum(len(block.data) for block in loaded.cells), loaded.points
+
+
+def read_by_plyfile(path: Path) -> tuple[int, np.ndarray]:
+    loaded = plyfile.PlyData.read(path)
+    vertex = loaded["vertex"]
+    return loaded.elements[1].count, np.column_stack([vertex["x"], vertex["y"], vertex["z"]])
+
+
+def read_by_numpy_stl(path: Path) -> tuple[int, np.ndarray]:
+    loaded = stl.Mesh.from_file(str(path))
+    return len(loaded.vectors), loaded.vectors.reshape(-1, 3)
+
+
+SURFACE_READERS = {
+    "obj": (read_by_trimesh, read_by_meshio),
+    "ply": (read_by_trimesh, read_by_meshio, read_by_plyfile),
+    "stl": (read_by_trimesh, read_by_meshio, read_by_numpy_stl),
+    "glb": (read_by_trimesh,),
+}
+OPTIONS = [
+    {},
+    {"normals": True},
+    {"uv": True},
+    {"normals": True, "uv": True},
+    {"ascii": True},
+    {"ascii": True, "normals": True, "uv": True},
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=lambda options: "-".join(options) or "plain")
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("make", [surface, model])
+def test_surfaces_are_read_back_with_the_same_counts_and_bounds(make, format, options, tmp_path):
+    if format == "glb" and "ascii" in options:
+        with pytest.raises(ExportError, match="GLB has no text form"):
+            encode_mesh(make(), format, **options)
+        return
+    mesh = make()
+    path = tmp_path / f"mesh.{format}"
+    write_mesh(mesh, path, **options)
+    for read in SURFACE_READERS[format]:
+        cells, points = read(path)
+        assert cells == len(mesh.cells)
+        if format == "stl":  # three corners for each facet, but in meshio, which merges them
+            assert len(points) in (3 * len(mesh.cells), len(mesh.vertices))
+        else:
+            assert len(points) == len(mesh.vertices)
+        bounds = np.stack([points.min(axis=0), points.max(axis=0)])
+        assert np.abs(bounds - mesh.bounds).max() <= max(NINE_DIGITS, SINGLE) * np.abs(mesh.bounds).max()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e3, 1e9])
+@pytest.mark.parametrize("format", FORMATS)
+def test_surfaces_of_any_size_are_read_back(scale, format, tmp_path):
+    mesh = replace(surface(), vertices=surface().vertices * scale)
+    path = tmp_path / f"mesh.{format}"
+    write_mesh(mesh, path)
+    for read in SURFACE_READERS[format]:
+        cells, points = read(path)
+        assert cells == len(mesh.cells)
+        bounds = np.stack([points.min(axis=0), points.max(axis=0)])
+        assert np.abs(bounds - mesh.bounds).max() <= max(NINE_DIGITS, SINGLE) * np.abs(mesh.bounds).max()
+
+
+@pytest.mark.parametrize("options", [{}, {"uv": True}, {"normals": True}], ids=lambda o: "-".join(o) or "plain")
+@pytest.mark.parametrize("make", [curve, two_curves])
+def test_curves_are_read_back(make, options, tmp_path):
+    mesh = make()
+    for name, read in (("c.ply", read_by_trimesh), ("c.ply", read_by_plyfile), ("c.glb", read_by_trimesh)):
+        write_mesh(mesh, tmp_path / name, **options)
+        cells, points = read(tmp_path / name)
+        assert cells == len(mesh.cells)
+        np.testing.assert_allclose(points, mesh.vertices, rtol=SINGLE)
+    write_mesh(mesh, tmp_path / "c.obj", **options)
+    for read in (read_by_trimesh, read_by_meshio):  # they keep the points and pass over segments
+        np.testing.assert_allclose(read(tmp_path / "c.obj")[1], mesh.vertices, atol=NINE_DIGITS)
+    written = lines((tmp_path / "c.obj").read_bytes(), "l")
+    segments = [[int(end.split("/")[0]) - 1 for end in line.split()[1:]] for line in written]
+    assert segments == mesh.cells.tolist()
+
+
+def test_the_order_of_vertices_and_cells_is_kept(tmp_path):
+    mesh = surface()
+    for format in ("obj", "ply", "glb"):
+        write_mesh(mesh, tmp_path / f"mesh.{format}")
+        loaded = trimesh.load_mesh(tmp_path / f"mesh.{format}", process=False)
+        assert loaded.faces.tolist() == mesh.cells.tolist()
+        np.testing.assert_allclose(loaded.vertices, mesh.vertices, atol=max(NINE_DIGITS, 2 * SINGLE))
+    write_mesh(mesh, tmp_path / "mesh.stl")
+    np.testing.assert_allclose(
+        stl.Mesh.from_file(str(tmp_path / "mesh.stl")).vectors, mesh.vertices[mesh.cells], atol=2 * SINGLE
+    )
+
+
+# --- the same bytes --------------------------------------------------------------------------------------------------
+
+FRESH = """
+import hashlib, sys
+sys.modules["PIL"] = None  # a picture library is no part of the package's requirements
+from gtb_cli.formats.export import FORMATS, encode_mesh
+from gtb_cli.meshes.mesh import Mesh
+from tests.tiny_meshes import model
+for format in FORMATS:
+    for options in ({}, {"normals": True, "uv": True}):
+        print(hashlib.sha256(b"".join(encode_mesh(model(), format, **options))).hexdigest())
+"""
+
+
+@pytest.mark.parametrize("seed", ["0", "1"])
+def test_a_fresh_process_writes_the_same_bytes(seed):
+    root = Path(__file__).parents[2]
+    result = subprocess.run(
+        [sys.executable, "-c", FRESH],
+        cwd=root,
+        env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    expected = [
+        hashlib.sha256(encoded(model(), format, **options)).hexdigest()
+        for format in FORMATS
+        for options in ({}, {"normals": True, "uv": True})
+    ]
+    assert result.stdout.split() == expected
+
+
+def test_importing_the_room_costs_neither_trimesh_nor_scipy():
+    code = (
+        "import sys, gtb_cli.formats.export as e; from gtb_cli.meshes.mesh import Mesh; import numpy as n;"
+        "m = Mesh(n.eye(3), n.array([[0, 1, 2]])); list(e.encode_mesh(m, 'obj')); e.warnings_for(m, 'obj');"
+        "print([x for x in ('trimesh', 'scipy', 'tempfile', 'fractions', 'json', 'click') if x in sys.modules])"
+    )
+    root = Path(__file__).parents[2]
+    result = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+# --- refusals and warnings -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_no_number_that_is_not_finite_is_written(format, value, tmp_path):
+    vertices = surface().vertices.copy()
+    vertices[[7, 12], 1] = value
+    with pytest.raises(ExportError, match=rf"vertex 7: coordinates: must be finite, got [\d.]+ {value}"):
+        write_mesh(replace(surface(), vertices=vertices), tmp_path / f"mesh.{format}")
+    assert not list(tmp_path.iterdir())
+    for field, label in (("normals", "normal"), ("parameters", "uv")):
+        values = getattr(surface(), field).copy()
+        values[3, 0] = value
+        mesh = replace(surface(), **{field: values})
+        encoded(mesh, format)
+        if format != "stl":
+            with pytest.raises(ExportError, match=f"vertex 3: {label}: must be finite"):
+                encode_mesh(mesh, format, normals=True, uv=True)
+
+
+@pytest.mark.parametrize("format", ["ply", "stl", "glb"])
+def test_numbers_too_large_for_32_bits_are_refused_where_they_do_not_fit(format):
+    mesh = replace(surface(), vertices=surface().vertices * 1e39)
+    with pytest.raises(ExportError, match="too large for 32-bit numbers"):
+        encode_mesh(mesh, format)
+    assert warnings_for(mesh, format) == []
+    if format != "glb":
+        assert encoded(mesh, format, ascii=True)
+    assert encoded(mesh, "obj")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cells": np.array([[0, 1, 25]])}, "cells: expected indices from 0 to 24, got 25"),
+        ({"cells": np.array([[0, 1, -1]])}, "cells: expected indices from 0 to 24, got -1"),
+        ({"cells": np.zeros((0, 3), dtype=np.int64)}, "the mesh is empty: 25 vertices, 0 cells"),
+        ({"groups": (("a", 0, 3),)}, "groups: they end at cell 3 of 32"),
+        ({"groups": (("a", 0, 3), ("b", 4, 32))}, "groups: 'b' has cells 4 to 32, expected it to start at 3"),
+    ],
+)
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_mesh_that_is_not_one_is_refused(change, message, format):
+    with pytest.raises(ExportError, match=message):
+        encode_mesh(replace(surface(), **change), format)
+
+
+def test_normals_and_uv_must_be_there_to_be_written():
+    bare = replace(surface(), normals=None, parameters=None)
+    for format in ("obj", "ply", "glb"):
+        with pytest.raises(ExportError, match="normals: the mesh has none"):
+            encode_mesh(bare, format, normals=True)
+        with pytest.raises(ExportError, match="uv: the mesh has no parameters"):
+            encode_mesh(bare, format, uv=True)
+
+
+def test_an_ordinary_mesh_has_no_warnings():
+    for format in FORMATS:
+        for mesh in (surface(), model()):
+            assert warnings_for(mesh, format, normals=True) == []
+    assert warnings_for(curve(), "obj") == []
+    nothing = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 2)))
+    assert [warnings_for(nothing, format, uv=True) for format in ("obj", "ply", "glb")] == [[], [], []]
+
+
+def test_warned_where_32_bits_move_or_merge_vertices():
+    # 32-bit numbers of this size are whole, and no coordinate is half a unit from 1e7.
+    far = replace(surface(), vertices=surface().vertices * 0.2 + 1e7)
+    for format in ("ply", "stl", "glb"):
+        moved, merged = warnings_for(far, format)
+        assert "32-bit numbers move vertices by up to 0.4" in moved
+        assert "32-bit numbers merge the corners of 32 of 32 triangles" in merged
+        assert ("--ascii" in moved) == (format != "glb")
+    for format in ("ply", "stl"):
+        assert warnings_for(far, format, ascii=True) == []
+    assert warnings_for(far, "obj") == []
+    close = replace(curve(), vertices=np.concatenate([curve().vertices[:-1], curve().vertices[[-2]] * (1 + 1e-9)]))
+    assert warnings_for(close, "glb") == [
+        "GLB: 32-bit numbers merge the corners of 1 of 10 segments; OBJ keeps their digits"
+    ]
+    pole = replace(surface(), vertices=surface().vertices * [1.0, 0.0, 0.0])  # collapsed as it is: no loss
+    assert warnings_for(pole, "ply") == []
+
+
+def test_warned_of_readers_that_refuse(tmp_path, capsys):
+    assert warnings_for(curve(), "ply") == ["PLY: meshio and assimp read no file with edges, as a curve has"]
+    write_mesh(curve(), tmp_path / "c.ply")
+    with pytest.raises(SystemExit):  # so it does
+        meshio.read(tmp_path / "c.ply")
+    assert "element edge" in capsys.readouterr().out
+    assert warnings_for(surface(1), "stl") == ["STL: admesh reads no file of fewer than 4 facets, and this has 2"]
+
+
+def test_warned_of_what_is_left_out():
+    assert warnings_for(surface(), "stl", uv=True) == ["STL: holds no texture coordinates, none are written"]
+    assert warnings_for(curve(), "obj", normals=True) == ["OBJ: a curve has no normals, none are written"]
+    small = replace(surface(), parameters=surface().parameters * 1e-9)
+    assert len(warnings_for(small, "obj", uv=True)) == 1
+    assert warnings_for(surface(), "obj", uv=True) == warnings_for(small, "ply", uv=True) == []
+
+
+# --- places to write to ----------------------------------------------------------------------------------------------
+
+
+def test_the_suffix_decides_the_format(tmp_path):
+    write_mesh(surface(), tmp_path / "mesh.PLY")
+    assert (tmp_path / "mesh.PLY").read_bytes() == encoded(surface(), "ply")
+    write_mesh(surface(), str(tmp_path / "mesh.txt"), "obj")
+    assert (tmp_path / "mesh.txt").read_bytes() == encoded(surface(), "obj")
+    with pytest.raises(ExportError, match=r"mesh\.txt: expected a name that ends in \.obj, \.ply, \.stl, \.glb"):
+        write_mesh(surface(), tmp_path / "mesh.txt")
+    with pytest.raises(ExportError, match="format: expected one of obj, ply, stl, glb, got 'off'"):
+        write_mesh(surface(), tmp_path / "mesh.off", "off")
+
+
+def test_a_file_object_is_written_to(tmp_path):
+    buffer = io.BytesIO()
+    write_mesh(surface(), buffer, "glb")
+    assert buffer.getvalue() == encoded(surface(), "glb")
+    with pytest.raises(ExportError, match="cannot tell the format of a file without a name"):
+        write_mesh(surface(), io.BytesIO())
+    with pytest.raises(ExportError, match="expected a binary one"):
+        write_mesh(surface(), io.StringIO(), "obj")
+    with open(tmp_path / "mesh.stl", "wb") as file:
+        write_mesh(surface(), file)
+        assert (tmp_path / "mesh.stl").read_bytes() == encoded(surface(), "stl")  # flushed, so errors show
+
+
+def test_a_full_disk_behind_a_file_object_is_an_export_error():
+    with (
+        open("/dev/full", "wb", buffering=0) as full,
+        pytest.raises(ExportError, match="cannot write /dev/full: No space left on device"),
+    ):
+        write_mesh(surface(), full, "obj")
+
+
+def test_a_closed_pipe_is_passed_on():
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "wb", buffering=0) as pipe, pytest.raises(BrokenPipeError):
+        write_mesh(surface(), pipe, "obj")
+
+
+def test_an_error_leaves_the_old_file(tmp_path):
+    path = tmp_path / "mesh.obj"
+    path.write_text("old")
+    with pytest.raises(ExportError):
+        write_mesh(replace(surface(), vertices=np.full((25, 3), np.nan)), path)
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["mesh.obj"]
+
+
+def test_nothing_warns():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for mesh in (surface(), model(), curve()):
+            for scale in (1e-320, 1e-300, 1e-30, 1e30, 1e300):
+                scaled = replace(mesh, vertices=mesh.vertices * scale)
+                assert encoded(scaled, "obj")
+                assert encoded(scaled, "ply", ascii=True)
+                warnings_for(scaled, "glb")
+                if not mesh.is_curve:
+                    assert encoded(scaled, "stl", ascii=True)
+                if scale < 1e38:
+                    assert encoded(scaled, "ply")
+                    assert encoded(scaled, "glb")

@@ -1,0 +1,528 @@
+"""Mesh files: ours, those of other programs, odd ones, and damaged ones."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import struct
+import time
+
+import meshio
+import numpy as np
+import plyfile
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.meshfiles import FORMATS, decode_mesh, format_of, read_mesh
+from gtb_cli.meshes.mesh import Mesh
+from tests.specs import SECONDS
+from tests.tiny_meshes import curve, encoded, glb_file, model, surface, two_curves
+
+SINGLE = 2.0**-24
+"""Relative error of rounding to a 32-bit number."""
+
+DECIMALS = 0.5e-8 + 1e-15
+"""Error of rounding to the 8 decimals that OBJ files of this size have."""
+
+OPTIONS = [("obj", {}), ("ply", {}), ("ply", {"ascii": True}), ("stl", {}), ("stl", {"ascii": True}), ("glb", {})]
+
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def decoded(data: bytes | str, format: str | None = None) -> Mesh:
+    return decode_mesh(data.encode() if isinstance(data, str) else data, "file", format).mesh
+
+
+def refusal(data: bytes | str, format: str | None = None) -> str:
+    with pytest.raises(GtbError) as caught:
+        decoded(data, format)
+    message = str(caught.value)
+    assert message.startswith("file: ")
+    assert "\n" not in message
+    return message.removeprefix("file: ")
+
+
+# --- our own files
+
+
+@pytest.mark.parametrize(("format", "options"), OPTIONS)
+@pytest.mark.parametrize("make", [surface, curve, model, two_curves])
+def test_what_we_write_reads_back(format, options, make):
+    mesh = make()
+    if format == "stl" and mesh.is_curve:
+        return
+    data = encoded(mesh, format, **options)
+    assert format_of(data) == format
+    known = decode_mesh(data, "file")
+    read = known.mesh
+    corners, expected = read.vertices[read.cells], mesh.vertices[mesh.cells]
+    assert corners.shape == expected.shape
+    error = np.abs(corners - expected)
+    assert (error <= known.half_steps).all()
+    largest = np.abs(expected).max()
+    assert error.max() <= (DECIMALS if format == "obj" else 0 if options else SINGLE * largest)
+    assert known.half_steps.max() <= (
+        1.01e-8 if format == "obj" else 1e-14 * largest if options else 2 * SINGLE * largest
+    )
+    if format != "stl":
+        assert np.array_equal(read.cells, mesh.cells)
+    if format in ("obj", "glb") and mesh.groups:
+        assert [group[1:] for group in read.groups] == [group[1:] for group in mesh.groups]
+
+
+def test_normals_and_texture_coordinates_are_no_obstacle():
+    mesh = surface()
+    for format in ("obj", "ply", "glb"):
+        read = decoded(encoded(mesh, format, normals=True, uv=True))
+        assert np.array_equal(read.cells, mesh.cells)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("shift", [0.0, 1e7])
+def test_at_any_size_and_place(scale, shift):
+    mesh = Mesh(surface().vertices * scale + shift * scale, surface().cells)
+    for format, options in OPTIONS:
+        known = decode_mesh(encoded(mesh, format, **options), "file")
+        error = np.abs(known.mesh.vertices[known.mesh.cells] - mesh.vertices[mesh.cells])
+        assert (error <= known.half_steps).all()
+
+
+# --- files of others, and what others read
+
+
+@pytest.mark.parametrize("options", [{}, {"ascii": True}])
+def test_ply_and_stl_as_others_read_them(options):
+    mesh = model()
+    data = encoded(mesh, "ply", **options)
+    theirs = plyfile.PlyData.read(io.BytesIO(data))["vertex"]
+    assert np.array_equal(decoded(data).vertices, np.stack([theirs[axis] for axis in "xyz"], axis=1))
+    data = encoded(mesh, "stl", **options)
+    ours = decoded(data)
+    theirs = trimesh.load(io.BytesIO(data), file_type="stl", process=False)
+    assert np.allclose(ours.vertices[ours.cells], theirs.triangles, rtol=1e-15)
+    assert len(ours.vertices) == len(mesh.vertices)
+
+
+@pytest.mark.parametrize("format", ["obj", "ply", "stl"])
+@pytest.mark.parametrize("binary", [False, True])
+def test_files_that_meshio_writes(format, binary, tmp_path):
+    mesh = surface()
+    path = tmp_path / f"x.{format}"
+    theirs = meshio.Mesh(mesh.vertices, [("triangle", mesh.cells)])
+    theirs.write(path, **({"binary": binary} if format != "obj" else {}))
+    read = read_mesh(path)
+    assert np.allclose(read.vertices[read.cells], mesh.vertices[mesh.cells], atol=1e-6)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_files_that_trimesh_writes(format):
+    shape = trimesh.creation.icosphere(subdivisions=2)
+    read = decoded(shape.export(file_type=format), format)
+    assert np.allclose(read.vertices[read.cells], shape.triangles, atol=1e-6)
+
+
+def test_nodes_of_a_scene_as_trimesh_places_them():
+    box = trimesh.creation.box()
+    scene = trimesh.Scene()
+    for index, angle in enumerate((0.3, 1.7)):
+        place = trimesh.transformations.rotation_matrix(angle, [1, 2, 3], [0.5, 0, index])
+        scene.add_geometry(box, node_name=f"box{index}", geom_name="box", transform=place)
+    data = scene.export(file_type="glb")
+    read = decoded(data)
+    theirs = trimesh.load(io.BytesIO(data), file_type="glb").to_geometry()
+    ours = read.vertices[read.cells]
+    assert np.allclose(np.sort(ours.mean(axis=1), axis=0), np.sort(theirs.triangles.mean(axis=1), axis=0), atol=1e-6)
+    assert {name for name, _, _ in read.groups} == {"box0", "box1"}
+
+
+# --- OBJ
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
+        "# x\n\nv 0 0 0 1\nv 1 0 0 1\n  v 0 1 0 1\nvt 0 0\nf 1/1 2/1 3/1\n",
+        "v\t0\t0\t0\r\nv 1 0 0\r\nv 0 1 0\r\nvn 0 0 1\r\nf 1//1 2//1 3//1\r\n",
+        "v 0 0 0 .1 .2 .3\nv 1 0 0 .1 .2 .3\nv 0 1 0 .1 .2 .3\nf -3 -2 -1\n",
+        "mtllib a.mtl\no a_b\nv 0 0 0\nv 1 \\\n0 0\nv 0 1 0\nusemtl m\ns off\nf 1/2/3 2/2/3 3/2/3\n",
+        "v 0.0 0.0 0.0\rv 1.0 0.0 0.0\rv 0.0 1.0 0.0\rf 1 2 3\r",
+    ],
+)
+def test_obj_as_programs_write_it(text):
+    read = decoded(text, "obj")
+    assert np.array_equal(read.vertices, TRIANGLE)
+    assert read.cells.tolist() == [[0, 1, 2]]
+
+
+def test_obj_polygons_and_references_backwards():
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nv 5 5 5\nf -1 1/1 2/2\nf 1 2 3\nf 1 2 3 4 5\n"
+    assert decoded(text).cells.tolist() == [[0, 1, 2], [0, 2, 3], [4, 0, 1], [0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+
+def test_obj_polylines():
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nl 1 2 3\nl 3/1 1/1\nl 1 2\n"
+    assert decoded(text).cells.tolist() == [[0, 1], [1, 2], [2, 0], [0, 1]]
+
+
+def test_obj_blocks_do_not_matter(monkeypatch):
+    data = encoded(model(), "obj", normals=True)
+    whole = decoded(data)
+    monkeypatch.setattr("gtb_cli.formats.text.LINES", 1)
+    cut = decoded(data)
+    assert np.array_equal(cut.vertices, whole.vertices)
+    assert np.array_equal(cut.cells, whole.cells)
+    assert cut.groups == whole.groups
+
+
+@pytest.mark.parametrize(
+    ("text", "step"),
+    [
+        ("v 0.123456 1.000000 2.500000\nv 1.0 0 0\nv 0 1 0\nf 1 2 3\n", 0.5e-5),  # 7 digits at a size of 2.5
+        ("v 0.1234 1.0000 2.5000\nv 1.0000 0.0000 0.0000\nv 0.0000 1.0000 0.0000\nf 1 2 3\n", 0.5e-4),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0),
+        ("v 0.0 0.0 0.0\nv 1.0 0.0 0.0\nv 0.0 1.5 0.0\nf 1 2 3\n", 0),
+        ("v 0.1 0.30000000000000004 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", 0),
+    ],
+)
+def test_digits_tell_what_a_text_can_hold(text, step):
+    known = decode_mesh(text.encode(), "file")
+    assert 0.09 * step <= known.half_steps.max() <= 1.01 * step + 1e-14
+
+
+# --- PLY
+
+
+def ply(body: bytes | str, *lines: str, format: str = "ascii") -> bytes:
+    header = "\n".join(["ply", f"format {format} 1.0", *lines, "end_header"])
+    return header.encode() + b"\n" + (body.encode() if isinstance(body, str) else body)
+
+
+XYZ = ("element vertex 3", "property float x", "property float y", "property float z")
+FACE = ("element face 1", "property list uchar int vertex_indices")
+
+
+@pytest.mark.parametrize(("order", "name"), [("<", "little"), (">", "big")])
+@pytest.mark.parametrize(("kind", "letter"), [("float", "f"), ("double", "d"), ("int16", "h")])
+def test_ply_binary_of_both_orders_and_any_type(order, name, kind, letter):
+    lines = [line.replace("float", kind) for line in XYZ]
+    lines.insert(2, "property uchar red")
+    rows = b"".join(struct.pack(f"{order}{letter}B{letter}{letter}", int(x), 7, int(y), int(z)) for x, y, z in TRIANGLE)
+    body = rows + struct.pack(f"{order}H3I", 3, 0, 1, 2)
+    face = ("element face 1", "property list ushort uint vertex_index")
+    read = decoded(ply(body, *lines, *face, format=f"binary_{name}_endian"))
+    assert np.array_equal(read.vertices, TRIANGLE)
+    assert read.cells.tolist() == [[0, 1, 2]]
+
+
+def test_ply_with_polygons_of_several_sizes_and_other_lists():
+    faces = [[0, 1, 2], [0, 1, 2, 3, 4], [4, 2, 0], [1, 2, 3, 4]]
+    points = np.arange(15.0).reshape(5, 3) ** 1.5
+    lines = [
+        "element vertex 5",
+        *XYZ[1:],
+        "element face 4",
+        "property uchar flag",
+        "property list uchar int vertex_indices",
+    ]
+    lines += ["property list uchar float more", "element other 2", "property short a"]
+    body = points.astype("<f4").tobytes()
+    for index, face in enumerate(faces):
+        body += bytes([9, len(face)]) + np.array(face, dtype="<i4").tobytes() + bytes([index]) + bytes(4 * index)
+    body += bytes(4)
+    read = decoded(ply(body, *lines, format="binary_little_endian"))
+    expected = [[0, 1, 2], [0, 1, 2], [0, 2, 3], [0, 3, 4], [4, 2, 0], [1, 2, 3], [1, 3, 4]]
+    assert read.cells.tolist() == expected
+    text = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in points.tolist())
+    text += "".join(f"9 {len(f)} {' '.join(map(str, f))} {i} {'0.5 ' * i}\n\n" for i, f in enumerate(faces)) + "1\n2\n"
+    assert decoded(ply(text, *lines)).cells.tolist() == expected
+
+
+def test_ply_edges():
+    body = "0 0 0\n1 0 0\n0 1 0\n1 2\n0 1\n"
+    edges = ("element edge 2", "property int vertex1", "property int vertex2")
+    assert decoded(ply(body, *XYZ, *edges)).cells.tolist() == [[1, 2], [0, 1]]
+
+
+def test_ply_of_32_bit_numbers_as_text_holds_no_more():
+    body = "0 0 0\n1 0 0\n0 0.30000000000000004 0\n3 0 1 2\n"
+    assert decode_mesh(ply(body, *XYZ, *FACE), "file").half_steps.max() == pytest.approx(SINGLE, rel=1e-6)
+
+
+# --- STL
+
+
+def facet(points: np.ndarray = TRIANGLE) -> str:
+    corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in points)
+    return f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"solid\n{facet()}endsolid\n",
+        f"solid a solid of many words\n{facet()}endsolid a solid of many words",
+        f"  solid x\r\n  {facet()}end solid x\r\n".lstrip(),
+        f"SOLID X\n{facet().upper()}ENDSOLID X\n",
+        f"solid a\nendsolid a\nsolid b\n{facet()}endsolid\n",
+    ],
+)
+def test_stl_text_as_programs_write_it(text):
+    read = decoded(text, "stl")
+    assert np.array_equal(read.vertices, TRIANGLE)
+    assert read.cells.tolist() == [[0, 1, 2]]
+
+
+def test_a_binary_stl_may_begin_with_solid():
+    data = encoded(surface(), "stl")
+    assert np.array_equal(decoded(b"solid x" + data[7:]).cells, decoded(data).cells)
+
+
+def test_corners_of_facets_are_one_vertex_where_they_coincide():
+    read = decoded(encoded(surface(), "stl"))
+    assert len(read.vertices) == len(surface().vertices)
+    shifted = encoded(Mesh(surface().vertices + 0.125, surface().cells), "stl", ascii=True)
+    assert len(decoded(shifted).vertices) == len(surface().vertices)
+
+
+# --- GLB
+
+
+def glb(tree: dict, binary: bytes) -> bytes:
+    return glb_file(json.dumps(tree).encode(), binary)
+
+
+def primitive(mode: int, count: int = 5, **more) -> dict:
+    return {
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"name": "m", "primitives": [{"attributes": {"POSITION": 0}, "mode": mode}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 12 * count}],
+        "buffers": [{"byteLength": 12 * count}],
+        **more,
+    }
+
+
+POINTS = np.arange(15, dtype="<f4").reshape(5, 3)
+
+
+@pytest.mark.parametrize(
+    ("mode", "cells"),
+    [
+        (1, [[0, 1], [2, 3]]),
+        (2, [[0, 1], [1, 2], [2, 3], [3, 4], [4, 0]]),
+        (3, [[0, 1], [1, 2], [2, 3], [3, 4]]),
+        (4, [[0, 1, 2]]),
+        (5, [[0, 1, 2], [2, 1, 3], [2, 3, 4]]),
+        (6, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]),
+    ],
+)
+def test_glb_of_every_mode(mode, cells):
+    read = decoded(glb(primitive(mode), POINTS.tobytes()))
+    assert read.cells.tolist() == cells
+    assert np.array_equal(read.vertices, POINTS)
+
+
+def test_glb_nodes_within_nodes_and_interleaved_numbers():
+    tree = primitive(4, 3)
+    tree["nodes"] = [
+        {"children": [1, 2], "translation": [1, 0, 0]},
+        {"mesh": 0, "scale": [2, 2, 2], "rotation": [0, 0, 0.5**0.5, 0.5**0.5]},
+        {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1]},
+    ]
+    tree["bufferViews"][0] |= {"byteStride": 16, "byteLength": 48}
+    rows = np.zeros((3, 4), dtype="<f4")
+    rows[:, :3] = TRIANGLE
+    read = decoded(glb(tree, rows.tobytes()))
+    turned = [[1, 0, 0], [1, 2, 0], [-1, 0, 0]]  # a quarter turn around z, twice the size, and moved
+    assert np.allclose(read.vertices, [*turned, *(TRIANGLE + np.array([1, 0, 5]))], atol=1e-12)
+
+
+# --- damage
+
+
+@pytest.mark.parametrize(
+    ("data", "format", "message"),
+    [
+        (b"", "obj", "is empty"),
+        (b"junk\n", "obj", "line 1: unknown keyword 'junk'"),
+        (b"v 0 0 0\n", "obj", "has neither faces nor segments"),
+        (b"# nothing\n", "obj", "has no vertices"),
+        (b"v 0 0\n", "obj", "line 1: a vertex has 3 coordinates, got 2"),
+        (b"v 0 0 0\nv 0 0 x\n", "obj", "line 2: 'x' is no number"),
+        (b"v 0 0 0\nv 0 0 1_0\n", "obj", "line 2: '1_0' is no number"),
+        (b"v 0 0 0\nf 1 2\n", "obj", "line 2: 'f' has at least 3 vertices, got 2"),
+        (b"v 0 0 0\nf 1 1 0\n", "obj", "line 2: vertices are counted from 1, got 0"),
+        (b"v 0 0 0\nf 1 1 9\n", "obj", "face 0: expected vertices from 0 to 0, got 8"),
+        (b"v 0 0 0\nf -9 1 1\n", "obj", "face 0: expected vertices from 0 to 0, got -8"),
+        (b"v 0 0 0\nf 1 1 99999999999999999999\n", "obj", "line 2: '99999999999999999999' is no whole number"),
+        (b"v 0 0 0\nf 1 1 1.5\n", "obj", "line 2: '1.5' is no whole number"),
+        (b"v 0 0 0\nf 1 1 1\nl 1 1\n", "obj", "has both faces (f) and polylines (l)"),
+        (b"v 0 0 0\nsurf 0 1 0 1 1\n", "obj", "line 2: 'surf': free-form curves and surfaces are no mesh"),
+        (b"v 0 nan 0\nf 1 1 1\n", "obj", "vertex 0: is not finite: 0 nan 0"),
+        (b"v 0 0 0\nv 1e999 0 0\nf 1 2 1\n", "obj", "vertex 1: is not finite: inf 0 0"),
+        (b"v 0 0 0\nv 1e305 0 0\nf 1 2 1\n", "obj", "vertex 1: is too large"),
+        (b"plx\n", "ply", "is no PLY file"),
+        (b"ply\nformat ascii 1.0\n", "ply", "is cut off: no end_header"),
+        (b"ply\nelement vertex 1\nend_header\n", "ply", "has no line format"),
+        (b"ply\nformat xml 1.0\nend_header\n", "ply", "line 2: cannot be read: 'format xml 1.0'"),
+        (ply("", "element vertex -1"), "ply", "line 3: a number of rows is not negative, got -1"),
+        (ply("", "element vertex 1", "property quad x"), "ply", "line 4: unknown type 'quad'"),
+        (ply("", "element vertex 1", "property x"), "ply", "line 4: expected property TYPE NAME"),
+        (ply("", "element vertex 1", "property list float int x"), "ply", "the length of a list is a whole number"),
+        (ply("", "element face 0"), "ply", "has no element vertex"),
+        (ply("1\n", "element vertex 1", "property float x"), "ply", "element vertex: has no property y"),
+        (ply("0 0 0\n1 0 0\n", *XYZ, *FACE), "ply", "is cut off: element vertex has 3 rows, the file ends in row 2"),
+        (ply("0 0 0\n1 0 0\n0 1\n3 0 1 2\n", *XYZ, *FACE), "ply", "element vertex: a row has too few numbers: '0 1'"),
+        (ply("0 0 0\n1 0 0\n0 1 0 4\n3 0 1 2\n", *XYZ, *FACE), "ply", "a row has too many numbers: '0 1 0 4'"),
+        (ply("0 0 0\n1 0 0\n0 1 0\n3 0 1\n", *XYZ, *FACE), "ply", "element face: a row has too few numbers: '3 0 1'"),
+        (ply("0 0 0\n1 0 0\n0 1 0\n2 0 1\n", *XYZ, *FACE), "ply", "a face has at least 3 corners, got 2"),
+        (ply("0 0 0\n1 0 0\n0 1 0\n3 0 1 5\n", *XYZ, *FACE), "ply", "face 0: expected vertices from 0 to 2, got 5"),
+        (ply("0 0 0\n1 0 0\n0 1 z\n3 0 1 2\n", *XYZ, *FACE), "ply", "element vertex: 'z' is no number"),
+        (ply("0 0 0\n1 0 0\n0 1 inf\n3 0 1 2\n", *XYZ, *FACE), "ply", "vertex 2: is not finite: 0 1 inf"),
+        (ply("0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n7\n", *XYZ, *FACE), "ply", "has more than its header says: '7'"),
+        (ply("", "element vertex 99999999999999", *XYZ[1:]), "ply", "is cut off: element vertex"),
+        (ply(b"", *XYZ, *FACE, format="binary_little_endian"), "ply", "is cut off: element vertex has 3 rows"),
+        (ply(bytes(36), *XYZ, *FACE, format="binary_little_endian"), "ply", "is cut off: element face has 1 rows"),
+        (ply(bytes(36) + b"\3", *XYZ, *FACE, format="binary_little_endian"), "ply", "is cut off: element face"),
+        (ply(bytes(36) + b"\3" + bytes(13), *XYZ, *FACE, format="binary_little_endian"), "ply", "has 1 bytes more"),
+        (b"junk", "stl", "is no STL file: 4 bytes"),
+        (encoded(surface(), "stl")[:-1], "stl", "says that it has 32 facets, and its size is that of 31.98"),
+        (b"solid x\n" + facet().encode(), "stl", "is cut off: a solid without endsolid"),
+        (f"solid x\n{facet()[:-9]}\nendsolid\n".encode(), "stl", "facet 1: is cut off after 'endloop'"),
+        (f"solid x\n{facet()}facet\nendsolid\n".encode(), "stl", "facet 2: is cut off after 'facet'"),
+        (
+            f"solid x\n{facet().replace('loop', 'hoop', 1)}endsolid\n".encode(),
+            "stl",
+            "facet 1: expected loop, got 'hoop'",
+        ),
+        (f"solid x\n{facet().replace('1.0', 'one', 1)}endsolid\n".encode(), "stl", "'one' is no number"),
+        (f"solid x\n{facet()}endsolid\nmore\n".encode(), "stl", "expected solid, got 'more'"),
+        (b"solid x\nendsolid x\n", "stl", "has no vertices"),
+        (b"glTX", "glb", "is no GLB file"),
+        (struct.pack("<4sII", b"glTF", 1, 12), "glb", "is glTF of version 1, expected 2"),
+        (encoded(surface(), "glb")[:-4], "glb", "says that it has"),
+        (struct.pack("<4sIIII", b"glTF", 2, 20, 99, 0), "glb", "is cut off within a chunk"),
+        (struct.pack("<4sII", b"glTF", 2, 12), "glb", "has no description"),
+        (struct.pack("<4sIIII", b"glTF", 2, 24, 4, 0x4E4F534A) + b"{{{{", "glb", "its description is not JSON"),
+        (struct.pack("<4sIIII", b"glTF", 2, 24, 4, 0x4E4F534A) + b"[]  ", "glb", "its description is not an object"),
+        (glb({}, b""), "glb", "has no vertices"),
+        (glb(primitive(4) | {"nodes": [{"mesh": 3}]}, POINTS.tobytes()), "glb", "its description is wrong: IndexError"),
+        (glb(primitive(4) | {"nodes": [{"children": [0]}]}, b""), "glb", "has no vertices"),
+        (
+            glb(primitive(4) | {"scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]}, b""),
+            "glb",
+            "has node 0 in two places",
+        ),
+        (
+            glb({"scenes": [{"nodes": [0]}], "nodes": [{"children": [k + 1]} for k in range(200)]}, b""),
+            "glb",
+            "nodes within nodes",
+        ),
+        (glb(primitive(4) | {"extensionsRequired": ["\x1b[2J\n"]}, b""), "glb", "needs \ufffd[2J\ufffd, which"),
+        (ply("", "element vert\x1bex 1"), "ply", "has no element vertex"),
+        (ply("z\n", "element \x1b 1", "property int x"), "ply", "element \ufffd: 'z' is no whole number"),
+        (ply("", *XYZ, *XYZ), "ply", "line 7: vertex is there twice"),
+        (ply("", *XYZ, "property int x"), "ply", "line 7: x is there twice"),
+        (glb(primitive(4) | {"extensionsRequired": ["KHR_draco_mesh_compression"]}, b""), "glb", "needs KHR_draco"),
+        (glb(primitive(9), POINTS.tobytes()), "glb", "unknown mode 9"),
+        (glb(primitive(4), POINTS.tobytes()[:-4]), "glb", "is cut off: an accessor is longer than the data"),
+        (glb(primitive(4, 10**18), POINTS.tobytes()), "glb", "is cut off: an accessor is longer than the data"),
+        (glb(primitive(4) | {"buffers": [{"uri": "x.bin"}]}, b""), "glb", "has its numbers in another file"),
+    ],
+)
+def test_damaged_files_are_refused_with_what_is_wrong(data, format, message):
+    assert message in refusal(data, format)
+
+
+def turned(count: int) -> bytes:
+    """A mesh in many nodes, which are turned by numbers that overflow."""
+    nodes = [{"mesh": 0, "rotation": [1e200] * 4} for _ in range(count)]
+    return glb(primitive(4, 3) | {"nodes": nodes}, POINTS[:3].tobytes())
+
+
+def alternating(count: int) -> bytes:
+    """Triangles and quadrangles by turns."""
+    header = "\n".join([XYZ[0].replace("3", "4"), *XYZ[1:], f"element face {count}", FACE[1]])
+    faces = b"".join(struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3) for _ in range(count // 2))
+    return ply(bytes(48) + faces, header, format="binary_little_endian")
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"solid\nendsolid\n" * 20_000, "has no vertices"),
+        (turned(5_000), "is not finite"),
+        (glb({"nodes": [*({"children": [k + 1] * 2} for k in range(30)), {}]}, b""), "in two places"),
+        (ply("", *(f"element a{k} 1" for k in range(20_000)), *XYZ[:1]), "has no property x"),
+        (alternating(20_000) + b"x", "has 1 bytes more"),
+        (b"".join(b"v 0 0 0\nf -1 -1 -1\n" for _ in range(10_000)) + b"x\n", "line 20001: unknown keyword"),
+    ],
+    ids=["solids", "nodes", "tree", "elements", "lists", "turns"],
+)
+def test_time_goes_with_the_size_of_a_file(data, message):
+    """Each of these took more than its square, or would have."""
+    start = time.process_time()
+    assert message in refusal(data)
+    assert time.process_time() - start < SECONDS
+
+
+def test_a_small_file_cannot_stand_for_a_mesh_that_fills_the_memory():
+    count = 15_000
+    parts = primitive(4, count)["meshes"][0]["primitives"] * 3_000
+    data = glb(primitive(4, count) | {"meshes": [{"primitives": parts}]}, bytes(12 * count))
+    assert "has more than 5180000 vertices or corners" in refusal(data)
+
+
+@pytest.mark.parametrize("kind", ["junk", "folder", "missing"])
+def test_what_is_no_mesh_at_all(kind, tmp_path):
+    path = tmp_path / "x.obj"
+    if kind == "junk":
+        path.write_bytes(b"\x89PNG\r\n\x1a\n")
+    elif kind == "folder":
+        path.mkdir()
+    with pytest.raises(GtbError, match=r"x\.obj: "):
+        read_mesh(path)
+
+
+def files() -> list[bytes]:
+    found = [encoded(mesh, format, **options) for mesh in (surface(2), model()) for format, options in OPTIONS]
+    return found + [encoded(curve(3), format) for format in ("obj", "ply", "glb")]
+
+
+FILES = files()
+
+
+@given(
+    st.sampled_from(FILES),
+    st.lists(
+        st.tuples(
+            st.integers(0, 10**6), st.sampled_from(["cut", "change", "drop", "double", "digit"]), st.integers(0, 255)
+        )
+    ),
+)
+def test_any_damage_is_a_mesh_or_a_refusal(data, damages):
+    format = format_of(data)
+    for place, kind, value in damages:
+        at = place % (len(data) + 1)
+        if kind == "cut":
+            data = data[:at]
+        elif kind == "change":
+            data = data[:at] + bytes([value]) + data[at + 1 :]
+        elif kind == "drop":
+            data = data[:at] + data[at + 1 + value % 50 :]
+        elif kind == "double":
+            data = data[: at + value] + data[at:]
+        else:
+            data = data[:at] + b"%d" % (value % 10) + data[at:]
+    with contextlib.suppress(GtbError):
+        mesh = decode_mesh(data, "file", format).mesh
+        assert np.isfinite(mesh.vertices).all()
+        assert mesh.cells.min() >= 0
+        assert mesh.cells.max() < len(mesh.vertices)

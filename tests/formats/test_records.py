@@ -1,0 +1,195 @@
+"""What PLY, STL and GLB files hold, as trimesh's exporters or the room `formats` write them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import plyfile
+import pytest
+import stl
+import trimesh
+from trimesh.exchange.ply import export_ply
+
+from gtb_cli.errors import ExportError
+from gtb_cli.formats.export import encode_mesh, write_mesh
+from gtb_cli.formats.morph import animated_glb
+from gtb_cli.formats.records import facet_normals
+from tests.tiny_meshes import curve, encoded, model, surface, two_curves
+
+# 32-bit numbers: half a unit in the last of 24 bits.
+SINGLE = 2.0**-24
+# A unit vector in 32 bits.
+UNIT = 1e-7
+
+
+# --- PLY -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ascii", [False, True])
+def test_ply_holds_normals_uv_and_attributes(ascii, tmp_path):
+    mesh = replace(surface(), attributes={"chord error": np.linspace(0, 1, 25)})
+    write_mesh(mesh, tmp_path / "mesh.ply", ascii=ascii, normals=True, uv=True)
+    data = plyfile.PlyData.read(tmp_path / "mesh.ply")
+    vertex = data["vertex"]
+    assert [p.name for p in vertex.properties] == ["x", "y", "z", "nx", "ny", "nz", "s", "t", "chord_error"]
+    expected = np.column_stack([mesh.vertices, mesh.normals, mesh.parameters, mesh.attributes["chord error"]])
+    found = np.column_stack([vertex[p.name] for p in vertex.properties])
+    if ascii:
+        np.testing.assert_array_equal(found, expected)  # doubles, to the last bit
+    else:
+        np.testing.assert_array_equal(found, expected.astype(np.float32))
+    assert np.vstack(data["face"]["vertex_indices"]).tolist() == mesh.cells.tolist()
+
+
+def test_ply_has_no_normals_or_uv_unless_asked(tmp_path):
+    write_mesh(surface(), tmp_path / "mesh.ply")
+    names = [p.name for p in plyfile.PlyData.read(tmp_path / "mesh.ply")["vertex"].properties]
+    assert names == ["x", "y", "z"]
+
+
+def test_ply_as_text_keeps_doubles_far_from_the_origin(tmp_path):
+    mesh = replace(surface(), vertices=surface().vertices * 1e-3 + 1e7)
+    write_mesh(mesh, tmp_path / "mesh.ply", ascii=True)
+    np.testing.assert_array_equal(trimesh.load(tmp_path / "mesh.ply", process=False).vertices, mesh.vertices)
+    np.testing.assert_array_equal(meshio.read(tmp_path / "mesh.ply").points, mesh.vertices)
+
+
+def test_ply_of_a_curve_is_what_trimesh_writes():
+    theirs = export_ply(curve().to_trimesh(), encoding="binary").splitlines(keepends=True)
+    assert encoded(curve(), "ply") == b"".join(line for line in theirs if not line.startswith(b"comment"))
+
+
+@pytest.mark.parametrize("name", ["x", "nx", "s"])
+def test_ply_refuses_an_attribute_named_like_a_property(name):
+    with pytest.raises(ExportError, match=f"attributes: PLY has a property '{name}' already"):
+        encode_mesh(replace(surface(), attributes={name: np.zeros(25)}), "ply")
+
+
+# --- STL -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
+@pytest.mark.parametrize("ascii", [False, True])
+def test_stl_normals_are_those_of_the_triangles_at_any_size(ascii, scale, tmp_path):
+    mesh = replace(surface(), vertices=surface().vertices * scale)
+    write_mesh(mesh, tmp_path / "mesh.stl", ascii=ascii)
+    corners = surface().vertices[mesh.cells]
+    expected = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    expected /= np.linalg.norm(expected, axis=1)[:, None]
+    np.testing.assert_allclose(
+        stl.Mesh.from_file(str(tmp_path / "mesh.stl"), calculate_normals=False).normals, expected, atol=UNIT
+    )
+
+
+def test_facet_normals_of_slivers_and_of_nothing():
+    tiny = np.array([[0.0, 0, 0], [1e-150, 0, 0], [0, 1e-150, 0]])
+    huge = np.array([[0.0, 0, 0], [0, 1e300, 0], [0, 0, 1e300]])
+    sliver = np.array([[0.0, 0, 0], [1e9, 0, 0], [0, 1e-9, 0]])
+    point, line = np.ones((3, 3)), np.outer([0.0, 1.0, 2.0], [1.0, 1.0, 1.0])
+    found = facet_normals(np.stack([tiny, huge, sliver, point, line]))
+    assert found.tolist() == [[0, 0, 1], [1, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 0]]
+
+
+def test_stl_as_text_has_a_name_and_no_blank_lines():
+    text = encoded(replace(surface(), name="bent é\nsquare"), "stl", ascii=True).decode("ascii")
+    assert text.startswith("solid bent_?_square\nfacet normal ")
+    assert text.endswith("endfacet\nendsolid bent_?_square\n")
+    assert all(text.split("\n")[:-1])
+
+
+def test_stl_as_text_keeps_doubles(tmp_path):
+    mesh = replace(surface(), vertices=surface().vertices + 1e7)
+    write_mesh(mesh, tmp_path / "mesh.stl", ascii=True)
+    loaded = trimesh.load(tmp_path / "mesh.stl", process=False)
+    np.testing.assert_array_equal(loaded.triangles, mesh.vertices[mesh.cells])
+
+
+def test_stl_of_a_curve_is_refused_with_the_way_out(tmp_path):
+    with pytest.raises(ExportError, match="--radius R"):
+        write_mesh(curve(), tmp_path / "c.stl")
+    assert not list(tmp_path.iterdir())
+
+
+# --- GLB -------------------------------------------------------------------------------------------------------------
+
+
+def tree_of(glb: bytes) -> dict:
+    size = int.from_bytes(glb[12:16], "little")
+    assert int.from_bytes(glb[8:12], "little") == len(glb)
+    return json.loads(glb[20 : 20 + size])
+
+
+def test_glb_has_one_named_node_for_each_group():
+    for mesh, names in ((surface(), ["bent_square"]), (model(), ["left_half", "right"]), (two_curves(), ["a", "b"])):
+        tree = tree_of(encoded(mesh, "glb"))
+        assert [node["name"] for node in tree["nodes"]] == names
+        assert [part["name"] for part in tree["meshes"]] == names
+        assert tree["scenes"][0]["nodes"] == list(range(len(names)))
+
+
+def test_glb_of_a_group_called_like_the_root_of_a_scene():
+    tree = tree_of(encoded(replace(model(), groups=(("world", 0, 18), ("world_", 18, 68))), "glb"))
+    assert [node["name"] for node in tree["nodes"]] == ["world", "world_"]
+    assert tree["scenes"][0]["nodes"] == [0, 1]
+
+
+def test_glb_holds_normals_and_uv(tmp_path):
+    write_mesh(surface(), tmp_path / "mesh.glb", normals=True, uv=True)
+    loaded = trimesh.load_scene(tmp_path / "mesh.glb", process=False).geometry["bent_square"]
+    np.testing.assert_allclose(loaded.vertex_normals, surface().normals, atol=UNIT)
+    np.testing.assert_allclose(loaded.visual.uv, surface().parameters, atol=4 * SINGLE)
+    plain = tree_of(encoded(surface(), "glb"))["meshes"][0]["primitives"][0]["attributes"]
+    assert list(plain) == ["POSITION"]
+    both = tree_of(encoded(model(), "glb", normals=True, uv=True))["meshes"]
+    assert all(set(m["primitives"][0]["attributes"]) == {"POSITION", "NORMAL", "TEXCOORD_0"} for m in both)
+
+
+def test_glb_shows_both_sides_of_an_open_surface():
+    tree = tree_of(encoded(surface(), "glb"))
+    assert tree["materials"][tree["meshes"][0]["primitives"][0]["material"]]["doubleSided"] is True
+
+
+@pytest.mark.parametrize("make", [surface, model, two_curves])
+def test_glb_says_which_views_hold_vertices_and_which_indices(make):
+    """The Khronos validator asks for it (BUFFER_VIEW_TARGET_MISSING)."""
+    tree = tree_of(encoded(make(), "glb", normals=True, uv=True))
+    primitives = [primitive for part in tree["meshes"] for primitive in part["primitives"]]
+    targets = {
+        tree["accessors"][number]["bufferView"]: target
+        for primitive in primitives
+        for target, numbers in ((34962, primitive["attributes"].values()), (34963, [primitive["indices"]]))
+        for number in numbers
+    }
+    assert [view["target"] for view in tree["bufferViews"]] == [targets[n] for n in range(len(tree["bufferViews"]))]
+
+
+@pytest.mark.parametrize("make", [surface, curve])
+def test_glb_says_that_morph_targets_are_vertices_and_times_are_not(make):
+    tree = tree_of(b"".join(animated_glb((make(), make()), ("a", "b"), normals=True)))
+    (primitive,) = tree["meshes"][0]["primitives"]
+    sampler = tree["animations"][0]["samplers"][0]
+    for target, numbers in ((34962, primitive["targets"][0].values()), (None, (sampler["input"], sampler["output"]))):
+        for number in numbers:
+            assert tree["bufferViews"][tree["accessors"][number]["bufferView"]].get("target") == target
+
+
+def test_glb_uv_of_a_curve_run_upwards_from_0():
+    glb = encoded(curve(4), "glb", uv=True)
+    tree = tree_of(glb)
+    accessor = tree["accessors"][tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]]
+    view = tree["bufferViews"][accessor["bufferView"]]
+    body = glb[len(glb) - tree["buffers"][0]["byteLength"] :]
+    uv = np.frombuffer(body, "<f4", 10, view["byteOffset"]).reshape(5, 2)
+    assert uv.tolist() == [[t, 1.0] for t in (0.0, 0.25, 0.5, 0.75, 1.0)]  # glTF counts v from the top
+
+
+def test_glb_lines_are_indexed_within_their_part():
+    tree = tree_of(encoded(two_curves(), "glb"))
+    for part, count in zip(tree["meshes"], (4, 7), strict=True):
+        primitive = part["primitives"][0]
+        assert primitive["mode"] == 1
+        assert tree["accessors"][primitive["attributes"]["POSITION"]]["count"] == count + 1
+        assert tree["accessors"][primitive["indices"]]["count"] == 2 * count

@@ -1,0 +1,193 @@
+"""Distances between surfaces: of shapes where they are known, and by dense sampling."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes import compare
+from gtb_cli.meshes.compare import RELATIVE, surface_distance
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.patch import Patch
+from tests.shell import SPECS
+from tests.tiny_meshes import curve, surface
+
+ROUNDING = 1e-13
+"""Of meshes of size 1 to 10."""
+
+
+def moved(mesh: Mesh, *by: float) -> Mesh:
+    return Mesh(mesh.vertices + np.array(by), mesh.cells)
+
+
+def flat(n: int) -> Mesh:
+    mesh = surface(n)
+    return Mesh(mesh.vertices * [1, 1, 0] + mesh.vertices[:, [0]] * [0, 0, 0.3], mesh.cells)
+
+
+def samples(mesh: Mesh, number: int) -> np.ndarray:
+    """Points of all cells on a grid, corners among them."""
+    k = mesh.cells.shape[1]
+    grid = [
+        (i, j, number - i - j)[:k] if k == 3 else (i, number - i)
+        for i in range(number + 1)
+        for j in range(number + 1 - i if k == 3 else 1)
+    ]
+    weights = np.array(grid) / number
+    return np.einsum("sk,ckx->csx", weights, mesh.vertices[mesh.cells]).reshape(-1, 3)
+
+
+def sampled_distance(a: Mesh, b: Mesh, number: int = 24) -> tuple[float, float]:
+    """Hausdorff distance of dense samples, and how far it can be from that of the meshes."""
+    one, two = samples(a, number), samples(b, number)
+    longest = max(
+        np.linalg.norm(mesh.vertices[mesh.cells] - mesh.vertices[np.roll(mesh.cells, 1, axis=1)], axis=2).max()
+        for mesh in (a, b)
+    )
+    distance = max(cKDTree(two).query(one)[0].max(), cKDTree(one).query(two)[0].max())
+    return float(distance), longest / number
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("shift", [0.0, 1e7])
+def test_parallel_planes(scale, shift):
+    one, two = flat(3), moved(flat(7), 0, 0, 0.25)
+    height = 0.25 / math.hypot(1, 0.3)  # in the middle; at the boundary, the farthest points are off the plane
+    one, two = (Mesh((mesh.vertices + shift) * scale, mesh.cells) for mesh in (one, two))
+    found = surface_distance(one, two)
+    at_edge = 0.25  # at the upper edge the plane ends: the nearest point of the lower one is on its own edge
+    assert height * scale <= found.value <= at_edge * scale * (1 + 1e-6)
+    assert found.value <= found.bound <= found.value * (1 + RELATIVE) + shift * scale * 1e-12
+
+
+def test_a_point_above_a_plane():
+    roof = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]])
+    square = Mesh(roof[:4], np.array([[0, 1, 2], [0, 2, 3]]))
+    pyramid = Mesh(roof, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
+    found = surface_distance(pyramid, square)
+    assert found.forward == pytest.approx(1)
+    assert found.forward_at == pytest.approx((1, 1, 1))
+    assert found.backward == pytest.approx(math.sqrt(0.5))  # the middle of the square, from a face of 45 degrees
+    assert found.backward_at == pytest.approx((1, 1, 0), abs=1e-3)
+    assert found.value == found.forward
+
+
+def test_the_farthest_point_may_be_inside_a_face():
+    # From the middle of a big face it is farthest to a small mesh around its corners.
+    big = Mesh(np.array([[0.0, 0, 0], [6, 0, 0], [0, 6, 0]]), np.array([[0, 1, 2]]))
+    corners = Mesh(big.vertices[np.array([0, 0, 1, 1, 2, 2])], np.array([[0, 1, 1], [2, 3, 3], [4, 5, 5]]))
+    found = surface_distance(big, corners)
+    assert found.forward == pytest.approx(3 * math.sqrt(2), rel=2 * RELATIVE)  # the middle of the long side
+    assert found.backward == 0
+
+
+@pytest.mark.parametrize(("m", "n"), [(3, 3), (10, 7), (5, 20), (1, 13)])
+def test_other_faces_of_the_same_surface_are_no_difference_and_that_is_proved(m, n):
+    found = surface_distance(flat(m), flat(n))
+    assert found.bound <= ROUNDING
+
+
+def test_faces_in_another_order():
+    mesh = surface(20)
+    order = np.random.default_rng(1).permutation(len(mesh.cells))
+    assert surface_distance(mesh, Mesh(mesh.vertices, mesh.cells[order])).bound <= ROUNDING
+    assert surface_distance(mesh, Mesh(mesh.vertices, mesh.cells[order, ::-1])).bound <= ROUNDING
+
+
+def pairs() -> dict[str, tuple[Mesh, Mesh]]:
+    pentagon, hexagon = load(SPECS / "pentagon.toml"), load(SPECS / "hexagon.toml")
+    rng = np.random.default_rng(7)
+    cells = rng.integers(0, 30, (25, 3))
+    ring = tessellate(load(SPECS / "example-3.1.toml"), 9)
+    return {
+        "bent": (surface(6), surface(7)),
+        "pentagon": (tessellate(pentagon, 5), tessellate(pentagon, 6)),
+        "parametrizations": (tessellate(pentagon, 6), tessellate(pentagon, 6, parametrization="linear")),
+        "hole": (surface(6), Mesh(surface(6).vertices, np.delete(surface(6).cells, [20, 21], axis=0))),
+        "different": (tessellate(pentagon, 3), tessellate(hexagon, 3)),
+        "soup": (Mesh(rng.normal(size=(30, 3)), cells), Mesh(rng.normal(size=(30, 3)), cells)),
+        "curves": (ring, tessellate(load(SPECS / "example-3.1.toml"), 13)),
+        "curve and surface": (ring, surface(4)),
+    }
+
+
+@pytest.mark.parametrize("name", pairs())
+def test_distance_as_by_dense_sampling(name):
+    a, b = pairs()[name]
+    found = surface_distance(a, b)
+    expected, error = sampled_distance(a, b)
+    assert abs(found.value - expected) <= error
+    assert found.value <= found.bound <= found.value * (1 + RELATIVE) + ROUNDING
+
+
+@pytest.mark.parametrize("name", pairs())
+def test_distance_is_the_same_both_ways_round(name):
+    a, b = pairs()[name]
+    found, other = surface_distance(a, b), surface_distance(b, a)
+    assert (found.forward, found.backward) == (other.backward, other.forward)
+    assert (found.forward_at, found.backward_at) == (other.backward_at, other.forward_at)
+
+
+@pytest.mark.parametrize("name", pairs())
+def test_an_accuracy_is_kept_and_saves_work(name):
+    a, b = pairs()[name]
+    exact = surface_distance(a, b)
+    accuracy = 0.2 * exact.value
+    found = surface_distance(a, b, accuracy)
+    assert exact.value - accuracy <= found.value <= exact.bound
+    assert exact.value <= found.bound <= found.value + accuracy * (1 + 1e-9)
+
+
+def test_without_effort_the_bound_is_still_one(monkeypatch):
+    a, b = pairs()["pentagon"]
+    exact = surface_distance(a, b)
+    monkeypatch.setattr(compare, "EFFORT", 0)
+    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
+    found = surface_distance(a, b)
+    assert found.value <= exact.value <= found.bound
+
+
+def test_large_meshes_take_both_directions_at_once_with_the_same_result(monkeypatch):
+    a, b = pairs()["pentagon"]
+    expected = surface_distance(a, b)
+    monkeypatch.setattr(compare, "LARGE", 0)
+    assert surface_distance(a, b) == expected
+
+    def broken(*arguments):
+        raise MemoryError
+
+    monkeypatch.setattr(compare, "_directed", broken)
+    with pytest.raises(MemoryError):
+        surface_distance(a, b)
+
+
+@pytest.mark.parametrize("exponent", [-290, 290])
+def test_extreme_sizes(exponent):
+    a, b = surface(3), moved(surface(4), 0, 0, 0.5)
+    expected = surface_distance(a, b).value
+    scale = 10.0**exponent
+    found = surface_distance(Mesh(a.vertices * scale, a.cells), Mesh(b.vertices * scale, b.cells))
+    assert found.value == pytest.approx(expected * scale, rel=1e-9)
+
+
+def test_chord_errors_fall_with_the_square_of_the_resolution():
+    patch = load(SPECS / "bicubic.toml")
+    assert isinstance(patch, Patch)
+    fine = tessellate(patch, 48)
+    errors = [surface_distance(tessellate(patch, n), fine).value for n in (4, 8, 16)]
+    rates = [math.log2(a / b) for a, b in pairwise(errors)]
+    assert min(rates) > 1.7
+
+
+def test_what_has_no_distance():
+    empty = Mesh(np.zeros((1, 3)), np.empty((0, 3), dtype=int))
+    with pytest.raises(DomainError, match="has no cells"):
+        surface_distance(surface(), empty)
+    with pytest.raises(DomainError, match="must be finite"):
+        surface_distance(surface(), Mesh(surface().vertices + np.inf, surface().cells))
+    assert surface_distance(curve(), curve()).bound == 0

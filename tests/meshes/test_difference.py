@@ -1,0 +1,210 @@
+"""When two meshes are the same: which vertices belong together, which tolerance holds, and what is proved."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.formats.meshfiles import KnownMesh, decode_mesh, known_exactly
+from gtb_cli.meshes import compare
+from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
+from gtb_cli.meshes.mesh import Mesh
+from tests.tiny_meshes import curve, encoded, model, surface
+
+RNG = np.random.default_rng(3)
+
+FORMATS = ("spec", "obj", "ply", "stl", "glb")
+
+OFFSET = 4096.0
+"""Far enough from the origin that 32-bit numbers are 2⁻¹¹ to 2⁻¹² apart."""
+
+
+def through(mesh: Mesh, kind: str) -> KnownMesh:
+    """A mesh as it comes back from a file."""
+    return known_exactly(mesh) if kind == "spec" else decode_mesh(encoded(mesh, kind), kind)
+
+
+def moved(mesh: Mesh, by: float, vertex: int = 7) -> Mesh:
+    vertices = mesh.vertices.copy()
+    vertices[vertex, 2] += by
+    return Mesh(vertices, mesh.cells, groups=mesh.groups)
+
+
+def shuffled(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
+    """Vertices, cells and their corners in another order; and where each vertex was."""
+    place = RNG.permutation(len(mesh.vertices))
+    cells = np.argsort(place)[mesh.cells][RNG.permutation(len(mesh.cells))]
+    return Mesh(mesh.vertices[place], RNG.permuted(cells, axis=1)), place
+
+
+def flipped(n: int) -> Mesh:
+    """`surface(n)` with the other diagonals."""
+    corners = surface(n).cells.reshape(-1, 6)[:, [0, 1, 2, 5]]
+    return Mesh(surface(n).vertices, corners[:, [0, 1, 3, 1, 2, 3]].reshape(-1, 3))
+
+
+@pytest.mark.parametrize(("first", "second"), [*itertools.product(FORMATS, FORMATS)])
+@pytest.mark.parametrize("offset", [0.0, OFFSET])
+def test_a_mesh_is_the_same_in_every_format(first, second, offset):
+    mesh = Mesh(surface(5).vertices + offset, surface(5).cells)
+    found = difference(through(mesh, first), through(mesh, second))
+    assert (found.same, found.method, found.is_proved) == (True, "vertices", True)
+    assert found.distance <= found.resolution <= found.tolerance
+
+
+@pytest.mark.parametrize(("kind", "step"), [("ply", 2.0**-11), ("stl", 2.0**-11), ("glb", 2.0**-11), ("obj", 1e-8)])
+def test_no_tolerance_is_below_what_a_format_holds(kind, step):
+    """From 4096 on 32-bit numbers are 2⁻¹¹ apart; nine digits at the size of the model are eight decimals."""
+    mesh = Mesh(surface(5).vertices + OFFSET, surface(5).cells)
+    found = difference(through(mesh, kind), known_exactly(mesh), 1e-12)
+    assert found.asked == 1e-12
+    assert found.tolerance == found.resolution
+    assert found.resolution == pytest.approx(math.sqrt(3) * step / 2, rel=1e-2)  # and roundings in double precision
+    twice = difference(through(mesh, kind), through(mesh, kind), 1e-12)
+    assert twice.tolerance == pytest.approx(math.sqrt(3) * step, rel=1e-2)
+
+
+def test_the_tolerance_is_relative_to_the_smaller_mesh():
+    large = Mesh(2 * surface(3).vertices, surface(3).cells)
+    diagonal = float(np.linalg.norm(np.ptp(surface(3).vertices, axis=0)))
+    for pair in ((surface(3), large), (large, surface(3))):
+        found = difference(*map(known_exactly, pair))
+        assert found.diagonal == pytest.approx(diagonal)
+        assert found.tolerance == pytest.approx(DEFAULT_TOLERANCE * diagonal)
+        assert difference(*map(known_exactly, pair), "2%").tolerance == pytest.approx(0.02 * diagonal)
+
+
+@pytest.mark.parametrize("mesh", [surface(9), model(), curve(20)], ids=["surface", "model", "curve"])
+def test_any_order_of_vertices_and_faces_is_the_same_mesh(mesh):
+    other, place = shuffled(mesh)
+    by = 0.4 * difference(known_exactly(mesh), known_exactly(mesh)).tolerance
+    found = difference(known_exactly(mesh), known_exactly(moved(other, by)))
+    assert (found.same, found.method, found.bound) == (True, "vertices", found.distance)
+    assert found.distance == pytest.approx(by, rel=1e-3)
+    assert (found.vertex, found.other_vertex) == (place[7], 7)
+
+
+@pytest.mark.parametrize("kind", ["ply", "stl"])
+def test_any_order_through_files(kind):
+    mesh = surface(9)
+    found = difference(through(shuffled(mesh)[0], kind), through(mesh, "obj"))
+    assert (found.same, found.method) == (True, "vertices")
+
+
+def test_vertices_without_faces_do_not_count():
+    mesh = surface(4)
+    other = Mesh(np.vstack([[[9.0, 9, 9]], mesh.vertices]), mesh.cells[::-1] + 1)
+    found = difference(known_exactly(mesh), known_exactly(other))
+    assert (found.same, found.method, found.distance) == (True, "vertices", 0.0)
+
+
+def test_beyond_the_tolerance_another_order_is_another_surface():
+    mesh = surface(9)
+    found = difference(known_exactly(mesh), known_exactly(moved(shuffled(mesh)[0], 1e-3)))
+    assert (found.same, found.method) == (False, "surface")
+    assert 0 < found.distance <= 1e-3
+
+
+def test_the_same_vertices_with_other_faces_are_another_surface():
+    found = difference(known_exactly(surface(6)), known_exactly(flipped(6)))
+    assert (found.same, found.method) == (False, "surface")
+    assert found.distance > 1e-3
+    assert difference(known_exactly(flipped(6)), known_exactly(flipped(6))).same
+
+
+def test_faces_that_are_there_twice_are_not_those_that_are_there_once():
+    """Which of its faces a mesh has twice does not change the surface, and that is what is compared then."""
+    mesh = surface(3)
+    one, two = (Mesh(mesh.vertices, np.vstack([mesh.cells, mesh.cells[[face]]])) for face in (2, 5))
+    found = difference(known_exactly(one), known_exactly(two))
+    assert (found.same, found.method) == (True, "surface")
+
+
+def test_vertices_that_are_nearer_to_each_other_than_the_tolerance():
+    found = difference(known_exactly(surface(5)), known_exactly(shuffled(surface(5))[0]), 0.5)
+    assert (found.same, found.method) == (True, "vertices")  # each is nearest to its own
+    found = difference(known_exactly(surface(5)), known_exactly(moved(shuffled(surface(5))[0], 0.4)), 0.5)
+    assert found.same
+    assert found.distance <= 0.4
+
+
+def test_what_coincides_in_32_bits_only():
+    """Two corners of a mesh are 1e-9 apart: one place in an STL file, two in an OBJ file."""
+    mesh = surface(4)
+    split = mesh.cells.copy()
+    split[5, 1] = len(mesh.vertices)
+    other = Mesh(np.vstack([mesh.vertices, mesh.vertices[mesh.cells[5, 1]] + [0, 0, 1e-9]]), split)
+    found = difference(through(other, "stl"), known_exactly(other))
+    assert (found.same, found.method) == (True, "vertices")
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e8])
+def test_what_coincides_in_32_bits_is_compared_in_64(offset):
+    """A corner that leaves its vertex by less than 32-bit numbers tell apart, in meshes that have more digits."""
+    mesh = surface(4)
+    here = Mesh(mesh.vertices + offset, mesh.cells)
+    soup = here.vertices[mesh.cells.ravel()]
+    corner = int(np.flatnonzero(mesh.cells.ravel() == mesh.cells[-1, 0])[-1])  # not the first one at its place
+    step = 2e-8 if not offset else 0.25
+    soup[corner, 2] += step
+    found = difference(known_exactly(here), known_exactly(Mesh(soup, np.arange(len(soup)).reshape(-1, 3))))
+    assert not found.same
+    assert found.distance > step / 10  # of the surfaces: the corner is beside others
+
+
+@pytest.mark.parametrize("kind", ["spec", "obj", "stl"])
+def test_faces_that_look_to_the_other_side_are_counted(kind):
+    mesh = surface(4)
+    cells = mesh.cells.copy()
+    cells[[3, 8]] = cells[[3, 8], ::-1]
+    found = difference(through(mesh, kind), through(Mesh(mesh.vertices, cells), kind))
+    assert (found.same, found.method, found.turned) == (True, "vertices", 2)
+    rolled = Mesh(mesh.vertices, np.roll(mesh.cells, 1, axis=1)[::-1])
+    assert difference(through(mesh, kind), through(rolled, kind)).turned == 0
+
+
+def test_another_order_far_from_the_origin():
+    """In 32-bit numbers all vertices are at one place, and tell nothing."""
+    far = Mesh(surface(4).vertices + 1e8, surface(4).cells)
+    found = difference(known_exactly(far), known_exactly(shuffled(far)[0]))
+    assert (found.same, found.method) == (True, "vertices")
+
+
+@pytest.mark.parametrize("exponent", [-280, 280])
+def test_extreme_sizes(exponent):
+    scale = 10.0**exponent
+    mesh = Mesh(surface(4).vertices * scale, surface(4).cells)
+    other = shuffled(mesh)[0]
+    assert difference(known_exactly(mesh), known_exactly(other)).method == "vertices"
+    assert not difference(known_exactly(mesh), known_exactly(moved(mesh, 1e-6 * scale))).same
+
+
+def test_a_curve_is_no_surface_even_where_nothing_is_apart():
+    segment = Mesh(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0, 1]]))
+    flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0, 0]]), np.array([[0, 1, 2]]))
+    found = difference(known_exactly(segment), known_exactly(flat))
+    assert (found.same, found.distance) == (False, 0.0)
+
+
+def plane(n: int) -> Mesh:
+    mesh = surface(n)
+    return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
+
+
+def test_other_faces_of_the_same_surface_are_proved_to_be_the_same():
+    found = difference(known_exactly(plane(5)), known_exactly(plane(7)))
+    assert (found.same, found.is_proved, found.method) == (True, True, "surface")
+    assert found.bound <= 1.1 * found.tolerance
+
+
+def test_what_could_not_be_proved_is_said(monkeypatch):
+    monkeypatch.setattr(compare, "EFFORT", 0)
+    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
+    found = difference(known_exactly(plane(5)), known_exactly(plane(7)))
+    assert (found.same, found.is_proved) == (True, False)
+    assert found.bound > 0.01
+    assert difference(known_exactly(plane(5)), known_exactly(plane(7)), 1.0).is_proved
+    assert difference(known_exactly(plane(5)), known_exactly(surface(7))).is_proved  # a distance that there is

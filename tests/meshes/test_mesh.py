@@ -1,0 +1,84 @@
+"""`Mesh`: plain arrays, and what they say of themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from tests import tiny_meshes as meshes
+
+POLYLINE = Mesh(np.array([[0, 0, 0], [1, 0, 2], [1, 3, -1]], dtype=float), np.array([[0, 1], [1, 2]]))
+TWO_TRIANGLES = Mesh(
+    np.array([[0, 0, 0], [2, 0, 0], [2, 1, 1], [0, 1, 0]], dtype=float), np.array([[0, 1, 2], [0, 2, 3]])
+)
+
+
+def test_a_polyline_has_edges_and_no_faces():
+    assert POLYLINE.is_curve
+    assert POLYLINE.edges.tolist() == [[0, 1], [1, 2]]
+    with pytest.raises(DomainError, match="a curve has edges, not faces"):
+        POLYLINE.faces  # noqa: B018
+
+
+def test_triangles_have_faces_and_each_edge_once():
+    assert not TWO_TRIANGLES.is_curve
+    assert TWO_TRIANGLES.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert TWO_TRIANGLES.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [2, 3]]
+
+
+def test_bounds_are_the_extreme_coordinates():
+    assert POLYLINE.bounds.tolist() == [[0, 0, -1], [1, 3, 2]]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vertices": np.zeros((4, 2))}, r"vertices: expected shape \(m, 3\), got \(4, 2\)"),
+        ({"vertices": np.zeros(3)}, r"vertices: expected shape \(m, 3\), got \(3,\)"),
+        ({"cells": np.zeros((1, 4), dtype=int)}, r"cells: expected shape \(k, 2\) or \(k, 3\), got \(1, 4\)"),
+        ({"cells": np.zeros(3, dtype=int)}, r"cells: expected shape"),
+        ({"parameters": np.zeros((3, 2))}, "parameters: 3 rows for 4 vertices"),
+        ({"normals": np.zeros((5, 3))}, "normals: 5 rows for 4 vertices"),
+        ({"attributes": {"height": np.zeros(2)}}, "height: 2 rows for 4 vertices"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(change, message):
+    arrays = {"vertices": TWO_TRIANGLES.vertices, "cells": TWO_TRIANGLES.cells} | change
+    with pytest.raises(DomainError, match=f"^{message}"):
+        Mesh(**arrays)
+
+
+def test_trimesh_gets_the_same_vertices_faces_and_normals():
+    mesh = meshes.surface()
+    other = mesh.to_trimesh()
+    assert (other.vertices == mesh.vertices).all()
+    assert (other.faces == mesh.faces).all()
+    assert np.abs(other.vertex_normals - mesh.normals).max() < 1e-15
+    assert (other.bounds == mesh.bounds).all()
+
+
+def test_trimesh_keeps_vertices_that_coincide():
+    # A collapsed edge: trimesh would merge them if it were let.
+    vertices = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
+    other = Mesh(vertices, np.array([[0, 2, 3], [0, 1, 2]])).to_trimesh()
+    assert other.vertices.shape == (4, 3)
+    assert other.faces.tolist() == [[0, 2, 3], [0, 1, 2]]
+
+
+def test_trimesh_gets_a_polyline_as_a_path():
+    path = POLYLINE.to_trimesh()
+    assert path.vertices.tolist() == POLYLINE.vertices.tolist()
+    assert [entity.points.tolist() for entity in path.entities] == [[0, 1, 2]]
+
+
+def test_polylines_apart_are_entities_apart():
+    mesh = Mesh(np.arange(15.0).reshape(5, 3), np.array([[0, 1], [1, 2], [3, 4]]))
+    assert [entity.points.tolist() for entity in mesh.to_trimesh().entities] == [[0, 1, 2], [3, 4]]
+
+
+def test_a_closed_polyline_stays_closed():
+    mesh = Mesh(np.eye(3), np.array([[0, 1], [1, 2], [2, 0]]))
+    (entity,) = mesh.to_trimesh().entities
+    assert entity.points.tolist() == [0, 1, 2, 0]

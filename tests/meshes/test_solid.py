@@ -1,0 +1,359 @@
+"""Thickness: closed, looking outwards, of the right volume, and folds where they are."""
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from stl import mesh as stl
+
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.solid import MITRE, folded_faces, thicken
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.patch import Model, Patch
+from tests.shell import CURVE, PENTAGON, gtb
+from tests.specs import SPECS
+from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, torus, volume
+
+DIGITS = 1e-12
+"""A few thousand roundings."""
+
+SPHERE = 4 / 3 * math.pi
+
+
+@cache
+def meshed(path: Path, n: int) -> Mesh:
+    return tessellate(load(path), n)
+
+
+SURFACES = [path for path in sorted(SPECS.glob("*.toml")) if not meshed(path, 1).is_curve]
+
+
+def square(size: float = 2.0, n: int = 4) -> Mesh:
+    """A square in a plane across no axis."""
+    corners = size * np.array([[0, 0, 0], [1, 2, 2], [2, 1, -2], [3, 3, 0]]) / 3
+    return tessellate(Patch([[0, 0], [1, 0], [0, 1], [1, 1]], corners), n)
+
+
+def cube(n: int = 3) -> Model:
+    """Six squares with faces outwards, from 0 to 1."""
+    faces = []
+    for axis in range(3):
+        for side in (0, 1):
+            points = np.empty((4, 3))
+            points[:, axis] = side
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            points[:, u], points[:, v] = [0, 1, 0, 1], [0, 0, 1, 1]
+            faces.append(Patch([[0, 0], [1, 0], [0, 1], [1, 1]], points if side else points[[0, 2, 1, 3]]))
+    return Model(tuple(faces), name="cube")
+
+
+def ball() -> Model:
+    """Eight octants without poles."""
+    patch = quartic_octant()
+    signs = [np.array([x, y, z]) for x in (1, -1) for y in (1, -1) for z in (1, -1)]
+    return Model(tuple(Patch(patch.knots, patch.control_points * s, patch.weights, patch.coefficients) for s in signs))
+
+
+def dented(mesh: Mesh) -> Mesh:
+    """The same with normals turned over, and faces with them."""
+    return Mesh(mesh.vertices, mesh.cells[:, ::-1], normals=-mesh.normals, groups=mesh.groups)
+
+
+# --- volumes
+
+
+@pytest.mark.parametrize("thickness", [0.5, -0.5, 1e-3, 100.0])
+@pytest.mark.parametrize(("scale", "shift"), [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_a_plane_becomes_a_box(thickness, scale, shift):
+    flat = square()
+    flat = Mesh(scale * flat.vertices + shift, flat.cells, normals=flat.normals)
+    solid = thicken(flat, scale * thickness)
+    assert_closed(solid)
+    # 1e7 has 9 digits after the point.
+    assert volume(solid) == pytest.approx(4 * abs(thickness) * scale**3, rel=1e-5 if shift else DIGITS)
+    assert len(solid.vertices) == 2 * len(flat.vertices)
+    assert len(solid.cells) == 2 * len(flat.cells) + 2 * 4 * 4
+    height = (solid.vertices - flat.vertices[0]) @ flat.normals[0] / scale
+    expected = np.repeat([0, thickness], len(flat.vertices))
+    np.testing.assert_allclose(height, expected, atol=1e-8 if shift else DIGITS * abs(thickness) + DIGITS)
+    assert len(folded_faces(flat, scale * thickness)) == 0
+
+
+@pytest.mark.parametrize("make", [octant, quartic_octant])
+@pytest.mark.parametrize("thickness", [0.25, -0.25])
+def test_a_sphere_octant_becomes_an_eighth_of_a_shell(make, thickness):
+    """With an error of second order."""
+    expected = abs((1 + thickness) ** 3 - 1) * SPHERE / 8
+    errors = []
+    for n in (8, 16, 32):
+        solid = thicken(tessellate(make(), n), thickness)
+        assert_closed(solid)
+        assert len(solid.vertices) - len(solid.cells) / 2 == 2
+        errors.append(abs(volume(solid) / expected - 1))
+    assert errors[-1] < 2e-3
+    assert (np.log2(np.divide(errors[:-1], errors[1:])) > 1.8).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda: cylinder(2.0), math.pi / 4 * (2.5**2 - 2**2) * 5),
+        # A quarter of a tube, an outer upper quarter of its circle: Pappus with the centre of the quarter annulus.
+        (lambda: torus(3.0, 1.0), math.pi / 2 * (math.pi / 4 * (1.5**2 - 1) * 3 + (1.5**3 - 1) / 3)),
+    ],
+)
+def test_a_cylinder_and_a_torus(make, expected):
+    solid = thicken(tessellate(make(), 48), 0.5)
+    assert_closed(solid)
+    assert volume(solid) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_closed_body_gets_a_second_shell():
+    sphere = tessellate(ball(), 24)
+    whole = SPHERE
+    for mesh, thickness, expected in (
+        (sphere, 0.5, (1.5**3 - 1) * whole),
+        (sphere, -0.5, (1 - 0.5**3) * whole),
+        (dented(sphere), 0.5, (1 - 0.5**3) * whole),
+        (dented(sphere), -0.5, (1.5**3 - 1) * whole),
+    ):
+        solid = thicken(mesh, thickness)
+        assert_closed(solid)
+        assert len(solid.cells) == 2 * len(mesh.cells)
+        assert volume(solid) == pytest.approx(expected, rel=5e-3)
+        assert len(solid.groups) == 8
+
+
+@pytest.mark.parametrize("path", SURFACES, ids=lambda path: path.stem)
+def test_every_surface_becomes_a_solid(path):
+    """Of about its area times the thickness, where that is small."""
+    surface = meshed(path, 12)
+    size = float(np.ptp(surface.vertices, axis=0).max())
+    for thickness in (2e-3 * size, -2e-3 * size, 0.3 * size):
+        solid = thicken(surface, thickness)
+        assert_closed(solid)
+        if abs(thickness) < 0.1 * size:
+            assert volume(solid) == pytest.approx(area(surface) * abs(thickness), rel=0.03)
+
+
+@given(st.integers(0, 10**6), st.sampled_from([3, 4, 5, 7]), st.booleans())
+def test_any_rim_is_closed(seed, sides, outwards):
+    """Polygons of any number of sides, with random knots and control points."""
+    random = np.random.default_rng(seed)
+    angle = np.sort(random.uniform(0, 2 * np.pi, sides) * 0.3 + np.arange(sides) * 2 * np.pi / sides)
+    corners = np.column_stack([np.cos(angle), np.sin(angle)])
+    knots = np.concatenate([corners, 0.5 * random.uniform(-1, 1, (3, 2))])
+    patch = Patch(knots, random.uniform(-1, 1, (len(knots), 3)), random.uniform(0.1, 10, len(knots)))
+    assert_closed(thicken(tessellate(patch, 5), 0.1 if outwards else -0.1))
+
+
+# --- edges between patches
+
+
+@pytest.mark.parametrize("thickness", [0.25, -0.25])
+def test_a_cube_stays_a_cube(thickness):
+    """At its edges and corners the offset is where those of the faces meet."""
+    solid = thicken(tessellate(cube(), 3), thickness)
+    assert_closed(solid)
+    inner, outer = sorted([1.0, (1 + 2 * thickness)])
+    assert volume(solid) == pytest.approx(outer**3 - inner**3, rel=DIGITS)
+    np.testing.assert_allclose(
+        [solid.vertices.min(axis=0), solid.vertices.max(axis=0)],
+        [[min(0, -thickness)] * 3, [max(1, 1 + thickness)] * 3],
+        atol=DIGITS,
+    )
+
+
+@pytest.mark.parametrize("angle", [1, 20, 60, 90, 140, 179])
+def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
+    """Two squares that meet at an angle, turned from flat by it."""
+    a = math.radians(angle)
+    left = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]])
+    far = np.array([math.cos(a), 0, -math.sin(a)])
+    right = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 0, 0], far, [0, 1, 0], far + np.array([0, 1, 0])])
+    for thickness in (0.1, -0.1):
+        surface = tessellate(Model((left, right)), 2)
+        solid = thicken(surface, thickness)
+        assert_closed(solid)
+        ridge = np.flatnonzero(np.abs(surface.vertices[:, [0, 2]]).max(axis=1) < DIGITS)
+        move = solid.vertices[len(surface.vertices) + ridge] - surface.vertices[ridge]
+        length = np.linalg.norm(move, axis=1) / 0.1
+        wanted = 1 / math.cos(a / 2)
+        # Angles that may be due to facets are not told from a smooth surface.
+        np.testing.assert_allclose(length, 1 if angle < 15 else min(wanted, MITRE), rtol=DIGITS)
+        if 15 < angle < 120:
+            for normal in ([0, 0, 1], [math.sin(a), 0, math.cos(a)]):
+                np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)
+
+
+def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
+    """Three facets of a roof, the middle one narrow: exactly, their offsets meet far away to the side."""
+    points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, -0.1], [-0.02, -1, -0.002], [0.02, -1, -0.002], [1, 0, -0.1]])
+    cells = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1]])
+    tilted = np.array([math.sin(0.5), 0, math.cos(0.5)])  # which is not that of its facets
+    groups = (("left", 0, 2), ("middle", 2, 3), ("right", 3, 5))
+    surface = Mesh(points, cells, normals=np.array([tilted, *[[0, 0, 1.0]] * 5]), groups=groups)
+    move = thicken(surface, 0.1).vertices[6] / 0.1
+    np.testing.assert_allclose(move, [0, 0, 1], atol=0.02)
+
+
+def test_parts_of_a_model_stay_together():
+    surface = tessellate(cube(), 2)
+    solid = thicken(surface, 0.1)
+    assert [name for name, _, _ in solid.groups] == [name for name, _, _ in surface.groups]
+    open_cube = Model(cube().patches[:5])
+    solid = thicken(tessellate(open_cube, 2), 0.1)
+    assert_closed(solid)
+    sizes = [stop - start for _, start, stop in solid.groups]
+    assert sum(sizes) == 2 * 5 * 8 + 2 * 8
+    assert sorted(sizes) == [16, 20, 20, 20, 20]  # the rim's quadrilaterals are of the faces beside it
+
+
+# --- folds
+
+
+def test_folds_are_where_the_curvature_exceeds_the_thickness():
+    sphere = tessellate(quartic_octant(), 16)
+    assert len(folded_faces(sphere, -0.98)) == 0
+    assert len(folded_faces(sphere, 5.0)) == 0
+    # Past the centre, where areas have their sign back, too.
+    for thickness in (-1.02, -3.0):
+        assert len(folded_faces(sphere, thickness)) == len(sphere.cells)
+    tube = tessellate(cylinder(2.0), 32)
+    assert len(folded_faces(tube, -1.98)) == 0
+    assert len(folded_faces(tube, -2.02)) == len(tube.cells)
+
+
+def test_folds_are_found_face_by_face():
+    """z = x³ has its largest curvature, 1.39, at |x| = 0.387: facets there fold first, on one side each."""
+    x = [[-1, -1], [-1 / 3, 1], [1 / 3, -1], [1, 1]]
+    knots = [[i, j] for j in (0, 1) for i in range(4)]
+    points = [[x[i][0], j, x[i][1]] for j in (0, 1) for i in range(4)]
+    patch = Patch(knots, points, coefficients=[1, 3, 3, 1] * 2)
+    surface = tessellate(patch, 64)
+    middle = surface.vertices[surface.cells].mean(axis=1)[:, 0]
+    largest = 6 * 45**-0.25 / (1 + 9 / 45) ** 1.5  # |κ| = 6x / (1 + 9x⁴)^(3/2) at x⁴ = 1/45
+    for sign, side in ((1, 1), (-1, -1)):
+        assert len(folded_faces(surface, sign / (largest * 0.97))) > 0
+        assert len(folded_faces(surface, sign / (largest * 1.03))) == 0
+        folded = middle[folded_faces(surface, sign / (largest * 0.97))]
+        assert (side * folded > 0.2).all()
+        assert (side * folded < 0.6).all()
+
+
+# --- what is kept, and what is refused
+
+
+def test_normals_and_attributes():
+    surface = tessellate(octant(), 6)
+    surface = Mesh(
+        surface.vertices,
+        surface.cells,
+        surface.parameters,
+        surface.normals,
+        name="shell",
+        attributes={"u": surface.parameters[:, 0]},
+    )
+    outer = thicken(surface, 0.5)
+    count = len(outer.vertices) // 2
+    assert outer.name == "shell"
+    # The pole, seven vertices at one place, is one vertex now.
+    assert count == len(surface.vertices) - 6
+    np.testing.assert_array_equal(outer.normals[:count], -outer.normals[count:])
+    radial = outer.vertices[count:] / np.linalg.norm(outer.vertices[count:], axis=1, keepdims=True)
+    regular = surface.parameters[:, 1] < 2
+    np.testing.assert_allclose(outer.normals[count:-1], radial[:-1], atol=DIGITS)
+    assert regular.sum() == count - 1
+    np.testing.assert_array_equal(outer.attributes["u"], np.tile(outer.parameters[:count, 0], 2))
+    np.testing.assert_array_equal(outer.parameters[:count], outer.parameters[count:])
+    inner = thicken(surface, -0.5)
+    np.testing.assert_array_equal(inner.normals[:count], outer.normals[count:])
+    np.testing.assert_array_equal(inner.vertices[:count], outer.vertices[:count])
+
+
+def test_what_makes_no_solid_is_refused():
+    flat = square()
+    torn = Mesh(flat.vertices, np.concatenate([flat.cells, flat.cells[:1, ::-1], flat.cells[:1]]), normals=flat.normals)
+    turned = Mesh(flat.vertices, np.concatenate([flat.cells[:1, ::-1], flat.cells[1:]]), normals=flat.normals)
+    point = Patch([[0, 0], [1, 0], [0, 1]], np.ones((3, 3)))
+    cases = [
+        (tessellate(load(Path(CURVE)), 4), 1.0, "expected a surface, of which a solid is made; a curve gets a radius"),
+        (Mesh(flat.vertices, flat.cells), 1.0, "the mesh has no normals"),
+        (flat, 0.0, "must be a number other than zero, got 0.0"),
+        (flat, math.nan, "got nan"),
+        (flat, math.inf, "got inf"),
+        (flat, 1e-15, "1e-15 is below the rounding of coordinates of size 2"),
+        (torn, 1.0, r"the edge between vertices \d+ and \d+ has more than two faces"),
+        (turned, 1.0, r"the edge between vertices \d+ and \d+ has more than two faces, or two that do not agree"),
+        (tessellate(point, 3), 1.0, "'patch' is a single point"),
+    ]
+    for mesh, thickness, message in cases:
+        with pytest.raises(DomainError, match=message):
+            thicken(mesh, thickness)
+
+
+# --- the command
+
+
+@pytest.mark.parametrize("thickness", ["0.05", "-0.05", "-sqrt(2)/20"])
+def test_a_surface_can_be_printed(tmp_path, thickness):
+    path = tmp_path / "solid.stl"
+    result = gtb("mesh", PENTAGON, "-n", 8, "--thickness", thickness, "-o", path)
+    assert result.status == 0
+    read = stl.Mesh.from_file(str(path))
+    assert len(read.vectors) == 2 * 5 * 64 + 2 * 5 * 8
+    assert read.is_closed(exact=True)
+    amount = -math.sqrt(2) / 20 if "sqrt" in thickness else float(thickness)
+    expected = volume(thicken(meshed(Path(PENTAGON), 8), amount))
+    assert read.get_mass_properties()[0] == pytest.approx(expected, rel=1e-4)  # 32-bit
+
+
+def test_folds_are_warned_of():
+    mesh = meshed(Path(PENTAGON), 16)
+    count = len(folded_faces(mesh, 1.0))
+    assert count > 0
+    result = gtb("mesh", PENTAGON, "-n", 16, "--thickness", 1)
+    assert result.err.startswith(
+        f"gtb: warning: with a thickness of 1 the offset folds: {count} of 1280 faces, the first near ("
+    )
+    assert gtb("mesh", PENTAGON, "-n", 16, "--thickness", 1, "-q").err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((CURVE, "--thickness", 1), "expected a surface, of which a solid is made; a curve gets a radius"),
+        ((PENTAGON, "--thickness", 0), "'0' is zero"),
+        ((PENTAGON, "--thickness", "thick"), "unknown name 'thick'"),
+        ((PENTAGON, "--thickness", 1, "-n", 800), "makes 6408000 faces, more than 5000000"),
+    ],
+)
+def test_a_thickness_that_makes_no_sense(arguments, message):
+    result = gtb("mesh", *arguments)
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err
+
+
+def test_attributes_of_the_command(tmp_path):
+    path = tmp_path / "x.ply"
+    options = ["--attribute", "gaussian_curvature", "--attribute", "u"]
+    result = gtb("mesh", PENTAGON, "-n", 4, *options, "-o", path, "--ascii")
+    assert result.status == 0
+    # All of the boundary of the pentagon: 5 edges of 4 segments.
+    assert "warning: " + str(path) + ": the curvature has no finite limit at 20 of 51 vertices" in result.err
+    header = path.read_text(encoding="ascii").splitlines()[:12]
+    assert [line.split()[-1] for line in header if "double" in line] == [*"xyz", "gaussian_curvature", "u", "quality"]
+    assert "PLY does" in gtb("mesh", PENTAGON, *options, "-f", "obj").err
+    refused = gtb("mesh", PENTAGON, "--attribute", "colour")
+    assert refused.status == 2
+    assert "gaussian_curvature" in refused.err
+    both = gtb("mesh", CURVE, "--attribute", "u", "--radius", 0.1, "-f", "ply")
+    assert both.status == 0
+    assert b"property float quality" in both.out

@@ -1,0 +1,61 @@
+"""The JSON Schema against all specs, good and bad."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from gtb_cli.spec.reader import MODEL_KEYS, PATCH_KEYS
+from gtb_cli.spec.schema import schema
+from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
+
+STRUCTURAL, OTHER = ([case for case in bad_specs() if case.kind == kind] for kind in ("schema", "beyond schema"))
+VALIDATOR = jsonschema.Draft202012Validator(schema())
+
+
+def data(path: Path) -> object:
+    text = path.read_bytes().decode("utf-8-sig")
+    return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+
+
+def test_is_a_schema_and_plain_json() -> None:
+    jsonschema.Draft202012Validator.check_schema(schema())
+    assert json.loads(json.dumps(schema())) == schema()
+
+
+def test_names_every_key_and_no_other() -> None:
+    definitions = schema()["$defs"]
+    assert set(definitions["patch"]["properties"]) == PATCH_KEYS
+    assert set(definitions["model"]["properties"]) == MODEL_KEYS
+
+
+@pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.name)
+def test_good_specs_are_valid(path: Path) -> None:
+    VALIDATOR.validate(data(path))
+
+
+@pytest.mark.parametrize("case", STRUCTURAL, ids=lambda case: case.file)
+def test_structural_errors_are_invalid(case: Case) -> None:
+    assert not VALIDATOR.is_valid(data(BAD_SPECS / case.file))
+
+
+@pytest.mark.parametrize("case", OTHER, ids=lambda case: case.file)
+def test_the_list_of_what_it_cannot_say_is_true(case: Case) -> None:
+    assert VALIDATOR.is_valid(data(BAD_SPECS / case.file))
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        {"knots": [0, 1], "control_points": [[0, 0], [1, 1]]},
+        {"knots": ["1/2", 1], "control_points": [["pi", 0, 1], [1, 1, 1]], "edge_scale": ["sqrt(2)", 1]},
+        {"knots": [[0, 0], [1, 0], [0, 1]], "control_points": [[0, 0]] * 3, "coefficients": "partition-of-unity"},
+        {"name": "a", "patches": [{"name": "b", "knots": [0, 1], "control_points": [[0, 0], [1, 1]]}]},
+    ],
+)
+def test_small_specs_are_valid(spec: object) -> None:
+    VALIDATOR.validate(spec)

@@ -1,0 +1,356 @@
+"""Chord tolerance: the promise, measured by samples of its own, and what it costs in triangles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.meshes.distance import to_segments, to_triangles
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.linear import linear_locations
+from gtb_cli.theory.patch import Model, Patch
+from tests.specs import SPECS
+from tests.surfaces import rim
+
+PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
+HEIGHTS = np.array([0, 4, 2, 5, 2, 0, 2, 0.0])
+WEIGHTS = np.array([2, 2, 5, 7, 2, 3, 5, 2.0])
+LIFTING = np.array([1, 0, 3, 2, 0, 1, 3, 1.0])
+
+GRID = np.array([[i, j] for i in range(4) for j in range(4)], dtype=float)
+BICUBIC = np.array([math.comb(3, i) * math.comb(3, j) for i in range(4) for j in range(4)], dtype=float)
+
+SLACK = 1e-9
+"""Part of the tolerance by which an independent sample may exceed it through rounding."""
+
+NOISE = 0.05
+"""By which part two measurements of one mesh at random points may differ."""
+
+
+def patch(z=HEIGHTS, weights=WEIGHTS, knots=PENTAGON, **more) -> Patch:
+    return Patch(knots, np.column_stack([PENTAGON, z]), weights, **more)
+
+
+def spike() -> Patch:
+    weights = WEIGHTS.copy()
+    weights[3] = 1e6
+    return patch(weights=weights)
+
+
+def near_edge() -> Patch:
+    """Knots 0.05 from two edges: exponents that small have infinite slopes in the toric parametrisation."""
+    knots = PENTAGON.copy()
+    knots[2], knots[6] = (0.05, 1.2), (1.2, 0.05)
+    return patch(knots=knots)
+
+
+def almost_merged() -> Patch:
+    """Step 0.99 of the knot limit of Example 4.2."""
+    knots = PENTAGON.copy()
+    knots[3] = knots[3] + 0.99 * (knots[1] - knots[3])
+    return patch(knots=knots)
+
+
+def bicubic(scale: float = 1.0, shift: float = 0.0) -> Patch:
+    z = np.array([0, 0.5, 0.5, 0, 0.5, 1, 1, 0.5, 0.5, 1, 1, 0.5, 0, 0.5, 0.5, 0])
+    return Patch(GRID, scale * np.column_stack([GRID, z]) + shift, None, BICUBIC)
+
+
+HARD = {
+    "pentagon": patch(),
+    "knots near an edge": near_edge(),
+    "weights times 600^λ": patch(np.where(np.arange(8) == 3, 18, HEIGHTS), WEIGHTS * 600**LIFTING),
+    "almost merged knots": almost_merged(),
+    "one weight of a million": spike(),
+    "small": bicubic(1e-9),
+    "large": bicubic(1e9),
+    "far away": bicubic(1.0, 1e7),
+    "repeated knot": Patch(
+        np.vstack([PENTAGON, PENTAGON[3]]), np.vstack([np.column_stack([PENTAGON, HEIGHTS]), [1, 1, -3]])
+    ),
+}
+
+
+def diagonal(shape: Patch) -> float:
+    return float(np.linalg.norm(np.ptp(shape.control_points, axis=0)))
+
+
+def largest_distance(shape: Patch, mesh: Mesh, samples: int = 60_000) -> float:
+    """From random points of the surface to the cells in whose parameters they lie: no less than to the mesh."""
+    rng = np.random.default_rng(7)
+    each = max(3, samples // len(mesh.cells))
+    weights = rng.dirichlet(np.ones(mesh.cells.shape[1]), (len(mesh.cells), each))
+    u = np.einsum("kwc,kcd->kwd", weights, mesh.parameters[mesh.cells]).reshape(-1, shape.dimension)
+    points = shape.points_at(linear_locations(shape.domain, shape.log_products, u), len(u))
+    corners = [mesh.vertices[np.repeat(column, each)] for column in mesh.cells.T]
+    return float((to_segments if mesh.is_curve else to_triangles)(points, *corners).max())
+
+
+def domain_areas(triangles) -> np.ndarray:
+    """Twice the signed areas of (k, 3, 2) triangles."""
+    (x, y), (z, w) = (triangles[:, k].T - triangles[:, 0].T for k in (1, 2))
+    return x * w - y * z
+
+
+def assert_conforming(mesh: Mesh, boundary: int | None = None) -> None:
+    """Each side belongs to one cell or to two that run through it in opposite directions; no vertex hangs."""
+    directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    assert len(np.unique(directed, axis=0)) == len(directed)
+    sides, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    assert count.max() <= 2
+    # A hanging vertex would leave open sides inside: the open ones must form closed loops on the domain's boundary.
+    open_sides = sides[count == 1]
+    assert (np.unique(open_sides, return_counts=True)[1] == 2).all()
+    assert len(mesh.vertices) - len(sides) + len(mesh.faces) == 1
+
+
+@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize("part", [1e-2, 2e-3])
+def test_the_surface_is_within_the_tolerance(name, part):
+    shape = HARD[name]
+    tolerance = part * diagonal(shape)
+    mesh = tessellate(shape, tolerance=tolerance)
+    assert largest_distance(shape, mesh) <= tolerance * (1 + SLACK)
+    assert_conforming(mesh)
+    areas = domain_areas(mesh.parameters[mesh.faces])
+    assert (areas > 0).all()
+    corners = shape.domain.vertices
+    fan = np.stack([np.broadcast_to(corners[0], corners[:-2].shape), corners[1:-1], corners[2:]], axis=1)
+    assert areas.sum() == pytest.approx(domain_areas(fan).sum(), rel=1e-9)
+
+
+def test_toric_parametrisation_keeps_the_promise_too():
+    shape = bicubic()
+    tolerance = 1e-3 * diagonal(shape)
+    mesh = tessellate(shape, tolerance=tolerance, parametrization="toric")
+    each = 6
+    weights = np.random.default_rng(1).dirichlet(np.ones(3), (len(mesh.cells), each))
+    u = np.einsum("kwc,kcd->kwd", weights, mesh.parameters[mesh.cells]).reshape(-1, 2)
+    corners = [mesh.vertices[np.repeat(column, each)] for column in mesh.cells.T]
+    assert to_triangles(shape.evaluate(u), *corners).max() <= tolerance * (1 + SLACK)
+    assert_conforming(mesh)
+
+
+@pytest.mark.parametrize("scale", [0.3, 0.1])
+def test_toric_meshes_reach_points_that_toric_parameters_hardly_reach(scale):
+    """With small knots, exponents are: half of the surface is nearer to an edge of Δ than 1e-3 of its size."""
+    shape = patch(knots=PENTAGON * scale)
+    mesh = tessellate(shape, tolerance=0.1, parametrization="toric")
+    points = tessellate(shape, 70, parametrization="linear").vertices
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    assert cells.search(points, *cells.start(points))[0].max() <= 0.1
+    assert_conforming(mesh)
+
+
+@pytest.mark.parametrize("scale", [0.05, 0.03])
+def test_where_toric_parameters_cannot_be_told_apart_the_error_says_so(scale):
+    with pytest.raises(ToleranceError, match=r"; linear parameters take \d+ faces"):
+        tessellate(patch(knots=PENTAGON * scale), tolerance=0.1, parametrization="toric")
+
+
+def test_hopeless_tolerances_are_refused_before_the_work_is_done():
+    with pytest.raises(ToleranceError, match=r"needs about \de\+\d+ faces, more than 5000000; with \d{4} the distance"):
+        tessellate(patch(), tolerance=1e-10)
+
+
+def test_a_flat_patch_takes_the_triangles_of_its_domain():
+    flat = patch(z=PENTAGON.sum(axis=1))
+    assert len(tessellate(flat, tolerance=1e-6).faces) == 5
+    assert len(tessellate(Patch(GRID, GRID), tolerance=1e-6).faces) == 2
+
+
+def test_a_flat_patch_whose_parameters_slide_takes_no_more():
+    """In the plane of the surface there is no distance, whatever the control points inside do."""
+    rng = np.random.default_rng(0)
+    inside = ((GRID > 0) & (GRID < 3)).astype(float)
+    moved = GRID + 0.2 * rng.normal(size=GRID.shape) * inside
+    slid = Patch(GRID, np.column_stack([moved, moved[:, 0]]), rng.random(16) + 0.3)
+    assert len(tessellate(slid, tolerance=1e-4).faces) == 2
+    bent = GRID.copy()
+    bent[1] += [-0.3, 0]
+    assert len(tessellate(Patch(GRID, bent), tolerance=1e-2).faces) > 2
+
+
+def concave(inner: tuple[float, float]) -> Patch:
+    """A flat patch around a rounded concave corner: with straight sides in Δ, triangles there fold over each other."""
+    knots = [(i, j) for j in range(3) for i in range(3)]
+    points = [(-2, -1), (-1, -1), (-1, -2), (-3.5, -1), inner, (-1, -3.5), (-5, -1), (-5, -5), (-1, -5)]
+    return Patch(knots, points, [1, 2**-0.5, 1, 1, 2**-0.5, 1, 1, 2**-0.5, 1], [1, 2, 1, 2, 4, 2, 1, 2, 1])
+
+
+@pytest.mark.parametrize("inner", [(-3, -3), (1, 1)], ids=["one to one", "folding"])
+@pytest.mark.parametrize("tolerance", [0.06, 0.006])
+def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
+    """By the nearest triangles; where the surface itself folds over its boundary, too."""
+    shape = concave(inner)
+    mesh = tessellate(shape, tolerance=tolerance)
+    u = np.random.default_rng(3).uniform(0, 2, (20_000, 2))
+    u[:2000, 0] = 0
+    u[2000:4000, 1] = 0
+    points = shape.evaluate(u)
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    distances = cells.search(points, *cells.start(points))[0]
+    assert distances.max() <= tolerance * (1 + SLACK)
+    assert_conforming(mesh)
+    if inner == (-3, -3):
+        assert len(mesh.faces) < 4 * len(mesh.open_sides)  # a polygon takes two triangles less than it has sides
+        assert len(set(np.sign(domain_areas(mesh.vertices[mesh.faces][:, :, :2])))) == 1
+        assert largest_distance(shape, mesh) > tolerance  # of the cells in whose parameters the points lie
+
+
+def test_points_per_edge_do_not_depend_on_scale_or_place():
+    counts = {len(tessellate(bicubic(scale), tolerance=2e-3 * scale).faces) for scale in (1e-9, 1.0, 1e9)}
+    assert len(counts) == 1
+    assert {len(tessellate(bicubic(1.0, 1e7), tolerance=2e-3).faces)} == counts
+
+
+def test_an_eighth_of_example_4_4_beats_any_uniform_mesh():
+    shape = HARD["weights times 600^λ"]
+    mesh = tessellate(shape, tolerance=2e-3 * diagonal(shape))
+    reached = largest_distance(shape, mesh)
+    # Chord errors fall with the square of the number of segments at best: 31 segments would be a third as many.
+    n = math.isqrt(3 * len(mesh.faces) // 5)
+    for parametrization in ("linear", "toric"):
+        uniform = tessellate(shape, n, parametrization=parametrization)
+        assert len(uniform.faces) > 2.8 * len(mesh.faces)
+        if parametrization == "linear":
+            assert largest_distance(shape, uniform) > reached
+
+
+@pytest.mark.parametrize("part", [1e-2, 3e-3, 1e-3])
+def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
+    shape = bicubic()
+    mesh = tessellate(shape, tolerance=part * diagonal(shape))
+    reached = largest_distance(shape, mesh)
+    n = math.isqrt((len(mesh.faces) - 1) // 2)
+    assert largest_distance(shape, tessellate(shape, n, parametrization="linear")) > reached * (1 - NOISE)
+
+
+@pytest.mark.parametrize("name", ["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"])
+def test_few_triangles_are_thin(name):
+    """Longest side over height: 1.15 for an equilateral triangle; the README says what was measured."""
+    shape = load(SPECS / f"{name}.toml")
+    mesh = tessellate(shape, tolerance=2e-3 * diagonal(shape))
+    a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    aspect = longest**2 / np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    assert np.median(aspect) < 4
+    assert np.quantile(aspect, 0.99) < 27
+
+
+def test_curves_are_refined_where_they_bend():
+    knots = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
+    shape = Patch(knots, [[0, 0], [0.4, 1.3], [2, 2], [3.7, 1.5], [4, 0]], [1, 10, 2000, 6, 5])
+    for tolerance in (1e-2, 1e-4):
+        mesh = tessellate(shape, tolerance=tolerance)
+        assert largest_distance(shape, mesh) <= tolerance * (1 + SLACK)
+        assert (mesh.edges[:, 1] - mesh.edges[:, 0] != 0).all()
+        order = np.argsort(mesh.parameters[:, 0])
+        assert sorted(map(tuple, mesh.edges.tolist())) == sorted(
+            zip(order[:-1].tolist(), order[1:].tolist(), strict=True)
+        )
+
+
+def test_same_input_same_mesh():
+    one, two = (tessellate(near_edge(), tolerance=0.01) for _ in range(2))
+    assert one.vertices.tobytes() == two.vertices.tobytes()
+    assert one.cells.tobytes() == two.cells.tobytes()
+
+
+def test_too_many_faces_are_refused_with_what_was_reached():
+    with pytest.raises(ToleranceError, match=r"needs more than 500 faces; with \d+ the distance is still 0\.\d+"):
+        tessellate(patch(), tolerance=1e-4, max_faces=500)
+
+
+def test_a_tolerance_below_rounding_is_refused():
+    with pytest.raises(ToleranceError, match="below the rounding of coordinates of size 1e"):
+        tessellate(bicubic(1.0, 1e7), tolerance=1e-9)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, math.nan, math.inf])
+def test_a_tolerance_must_be_a_positive_number(wrong):
+    with pytest.raises(DomainError, match="tolerance: must be positive"):
+        tessellate(patch(), tolerance=wrong)
+
+
+def test_triangles_are_well_shaped_where_the_surface_is_gentle():
+    """Shape: 4√3 area / (sum of squared sides), 1 for an equilateral triangle, √3/2 for half a square."""
+    mesh = tessellate(bicubic(), tolerance=2e-3)
+    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    shape = 4 * math.sqrt(3) * area / sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
+    assert shape.min() > 0.5
+
+
+def nearest_distance(shape: Patch, mesh: Mesh, samples: int = 4000) -> float:
+    """From points of the surface, and of its rim, to the nearest of all triangles."""
+    corners = shape.domain.vertices
+    shares = np.random.default_rng(5).dirichlet(np.full(len(corners), 0.7), samples)
+    points = shape.evaluate(np.concatenate([shares @ corners, rim(shape)]))
+    cells = NearestCells(mesh.vertices[mesh.cells])
+    return float(cells.search(points, *cells.start(points))[0].max())
+
+
+def overshooting(by: float) -> Patch:
+    """A flat bicubic whose inner control points pull it over its straight sides."""
+    points = GRID.copy()
+    points[5, 0] -= 2 * by
+    points[9, 0] += by
+    return Patch(GRID, points, None, BICUBIC)
+
+
+def test_a_flat_patch_is_looked_at_beside_one_that_is_split():
+    """While the other one still fails, nothing is known of it."""
+    points = np.column_stack([GRID + np.array([10, 0]), 3 * bicubic().control_points[:, 2]])
+    bent = Patch(GRID, points, None, BICUBIC)
+    for patches in ((bent, overshooting(2.0)), (overshooting(2.0), bent)):
+        mesh = tessellate(Model(patches), tolerance=2e-3)
+        assert max(nearest_distance(each, mesh) for each in patches) <= 2e-3 * (1 + SLACK)
+
+
+def test_a_surface_that_turns_back_along_a_side_is_reached():
+    """In the plane, the middle and one quarter of such a side are on it: only the other quarter shows."""
+    shape = overshooting(5.0)
+    assert nearest_distance(shape, tessellate(shape, tolerance=2e-3), 60_000) <= 2e-3 * (1 + SLACK)
+
+
+@pytest.mark.parametrize("tolerance", [0.56, 0.6, 0.65])
+def test_a_uniform_mesh_that_bulges_is_not_taken(tolerance):
+    """A paraboloid whose sides are 0.5 from a triangle, its middle 2/3."""
+    knots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (0, 2)]
+    points = [(i + j / 2, j * 3**0.5 / 2, z) for (i, j), z in zip(knots, [0, 1, 0, 1, 1, 0], strict=True)]
+    shape = Patch(knots, points, None, [1, 2, 1, 2, 2, 1])
+    assert nearest_distance(shape, tessellate(shape, tolerance=tolerance)) <= tolerance * (1 + SLACK)
+
+
+@pytest.mark.parametrize("tolerance", [1.0, 0.3, 0.05])
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_patch_with_an_edge_that_is_a_point_does_not_vanish(tolerance, alone):
+    """Two sides and a point: as one triangle it would be a line, and the patch would have no faces."""
+    knots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (0, 2)]
+    points = [(0, 0, 0)] * 3 + [(5, -0.4, 0), (5, 0.4, 0), (10, 0, 0)]
+    lens = Patch(knots, points, None, [1, 2, 1, 2, 2, 1])
+    mesh = tessellate(Model((lens,) if alone else (lens, bicubic(1.0, 20.0))), tolerance=tolerance)
+    assert mesh.groups[0][2] > 0
+    assert nearest_distance(lens, mesh) <= tolerance * (1 + SLACK)
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_an_arc_between_knots_that_crowd_is_not_passed_by(apart):
+    """In linear parameters the arc is only as long as the knots are apart: nine times the tolerance was missed."""
+    curve = Patch([0, apart, 2 * apart, 1], [[0, 0], [0.5, 1], [1, 0], [3, 0]])
+    mesh = tessellate(curve, tolerance=0.01)
+    exponents = np.linspace(-30, 30, 4001)[:, None] / apart * curve.knots.T
+    weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+    arc = weights / weights.sum(axis=1, keepdims=True) @ curve.control_points
+    starts, ends = mesh.vertices[mesh.cells[:, 0]], mesh.vertices[mesh.cells[:, 1]]
+    along = np.einsum("ijk,jk->ij", arc[:, None] - starts, ends - starts) / ((ends - starts) ** 2).sum(axis=1)
+    nearest = starts + np.clip(along, 0, 1)[:, :, None] * (ends - starts)
+    assert np.linalg.norm(arc[:, None] - nearest, axis=2).min(axis=1).max() <= 0.01
+    assert len(mesh.cells) < 50

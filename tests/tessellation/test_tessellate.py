@@ -1,0 +1,217 @@
+"""Uniform meshes of patches and models, and what holds them together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
+from gtb_cli.theory.joints import find_joints
+from gtb_cli.theory.patch import Model, Patch
+
+HALF = math.sqrt(0.5)
+TRIANGLE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [0, 2]]
+SQUARE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]]
+
+
+def octant(x: float, y: float, z: float) -> Patch:
+    """A rational quadratic triangle whose edges are quarter circles."""
+    a, b, c = np.diag([x, y, z])
+    return Patch(TRIANGLE, [a, a + b, b, a + c, b + c, c], [1, HALF, 1, HALF, HALF, 1], [1, 2, 1, 2, 2, 1])
+
+
+def ball() -> Model:
+    return Model(tuple(octant(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)), name="ball")
+
+
+def globe() -> Model:
+    """A sphere of eight rational biquadratic patches, each with one edge collapsed to a pole."""
+    patches = []
+    for quarter in range(4):
+        start, end = (np.array([math.cos(t), math.sin(t), 0]) for t in (quarter * np.pi / 2, (quarter + 1) * np.pi / 2))
+        for pole in (1, -1):
+            up = np.array([0, 0, pole])
+            ring = [start, start + end, end]
+            points = ring + [point + up for point in ring] + [up] * 3
+            points[4] = start + end + up
+            weights = np.outer([1, HALF, 1], [1, HALF, 1]).ravel()
+            points[3], points[5] = start + up, end + up
+            patches.append(Patch(SQUARE, points, weights, np.outer([1, 2, 1], [1, 2, 1]).ravel()))
+    return Model(tuple(patches), name="globe")
+
+
+def sides(mesh) -> tuple[np.ndarray, np.ndarray]:
+    directed = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    assert len(np.unique(directed, axis=0)) == len(directed), "two faces run the same way along a side"
+    return np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+
+
+def volume(mesh) -> float:
+    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def assert_closed(mesh) -> None:
+    edges, count = sides(mesh)
+    assert (count == 2).all()
+    assert len(mesh.vertices) - len(edges) + len(mesh.faces) == 2
+    assert volume(mesh) > 0
+
+
+@pytest.mark.parametrize("make", [ball, globe])
+@pytest.mark.parametrize(
+    "options",
+    [{"resolution": 2}, {"resolution": 7}, {"resolution": 5, "parametrization": "toric"}]
+    + [{"tolerance": part} for part in (0.2, 0.03, 0.005)],
+    ids=str,
+)
+def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
+    mesh = tessellate(make(), **options)
+    assert_closed(mesh)
+    outward = np.einsum("ij,ij->i", mesh.normals, mesh.vertices)
+    assert outward.min() > 0.5
+
+
+def test_the_globe_is_a_sphere_to_rounding_and_its_volume_converges():
+    errors = []
+    for resolution in (8, 16, 32):
+        mesh = tessellate(globe(), resolution)
+        assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 1).max() < 4e-16 * 4
+        errors.append(4 / 3 * np.pi - volume(mesh))
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert rates == pytest.approx([2, 2], abs=0.05)
+
+
+def test_tolerance_on_the_globe_is_the_distance_from_the_sphere():
+    for tolerance in (0.1, 0.01, 0.001):
+        mesh = tessellate(globe(), tolerance=tolerance)
+        rng = np.random.default_rng(3)
+        weights = rng.dirichlet(np.ones(3), (len(mesh.faces), 20))
+        points = np.einsum("kwc,kcd->kwd", weights, mesh.vertices[mesh.faces]).reshape(-1, 3)
+        assert (1 - np.linalg.norm(points, axis=1)).max() <= tolerance
+
+
+def test_collapsed_edges_are_found_and_leave_no_flat_faces():
+    joints = find_joints(globe().patches)
+    assert len(joints.collapsed) == 8
+    assert joints.closed
+    mesh = tessellate(globe(), 6)
+    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 1e-3
+
+
+def test_order_direction_and_orientation_of_patches_do_not_matter():
+    rng = np.random.default_rng(5)
+    straight = tessellate(ball(), 6)
+    patches = list(ball().patches)
+    for index in (1, 4, 6):
+        patch = patches[index]
+        # Mirrored knots turn the patch over; any affine map of the knots leaves the surface.
+        mirrored = patch.knots @ np.array([[-1.5, 0.25], [0, 0.75]]) + np.array([3.0, -1.0])
+        patches[index] = Patch(mirrored, patch.control_points, patch.weights, patch.coefficients)
+    turned = tessellate(Model(tuple(patches[i] for i in rng.permutation(8))), 6)
+    assert_closed(turned)
+    assert volume(turned) == pytest.approx(volume(straight), rel=1e-12)
+    one, two = (np.unique(np.round(mesh.vertices, 9) + 0.0, axis=0) for mesh in (straight, turned))
+    assert np.abs(one - two).max() < 2e-9
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_models_may_be_small_large_or_far_away(scale, shift):
+    moved = Model(
+        tuple(Patch(p.knots, scale * p.control_points + shift, p.weights, p.coefficients) for p in ball().patches)
+    )
+    for options in ({"resolution": 5}, {"tolerance": 0.01 * scale}):
+        mesh, usual = (
+            tessellate(moved, **options),
+            tessellate(ball(), **{**options, "tolerance": 0.01} if "tolerance" in options else options),
+        )
+        assert np.array_equal(mesh.faces, usual.faces)
+
+
+def test_projective_scalings_of_an_edge_leave_it_the_same_curve():
+    """Weights times κ e^{σ a} along an edge change neither curve nor linear parametrisation."""
+    one = octant(1, 1, 1)
+    other = octant(1, 1, -1)
+    factor = 3.0 * np.exp(0.7 * other.knots[:, 0])
+    scaled = Patch(other.knots, other.control_points, other.weights * factor, other.coefficients)
+    joints = find_joints([one, scaled])
+    assert len(joints.shared) == 1
+    assert joints.shared[0].first == (0, 0)
+    assert not joints.almost
+    uneven = other.weights.copy()
+    uneven[1] *= 1.001
+    joints = find_joints([one, Patch(other.knots, other.control_points, uneven, other.coefficients)])
+    assert not joints.shared
+    ((first, second, distance),) = joints.almost
+    assert (first, second) == ((0, 0), (1, 0))
+    assert 0 < distance < 1e-3
+
+
+def test_a_moebius_band_is_reported_as_one_sided():
+    """Three square patches in a ring, the last joined with a twist."""
+    angle = np.arange(4) * np.pi / 3
+    radius, half = 2.0, 0.5
+    rails = []
+    for turn in angle:
+        middle = radius * np.array([math.cos(2 * turn), math.sin(2 * turn), 0])
+        across = half * (math.cos(turn) * middle / radius + math.sin(turn) * np.array([0, 0, 1]))
+        rails.append((middle - across, middle + across))
+    patches = []
+    for i in range(3):
+        (a, b), (c, d) = rails[i], rails[i + 1]
+        patches.append(Patch([[0, 0], [0, 1], [1, 0], [1, 1]], [a, b, c, d]))
+    joints = find_joints(patches)
+    assert len(joints.shared) == 3
+    assert len(joints.one_sided) == 1
+    assert not joints.closed
+
+
+def test_three_patches_on_one_edge_are_reported():
+    fan = [Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [0, 0, 1], [math.cos(t), math.sin(t), 0]]) for t in (0, 2, 4)]
+    joints = find_joints(fan)
+    assert joints.crowded == (((0, 0), (1, 0), (2, 0)),)
+    assert not joints.closed
+
+
+def test_a_curve_model_joins_at_its_ends():
+    patches = tuple(Patch([0, 1, 2], [[i, 0], [i + 0.5, 1], [i + 1, 0]]) for i in range(3))
+    mesh = tessellate(Model(patches), 4)
+    assert len(mesh.vertices) == 13
+    assert [group[1:] for group in mesh.groups] == [(0, 4), (4, 8), (8, 12)]
+
+
+def test_groups_name_the_patches():
+    model = ball()
+    named = Model((*model.patches[:1], *model.patches[1:]), name="ball")
+    mesh = tessellate(named, 3)
+    assert [name for name, _, _ in mesh.groups] == [f"patch{i}" for i in range(8)]
+    assert mesh.groups[-1][2] == len(mesh.faces)
+    assert mesh.origin is not None
+    for index, patch in enumerate(model.patches):
+        rows = mesh.origin.patch == index
+        assert (patch.domain.heights_of_columns(mesh.parameters[rows]) >= 0).all()
+
+
+def test_numbers_that_make_no_sense_are_refused():
+    with pytest.raises(DomainError, match="resolution: expected a whole number of at least 1, got 0"):
+        tessellate(octant(1, 1, 1), 0)
+    with pytest.raises(DomainError, match="parametrization: expected toric or linear, got 'polar'"):
+        tessellate(octant(1, 1, 1), 2, parametrization="polar")
+    with pytest.raises(ToleranceError, match=r"would have 100000000000000 faces, more than 5000000"):
+        tessellate(octant(1, 1, 1), 10**7)
+    with pytest.raises(DomainError, match="linear one only"):
+        tessellate(ball(), tolerance=0.1, parametrization="toric")
+
+
+def test_missing_normals_are_the_mean_of_adjacent_faces():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, -1, 0], [5, 5, 5.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])
+    normals = np.array([[np.nan] * 3, [0, 0, 1], [0, 1, 0], [1, 0, 0], [np.nan] * 3])
+    filled = vertex_normals(normals, vertices, faces)
+    assert filled[0].tolist() == [0, 0, 1]
+    assert filled[1:4].tolist() == normals[1:4].tolist()
+    assert np.isfinite(filled).all()

@@ -1,0 +1,188 @@
+"""The domain cut into equal parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtb_cli.tessellation.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.theory.domain import domain
+from tests.patches import SHIFT, regular
+
+EPS = float(np.finfo(np.float64).eps)
+
+SIDES = [3, 4, 5, 6, 9]
+NUMBERS = [1, 2, 3, 8]
+SCALES = [1e-9, 1.0, 1e9]
+
+
+def polygon(sides, scale=1.0, shift=0.0):
+    """A polygon of unequal edges with no right angles."""
+    corners = regular(sides, 0.4) * [1.7, 1.0] + regular(sides, 1.0) * 0.2
+    return domain(scale * corners + shift, "unit")
+
+
+def areas(shape, cells):
+    corners = (cells.parameters - shape.center)[cells.cells]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+
+
+def area(shape):
+    v = shape.vertices - shape.center
+    w = np.roll(v, -1, axis=0)
+    return (v[:, 0] * w[:, 1] - v[:, 1] * w[:, 0]).sum() / 2
+
+
+def rounding(shape):
+    """Of an area, relative."""
+    return 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
+
+
+@pytest.mark.parametrize("make", [triangulation, central_triangulation])
+@pytest.mark.parametrize("shift", [0.0, SHIFT])
+@pytest.mark.parametrize("n", NUMBERS)
+@pytest.mark.parametrize("sides", SIDES)
+def test_triangles_tile_the_domain(sides, n, shift, make):
+    shape = polygon(sides, shift=shift)
+    parts = make(shape, n)
+    found = areas(shape, parts)
+    assert (found > 0).all()
+    assert found.sum() == pytest.approx(area(shape), rel=n * n * rounding(shape))
+    assert sorted(set(parts.cells.ravel().tolist())) == list(range(len(parts.parameters)))
+
+
+@pytest.mark.parametrize("n", NUMBERS)
+@pytest.mark.parametrize("sides", SIDES)
+def test_triangles_meet_edge_to_edge(sides, n):
+    shape = polygon(sides)
+    parts = triangulation(shape, n)
+    edges = parts.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    assert len(np.unique(edges, axis=0)) == len(edges)
+    found, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    assert counts.max() <= 2
+    # Euler: one piece without holes.
+    assert len(parts.parameters) - len(found) + len(parts.cells) == 1
+    following = np.append(parts.boundary.ravel()[1:], parts.boundary[0, 0])
+    outline = np.sort(np.stack([parts.boundary.ravel(), following], axis=1), axis=1)
+    assert found[counts == 1].tolist() == sorted(outline.tolist())
+
+
+@pytest.mark.parametrize("n", NUMBERS)
+@pytest.mark.parametrize("sides", SIDES)
+def test_counts_are_known_beforehand(sides, n):
+    shape = polygon(sides)
+    parts = triangulation(shape, n)
+    cells = {3: n * n, 4: 2 * n * n}.get(sides, sides * n * n)
+    vertices = {3: (n + 1) * (n + 2) // 2, 4: (n + 1) ** 2}.get(sides, 1 + sides * n * (n + 1) // 2)
+    assert len(parts.cells) == cell_count(shape, n) == cells
+    assert len(parts.parameters) == vertices
+    assert parts.boundary.shape == (sides, n)
+    assert cell_count(domain([0, 2]), n) == len(triangulation(domain([0, 2]), n).cells) == n
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("shift", [0.0, SHIFT])
+@pytest.mark.parametrize("n", [1, 3, 32, 77])
+@pytest.mark.parametrize("sides", SIDES)
+def test_boundary_vertices_are_exactly_on_the_hull(sides, n, shift, scale):
+    shape = polygon(sides, scale, shift * scale)
+    parts = triangulation(shape, n)
+    faces = shape.face_of(shape.heights_of_columns(parts.parameters))
+    expected = np.zeros(len(parts.parameters), dtype=int)
+    expected[parts.boundary] = 1 + np.arange(sides)[:, None]
+    expected[parts.boundary[:, 0]] = 1 + sides + np.arange(sides)
+    assert faces.tolist() == expected.tolist()
+    assert parts.parameters[parts.boundary[:, 0]].tolist() == shape.vertices.tolist()
+
+
+@pytest.mark.parametrize("n", [2, 5])
+@pytest.mark.parametrize("sides", SIDES)
+def test_boundary_vertices_are_at_equal_fractions(sides, n):
+    shape = polygon(sides)
+    parts = triangulation(shape, n)
+    for edge, vertices in enumerate(parts.boundary):
+        length = np.hypot(*(shape.vertices[(edge + 1) % sides] - shape.vertices[edge]))
+        assert shape.along(edge, parts.parameters[vertices]) == pytest.approx(
+            np.arange(n) / n * length, abs=8 * EPS * shape.size
+        )
+
+
+@pytest.mark.parametrize("n", NUMBERS)
+def test_a_triangle_is_cut_into_similar_triangles(n):
+    shape = polygon(3)
+    parts = triangulation(shape, n)
+    corners = parts.parameters[parts.cells]
+    sides = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    whole = np.sort(np.linalg.norm(shape.vertices - np.roll(shape.vertices, 1, axis=0), axis=1))
+    assert np.abs(sides - whole / n).max() < 16 * EPS * shape.size
+    assert areas(shape, parts) == pytest.approx(area(shape) / n**2, rel=n * n * rounding(shape))
+
+
+@pytest.mark.parametrize("n", NUMBERS)
+def test_a_polygon_is_cut_into_similar_triangles_in_each_sector(n):
+    shape = polygon(5)
+    parts = triangulation(shape, n)
+    middle = shape.vertices.mean(axis=0)
+    assert parts.parameters[0] == pytest.approx(middle)
+    first, second = shape.vertices - middle, np.roll(shape.vertices, -1, axis=0) - middle
+    sectors = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+    expected = np.sort(np.repeat(sectors / n**2, n * n))
+    assert np.sort(areas(shape, parts)) == pytest.approx(expected, rel=n * n * rounding(shape))
+
+
+def test_a_quadrilaterals_diagonals_go_the_same_way():
+    parts = triangulation(domain([[0, 0], [3, 0], [3, 3], [0, 3]]), 3)
+    corners = parts.parameters[parts.cells]
+    for a, b, c in corners.tolist():
+        sides = [(a, b), (b, c), (c, a)]
+        diagonal = [(p, q) for p, q in sides if p[0] != q[0] and p[1] != q[1]]
+        assert len(diagonal) == 1
+        (p, q) = diagonal[0]
+        assert (p[0] - q[0]) * (p[1] - q[1]) == 1
+
+
+# Order, by hand
+
+
+def test_the_order_of_a_segments_parts_is_fixed():
+    parts = triangulation(domain([3, 1]), 2)
+    assert parts.parameters.tolist() == [[1], [2], [3]]
+    assert parts.cells.tolist() == [[0, 1], [1, 2]]
+    assert parts.boundary.tolist() == [[0], [2]]
+
+
+def test_the_order_of_a_triangles_parts_is_fixed():
+    parts = triangulation(domain([[0, 4], [4, 0], [0, 0]]), 2)
+    assert parts.parameters.tolist() == [[0, 0], [2, 0], [4, 0], [0, 2], [2, 2], [0, 4]]
+    assert parts.cells.tolist() == [[0, 1, 3], [1, 4, 3], [1, 2, 4], [3, 4, 5]]
+    assert parts.boundary.tolist() == [[0, 1], [2, 4], [5, 3]]
+
+
+def test_the_order_of_a_quadrilaterals_parts_is_fixed():
+    parts = triangulation(domain([[0, 2], [2, 2], [4, 0], [0, 0]]), 2)
+    assert parts.parameters.tolist() == [[0, 0], [2, 0], [4, 0], [0, 1], [1.5, 1], [3, 1], [0, 2], [1, 2], [2, 2]]
+    assert parts.cells.tolist() == [
+        [0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [3, 4, 7], [3, 7, 6], [4, 5, 8], [4, 8, 7],
+    ]  # fmt: skip
+    assert parts.boundary.tolist() == [[0, 1], [2, 5], [8, 7], [6, 3]]
+
+
+def test_the_order_of_a_pentagons_parts_is_fixed():
+    parts = triangulation(domain([[0, 0], [8, 0], [10, 4], [5, 12], [-3, 4]]), 2)
+    assert parts.parameters.tolist() == [
+        [4, 4], [2, 2], [6, 2], [7, 4], [4.5, 8], [0.5, 4],
+        [0, 0], [4, 0], [8, 0], [9, 2], [10, 4], [7.5, 8], [5, 12], [1, 8], [-3, 4], [-1.5, 2],
+    ]  # fmt: skip
+    assert parts.cells.tolist() == [
+        [0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 1],
+        [1, 6, 7], [1, 7, 2], [2, 7, 8], [2, 8, 9], [2, 9, 3], [3, 9, 10], [3, 10, 11], [3, 11, 4], [4, 11, 12],
+        [4, 12, 13], [4, 13, 5], [5, 13, 14], [5, 14, 15], [5, 15, 1], [1, 15, 6],
+    ]  # fmt: skip
+    assert parts.boundary.tolist() == [[6, 7], [8, 9], [10, 11], [12, 13], [14, 15]]
+
+
+def test_the_same_domain_gives_the_same_bytes():
+    one, two = (triangulation(polygon(5), 7) for _ in range(2))
+    assert one.parameters.tobytes() == two.parameters.tobytes()
+    assert one.cells.tobytes() == two.cells.tobytes()

@@ -1,0 +1,100 @@
+"""Binomial coefficients of lattice patches, against products of polynomials."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.bezier import MAX_DEGREE, binomial_coefficients
+from gtb_cli.theory.domain import domain
+
+ROUNDING = 1e-14
+"""Relative: the coefficients are rounded once."""
+
+AFFINE = [
+    (np.eye(2), np.zeros(2)),
+    (np.diag([1 / 3, 1 / 7]), np.array([0.1, -5.0])),
+    (np.diag([-1e4, 1e-4]), np.zeros(2)),
+    (np.array([[2.0, 1.0], [-1.0, 3.0]]), np.array([1e7, -1e7])),
+    (np.array([[0.6, -0.8], [0.8, 0.6]]), np.array([np.pi, np.e])),
+]
+"""Scaled, mirrored, sheared, turned, far away."""
+
+
+def power(terms: int, degree: int) -> Counter[tuple[int, ...]]:
+    """Coefficients of (x_0 + … + x_{terms−1})^degree, by repeated multiplication."""
+    result = Counter({(0,) * terms: 1})
+    for _ in range(degree):
+        product: Counter[tuple[int, ...]] = Counter()
+        for exponents, value in result.items():
+            for k in range(terms):
+                product[tuple(e + (j == k) for j, e in enumerate(exponents))] += value
+        result = product
+    return result
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4, 7, 20])
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(1.0, 0.0), (1 / 3, 0.0), (1e-9, 0.0), (1e9, 0.0), (-1.0, 5.0), (1.0, 1e7)]
+)
+def test_curves(degree: int, scale: float, shift: float) -> None:
+    expected = power(2, degree)
+    order = random.Random(degree).sample(range(degree + 1), degree + 1)
+    shape = domain([scale * i + shift for i in order])
+    np.testing.assert_allclose(binomial_coefficients(shape), [expected[i, degree - i] for i in order], rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize(("matrix", "shift"), AFFINE)
+def test_triangles(degree: int, matrix: np.ndarray, shift: np.ndarray) -> None:
+    expected = power(3, degree)
+    places = random.Random(degree).sample(sorted(expected), len(expected))
+    knots = np.array([(i, j) for i, j, _ in places]) @ matrix.T + shift
+    np.testing.assert_allclose(
+        binomial_coefficients(domain(knots)), [expected[place] for place in places], rtol=ROUNDING
+    )
+
+
+@pytest.mark.parametrize("degrees", [(1, 1), (3, 3), (1, 4), (5, 2)])
+@pytest.mark.parametrize(("matrix", "shift"), AFFINE)
+def test_parallelograms(degrees: tuple[int, int], matrix: np.ndarray, shift: np.ndarray) -> None:
+    across, along = (power(2, degree) for degree in degrees)
+    places = [(i, j) for i in range(degrees[0] + 1) for j in range(degrees[1] + 1)]
+    random.Random(1).shuffle(places)
+    expected = [across[i, degrees[0] - i] * along[j, degrees[1] - j] for i, j in places]
+    knots = np.array(places) @ matrix.T + shift
+    np.testing.assert_allclose(binomial_coefficients(domain(knots)), expected, rtol=ROUNDING)
+
+
+def test_largest_degree() -> None:
+    middle = Fraction(1)
+    for k in range(MAX_DEGREE // 2):
+        middle *= Fraction(MAX_DEGREE - k, k + 1)
+    assert binomial_coefficients(domain(np.arange(MAX_DEGREE + 1.0))).max() == float(middle)
+    with pytest.raises(DomainError, match=r"coefficients: binomial goes up to degree 1029, got 1030"):
+        binomial_coefficients(domain(np.arange(MAX_DEGREE + 2.0)))
+
+
+@pytest.mark.parametrize(
+    ("knots", "message"),
+    [
+        ([0, 1, 2.001], r"equally spaced knots, knots\[1\] is off"),
+        ([0, 0, 1, 2], "equally spaced"),
+        ([0, 1, 1, 3], "each of 4 lattice knots once"),
+        ([[0, 0], [3, 0], [0, 3], [1, 1]], "equally spaced"),
+        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0.9, 1.1]], r"knots\[5\] is off"),
+        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0, 1]], "each of 6 lattice knots once"),
+        ([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], r"equally spaced knots, knots\[4\] is off"),
+        ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]], "each of 6 lattice knots once, got 5"),
+        ([[0, 0], [3, 0], [2, 1], [0, 1]], "parallelogram, got 4 edges"),
+        ([[0, 0], [2, 0], [3, 1], [1, 2], [0, 1]], "parallelogram, got 5 edges"),
+    ],
+)
+def test_other_knots_are_refused(knots: list, message: str) -> None:
+    with pytest.raises(DomainError, match=f"coefficients: binomial needs .*({message})"):
+        binomial_coefficients(domain(knots))

@@ -1,0 +1,437 @@
+"""Curvature against 50-digit arithmetic, difference quotients and surfaces whose curvature is known."""
+
+import io
+import math
+from dataclasses import replace
+
+import numpy as np
+import plyfile
+import pytest
+
+from gtb_cli.commands import meshing
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.curvature import ATTRIBUTES, SHOWN, curvature, filled, with_attributes
+from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.tangents import locations
+from tests.exact import CONTEXT, Number, basis, numbers, point
+from tests.specs import SPECS
+from tests.surfaces import cylinder, inside, octant, plane, quartic_octant, rim, torus
+from tests.tiny_meshes import encoded
+
+DIGITS = 1e-12
+"""A few thousand roundings: what is left of 16 digits by sums of a dozen terms and an angle of some degrees."""
+
+LIMIT = 1e-7
+"""Between the limit on an edge and a point at 1e-9 of the domain from it, where curvatures change by tens per unit."""
+
+# --- known surfaces
+
+
+@pytest.mark.parametrize("parametrization", ["toric", "linear"])
+def test_a_sphere_octant_has_one_over_r_squared_and_one_over_r(parametrization):
+    u = np.concatenate([inside(octant(), 200), [[1, 0], [0, 0], [2, 0], [0, 1.3], [2, 0.01]]])
+    gaussian, mean = curvature(octant(2.5), u, parametrization)
+    np.testing.assert_allclose(gaussian, 1 / 2.5**2, rtol=DIGITS)
+    np.testing.assert_allclose(mean, 1 / 2.5, rtol=DIGITS)
+
+
+@pytest.mark.parametrize("place", [(1.3, 2), (1.0, 0), (0, 0), (2, 0), (0, 2), (2, 0.7), (0, 0.7)])
+def test_no_digits_are_lost_near_the_boundary(place):
+    """Towards edges, corners, and the pole, at which all derivatives along the edge vanish."""
+    target, middle = np.array(place, dtype=float), np.array([0.9, 0.8])
+    u = target + 10.0 ** -np.arange(1.0, 15.0)[:, None] * (middle - target)
+    gaussian, mean = curvature(octant(), u)
+    # Right at a corner of the pole, control points that are 1e-16 from the tangent plane are taken to lie in it.
+    digits = 1e-8 if place == (0, 2) else DIGITS
+    np.testing.assert_allclose(gaussian, 1, rtol=digits)
+    np.testing.assert_allclose(mean, 1, rtol=digits)
+
+
+def test_at_the_pole_there_is_no_formula():
+    assert np.isnan(curvature(octant(), [[1, 2], [0, 2], [2, 2]])).all()
+
+
+def test_a_sphere_octant_without_a_pole_has_them_on_its_whole_rim():
+    patch = quartic_octant()
+    u = np.concatenate([inside(patch, 200), rim(patch)])
+    np.testing.assert_allclose(np.linalg.norm(patch.evaluate(u), axis=1), 1, rtol=DIGITS)
+    gaussian, mean = curvature(patch, u)
+    np.testing.assert_allclose(gaussian, 1, rtol=DIGITS)
+    np.testing.assert_allclose(mean, 1, rtol=DIGITS)
+
+
+def test_a_cylinder_has_no_gaussian_curvature():
+    u = np.concatenate([inside(cylinder(), 100), rim(cylinder())])
+    gaussian, mean = curvature(cylinder(2.0), u)
+    np.testing.assert_allclose(gaussian, 0, atol=DIGITS)
+    np.testing.assert_allclose(mean, 1 / 4, rtol=DIGITS)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e7])
+def test_a_plane_has_exactly_none(shift):
+    """Even on the boundary, where other control points would have no limit, and with extreme weights."""
+    for weight in (3.0, 1e30):
+        patch = plane(weight)
+        moved = Patch(patch.knots, patch.control_points + shift, patch.weights)
+        gaussian, mean = curvature(moved, np.concatenate([inside(patch, 100), rim(patch)]))
+        assert (gaussian == 0).all()
+        assert (mean == 0).all()
+
+
+def test_a_torus():
+    patch = torus(3.0, 1.0)
+    u = np.concatenate([inside(patch, 100), rim(patch)])
+    cosine = np.hypot(*patch.evaluate(u)[:, :2].T) - 3.0
+    gaussian, mean = curvature(patch, u)
+    np.testing.assert_allclose(gaussian, cosine / (3 + cosine), atol=DIGITS)
+    np.testing.assert_allclose(mean, (3 + 2 * cosine) / (2 * (3 + cosine)), rtol=DIGITS)
+
+
+# --- any surface
+
+
+def forms(first, second):
+    """(K, H) from the derivatives P_0, P_1 and P_00, P_01, P_11, in the numbers of mpmath."""
+
+    def dot(a, b):
+        return sum(x * y for x, y in zip(a, b, strict=True))
+
+    (ax, ay, az), (bx, by, bz) = first
+    normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    square = dot(normal, normal)
+    e, f, g = dot(first[0], first[0]), dot(first[0], first[1]), dot(first[1], first[1])
+    l, m, n = (dot(vector, normal) / CONTEXT.sqrt(square) for vector in second)  # noqa: E741
+    return float((l * n - m * m) / square), float(-(e * n - 2 * f * m + g * l) / (2 * square))
+
+
+def by_quotients(patch: Patch, u) -> tuple[float, float]:
+    """From difference quotients of the points."""
+    step = Number(10) ** -12 * Number(patch.domain.size)
+    center = numbers([float(x) for x in u])
+    at = {(i, j): point(patch, [center[0] + i * step, center[1] + j * step]) for i in (-1, 0, 1) for j in (-1, 0, 1)}
+
+    def total(*terms):
+        return [sum(sign * at[place][k] for sign, place in terms) for k in range(3)]
+
+    first = [total((1, (1, 0)), (-1, (-1, 0))), total((1, (0, 1)), (-1, (0, -1)))]
+    second = [
+        total((1, (1, 0)), (-2, (0, 0)), (1, (-1, 0))),
+        [x / 4 for x in total((1, (1, 1)), (-1, (1, -1)), (-1, (-1, 1)), (1, (-1, -1)))],
+        total((1, (0, 1)), (-2, (0, 0)), (1, (0, -1))),
+    ]
+    return forms([[x / (2 * step) for x in v] for v in first], [[x / step**2 for x in v] for v in second])
+
+
+def by_moments(patch: Patch, u) -> tuple[float, float]:
+    """From the moments under T by the heights over the two nearest edges, whose zeros are exact."""
+    domain = patch.domain
+    heights = domain.edge_functions([u])[0] / domain.normal_lengths
+    edge = int(heights.argmin())
+    r = len(heights)
+    other = (edge + 1) % r if heights[(edge + 1) % r] < heights[edge - 1] else (edge - 1) % r
+    # From the earlier edge to the later, so that the coordinates have the orientation of the plane.
+    order = (edge, other) if other == (edge + 1) % r else (other, edge)
+    a = [[Number(float(domain.heights[i, j])) for j in order] for i in range(len(patch.knots))]
+    b = [[Number(float(x)) for x in row] for row in patch.control_points]
+    t = basis(patch, [float(x) for x in u])
+    mean = [sum(x * row[k] for x, row in zip(t, a, strict=True)) for k in (0, 1)]
+    place = [sum(x * row[k] for x, row in zip(t, b, strict=True)) for k in range(3)]
+
+    def moment(*axes):
+        total = [Number(0)] * 3
+        for x, knot, control in zip(t, a, b, strict=True):
+            for axis in axes:
+                x = x * (knot[axis] - mean[axis])
+            total = [y + x * (control[k] - place[k]) for k, y in enumerate(total)]
+        return total
+
+    return forms([moment(0), moment(1)], [moment(0, 0), moment(0, 1), moment(1, 1)])
+
+
+GENERAL = ("pentagon", "hexagon", "nonagon", "bicubic", "bezier-triangle", "trapezoid", "repeated-knot", "example-4.4")
+
+
+def assert_same(found, expected, digits=DIGITS):
+    """K and H relative to the larger of K and H², as one of them may vanish."""
+    (gaussian, mean), (k, h) = found, expected
+    assert abs(gaussian[0] - k) <= digits * max(abs(k), h * h)
+    assert abs(mean[0] - h) <= digits * max(abs(h), abs(k) ** 0.5)
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_curvature_is_that_of_difference_quotients(name):
+    patch = load(SPECS / f"{name}.toml")
+    for u in inside(patch, 3, seed=1, depth=0.1):
+        assert_same(curvature(patch, u[None]), by_quotients(patch, u))
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_curvature_keeps_its_digits_near_the_boundary(name):
+    """Where it has no limit there, too. Only edges along an axis: elsewhere floats cannot say how near they are."""
+    patch = load(SPECS / f"{name}.toml")
+    corners = patch.domain.vertices
+    for edge in np.flatnonzero((patch.domain.normals == 0).any(axis=1)).tolist():
+        start, end = corners[edge], corners[(edge + 1) % len(corners)]
+        for t, depth in ((0.3, 1e-3), (0.8, 1e-7), (1e-6, 1e-9), (0.5, 1e-13)):
+            u = (1 - depth) * ((1 - t) * start + t * end) + depth * corners.mean(axis=0)
+            assert_same(curvature(patch, u[None]), by_moments(patch, u))
+
+
+@pytest.mark.parametrize("power", [0, 5, 40])
+def test_extreme_weights(power):
+    """Weights x^λ: nearly all of the surface is where three knots have nearly all of T, none of them at a corner."""
+    patch = load(SPECS / "example-4.4.toml")
+    logs = np.log(patch.weights) + power * np.log(10) * patch.lifting
+    heavy = Patch(patch.knots, patch.control_points, log_weights=logs)
+    for u in inside(patch, 5, seed=2, depth=0.2):
+        with CONTEXT.workdps(50 + 10 * power):
+            expected = by_moments(heavy, u)
+        # Exponents of up to 276 have that many times the rounding of 1, and T with them.
+        assert_same(curvature(heavy, u[None]), expected, (1 + 7 * power) * DIGITS)
+
+
+def test_knots_close_to_a_slanted_edge():
+    """Their distances are exact, however small they are."""
+    knots = [[0, 0], [3, 1], [2, 4], [-1, 2], [1.5 - 1e-8, 0.5 + 3e-8], [1, 2], [2.6, 2.2]]
+    random = np.random.default_rng(3)
+    patch = Patch(knots, random.uniform(-1, 1, (7, 3)), [1e3, 1e3, 1, 1, 1, 1, 1])
+    assert 0 < patch.domain.heights[4, 0] < 1e-6
+    for u in inside(patch, 12, seed=4, depth=0.01):
+        assert_same(curvature(patch, u[None]), by_moments(patch, u))
+
+
+def test_knots_typed_with_twelve_digits_are_on_their_edge():
+    """Even where the line through the two heaviest misses the third, twice as far, by more than the tolerance."""
+    exactly = np.array([[0, 0], [3, 1], [2, 4], [-1, 2], [1.5, 0.5], [1, 2], [2.6, 2.2]])
+    typed = exactly.copy()
+    typed[4] += [-1e-12, 3e-12]
+    points = np.random.default_rng(3).uniform(-1, 1, (7, 3))
+    weights = [100, 1, 1, 1, 50, 1, 1]
+    one, other = (Patch(knots, points, weights) for knots in (exactly, typed))
+    assert other.domain.incidence[4, 0]
+    u = exactly[4] + np.array([[-0.2, 0.9], [-0.4, 0.3]]) * np.array([[1e-5], [1e-6]])
+    for there, here in zip(curvature(other, u), curvature(one, u), strict=True):
+        np.testing.assert_allclose(there, here, rtol=1e-8)
+
+
+def test_collinear_knots_inside_are_collinear_to_rounding():
+    """Beside a heavy line nearly all of T is on it; an irrational map of the knots changes nothing."""
+    knots = np.array([[0, 0], [4, 0], [4, 4], [0, 4], [1, 2], [1.7, 2], [3, 2]])
+    points = np.column_stack([knots, np.sin(3 * np.arange(7))])
+    logs = np.array([0, 0, 0, 0, 60.0, 60, 60])
+    turn = np.array([[math.cos(1), math.sin(1)], [-math.sin(1), math.cos(1)]]) / 7
+    plain = Patch(knots, points, log_weights=logs, edge_normals="unit")
+    turned = Patch(knots @ turn, points, log_weights=logs, edge_normals="unit", edge_scale=7)
+    u = inside(plain, 20, seed=5, depth=0.2)
+    basis_values = np.sort(plain.basis(u), axis=1)
+    assert (basis_values[:, -4] < 1e-15).any()
+    for there, here in zip(curvature(turned, u @ turn), curvature(plain, u), strict=True):
+        # Exponents of up to 60 have that many times the rounding of 1.
+        np.testing.assert_allclose(there, here, rtol=60 * DIGITS)
+
+
+def test_a_pole_of_points_that_are_equal_within_rounding():
+    patch = octant()
+    points = patch.control_points.copy()
+    points[6:, 2] = [1 - 2**-53, 1.0, 1 + 2**-52]
+    rounded = Patch(patch.knots, points, patch.weights, patch.coefficients)
+    h = 10.0 ** -np.arange(1.0, 14.0)
+    gaussian, mean = curvature(rounded, np.column_stack([np.full(13, 1.2), 2 - h]))
+    np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
+    np.testing.assert_allclose(mean, 1, rtol=1e-7)
+
+
+# --- limits on the boundary
+
+
+@pytest.mark.parametrize("name", ["bicubic", "bezier-triangle", "trapezoid", "repeated-knot", "example-4.1-integer"])
+def test_values_on_the_boundary_are_limits(name):
+    patch = load(SPECS / f"{name}.toml")
+    u = rim(patch)
+    near = u + 1e-9 * (patch.domain.vertices.mean(axis=0) - u)
+    for there, here in zip(curvature(patch, u, "linear"), curvature(patch, near, "linear"), strict=True):
+        np.testing.assert_allclose(there, here, rtol=LIMIT, atol=LIMIT)
+
+
+def layered(second: float) -> Patch:
+    """A square whose knots have distances 1 and `second` from its lowest edge."""
+    heights, columns = (0.0, 1.0, second, 4.0), (0.0, 1.0, 2.0)
+    knots = [[x, y] for y in heights for x in columns]
+    points = [[x, y, 0.3 * (x - 1) ** 2 + 0.2 * (y - 2) ** 2 + 0.1 * x * y] for x, y in knots]
+    return Patch(knots, points)
+
+
+def test_an_edge_whose_second_layer_is_too_near_has_no_curvature():
+    """There it grows like h^(δ'/δ − 2) with the distance h, by a fitted rate."""
+    for second in (1.2, 1.5, 1.8):
+        patch = layered(second)
+        assert np.isnan(curvature(patch, [[1.0, 0.0], [0.4, 0.0], [0.0, 0.0]])).all()
+        h = 10.0 ** -np.arange(8, 12)
+        mean = curvature(patch, np.column_stack([np.full(4, 1.1), h]), "linear").mean
+        rate = np.polyfit(np.log(h), np.log(np.abs(mean)), 1)[0]
+        # 0.2: next to the limit of 2 the terms that stay finite are not small yet.
+        assert rate == pytest.approx(second - 2, abs=0.02 if second < 1.7 else 0.2)
+
+
+@pytest.mark.parametrize("second", [2.0, 2.5, 3.0])
+def test_an_edge_whose_second_layer_is_far_has_one(second):
+    u = np.array([[1.0, 0.0], [0.4, 0.0]])
+    near = u + np.array([0.0, 1e-10])
+    patch = layered(second)
+    for there, here in zip(curvature(patch, u, "linear"), curvature(patch, near, "linear"), strict=True):
+        # Rates are h^(1/2) at the least: 1e-5.
+        np.testing.assert_allclose(there, here, rtol=1e-3)
+
+
+# --- what does not change it
+
+
+def test_the_parametrisation_does_not_count():
+    patch = load(SPECS / "bicubic.toml")
+    u = np.concatenate([inside(patch, 50), rim(patch)])
+    other = Patch(
+        1e9 * patch.knots[:, ::-1] + 3e9,  # mirrored: the normal turns over
+        patch.control_points,
+        np.exp(patch.log_products + patch.knots @ [0.5, -1.0]),
+        edge_scale=[1.0, 2.0, 0.5, 3.0],
+    )
+    for p in patch.evaluate(u):
+        assert np.isfinite(p).all()
+    linear = curvature(patch, u, "linear")
+    # The affine factor e^<a, θ> moves points in the linear parametrisation, not on corners.
+    corners = curvature(other, 1e9 * u[50:54, ::-1] + 3e9)
+    np.testing.assert_allclose(corners.gaussian, linear.gaussian[50:54], rtol=DIGITS)
+    np.testing.assert_allclose(corners.mean, -linear.mean[50:54], rtol=DIGITS)
+    mirrored = Patch(1e-9 * patch.knots[:, ::-1], patch.control_points, patch.weights, patch.coefficients)
+    turned = curvature(mirrored, 1e-9 * u[:, ::-1], "linear")
+    np.testing.assert_allclose(turned.gaussian, linear.gaussian, rtol=1e-9)
+    np.testing.assert_allclose(turned.mean, -linear.mean, rtol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_units(scale):
+    patch = load(SPECS / "pentagon.toml")
+    u = inside(patch, 50)
+    large = Patch(patch.knots, scale * patch.control_points, patch.weights)
+    gaussian, mean = curvature(patch, u)
+    np.testing.assert_allclose(curvature(large, u).gaussian * scale**2, gaussian, rtol=DIGITS)
+    np.testing.assert_allclose(curvature(large, u).mean * scale, mean, rtol=DIGITS)
+
+
+def test_far_from_the_origin():
+    """At 1e7 control points have 9 digits after the point, and the octant's curvature 8."""
+    gaussian, mean = curvature(octant(1.0, (1e7, -1e7, 1e7)), inside(octant(), 50, depth=0.1))
+    np.testing.assert_allclose(gaussian, 1, rtol=1e-7)
+    np.testing.assert_allclose(mean, 1, rtol=1e-7)
+
+
+def test_a_curve_has_neither():
+    with pytest.raises(DomainError, match="this is a curve"):
+        curvature(load(SPECS / "example-3.1.toml"), [0.5])
+    with pytest.raises(DomainError, match="expected toric or linear, got 'polar'"):
+        curvature(octant(), [[1, 1]], "polar")
+    with pytest.raises(DomainError, match="outside the domain"):
+        curvature(octant(), [[1, 3]])
+
+
+# --- attributes of a mesh
+
+
+def test_attributes_are_those_of_the_vertices():
+    patch = load(SPECS / "bicubic.toml")
+    for parametrization in ("toric", "linear"):
+        bare = tessellate(patch, 6, parametrization=parametrization)
+        mesh, replaced = with_attributes(patch, bare, ["mean_curvature", "v", "u", "v"], parametrization)
+        assert list(mesh.attributes) == ["mean_curvature", "v", "u", SHOWN]
+        np.testing.assert_array_equal(mesh.attributes["u"], mesh.parameters[:, 0])
+        np.testing.assert_array_equal(mesh.attributes["v"], mesh.parameters[:, 1])
+        expected = curvature(patch, mesh.parameters, parametrization).mean
+        np.testing.assert_array_equal(mesh.attributes["mean_curvature"], expected)
+        np.testing.assert_array_equal(mesh.attributes[SHOWN], expected)
+        assert replaced == 0
+        assert mesh.vertices is bare.vertices
+    assert with_attributes(patch, bare, []) == (bare, 0)
+
+
+@pytest.mark.parametrize("path", sorted(SPECS.glob("*.toml")), ids=lambda path: path.stem)
+def test_no_attribute_of_any_spec_is_infinite(path):
+    shape = load(path)
+    if isinstance(shape, Model) or shape.dimension == 1:
+        return
+    mesh, replaced = with_attributes(shape, tessellate(shape, 8), ATTRIBUTES)
+    values = np.stack(list(mesh.attributes.values()))
+    assert np.isfinite(values).all()
+    raw = curvature(shape, mesh.parameters)
+    undefined = np.isnan(raw.gaussian)
+    assert replaced == undefined.sum()
+    np.testing.assert_array_equal(mesh.attributes["gaussian_curvature"][~undefined], raw.gaussian[~undefined])
+
+
+def test_the_pole_of_a_sphere_gets_its_neighbours_curvature():
+    mesh, replaced = with_attributes(octant(), tessellate(octant(), 8), ["gaussian_curvature"])
+    assert replaced == 9
+    np.testing.assert_allclose(mesh.attributes["gaussian_curvature"], 1, rtol=DIGITS)
+
+
+def test_gaps_are_filled_ring_by_ring():
+    steps = np.arange(5)
+    line = Mesh(np.zeros((6, 3)), np.column_stack([steps, steps + 1]))
+    nan = np.nan
+    np.testing.assert_array_equal(filled(line, np.array([2.0, nan, 4.0, nan, nan, nan])), [2, 3, 4, 4, 4, 4])
+    np.testing.assert_array_equal(filled(line, np.array([nan, nan, nan, nan, 8.0, np.inf])), [8, 8, 8, 8, 8, 8])
+    np.testing.assert_array_equal(filled(line, np.full(6, nan)), np.zeros(6))
+    large = np.array([1.5e308, nan, 1.5e308, 1.0, 1.0, 1.0])
+    assert filled(line, large)[1] == 1.5e308
+
+
+def test_attributes_reach_the_file_under_their_names():
+    mesh, _ = with_attributes(octant(2.0), tessellate(octant(2.0), 4), ["gaussian_curvature", "u"])
+    for ascii in (False, True):
+        vertex = plyfile.PlyData.read(io.BytesIO(encoded(mesh, "ply", ascii=ascii)))["vertex"]
+        assert [p.name for p in vertex.properties] == ["x", "y", "z", "gaussian_curvature", "u", "quality"]
+        np.testing.assert_allclose(vertex["quality"], 0.25, rtol=1e-6)  # 32-bit
+        np.testing.assert_allclose(vertex["u"], mesh.parameters[:, 0], rtol=1e-6)
+
+
+def test_a_curve_has_its_parameter():
+    curve = load(SPECS / "example-3.1.toml")
+    mesh, _ = with_attributes(curve, tessellate(curve, 8), ["u"])
+    np.testing.assert_array_equal(mesh.attributes["u"], mesh.parameters[:, 0])
+    with pytest.raises(DomainError, match="a curve has u, its parameter, and no mean_curvature"):
+        with_attributes(curve, tessellate(curve, 8), ["mean_curvature"])
+
+
+def test_what_there_is_not_is_refused():
+    with pytest.raises(DomainError, match="expected one of u, v, gaussian_curvature, mean_curvature, got 'colour'"):
+        with_attributes(octant(), tessellate(octant(), 2), ["colour"])
+    bare = replace(tessellate(octant(), 2), parameters=None)
+    with pytest.raises(DomainError, match="vertices of this mesh have no parameters"):
+        with_attributes(octant(), bare, ["u"])
+
+
+@pytest.mark.parametrize("parametrization", ["linear", "toric"])
+def test_a_closed_model_has_the_curvature_of_its_outside(parametrization):
+    """A sphere of eight octants, every other one a mirror image, whose own normals look inwards."""
+    part = octant(2.0)
+    signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
+    model = Model(tuple(replace(part, control_points=part.control_points * sign) for sign in signs))
+    mesh = tessellate(model, 5, parametrization=parametrization)
+    assert mesh.origin is not None
+    assert len(set(mesh.origin.turned)) == 2
+    mesh, _ = with_attributes(model, mesh, ATTRIBUTES, parametrization)
+    np.testing.assert_allclose(mesh.attributes["gaussian_curvature"], 0.25, rtol=DIGITS)
+    np.testing.assert_allclose(mesh.attributes["mean_curvature"], 0.5, rtol=DIGITS)
+    for index, patch in enumerate(model.patches):
+        rows = mesh.origin.patch == index
+        u = mesh.parameters[rows]
+        np.testing.assert_array_equal(np.column_stack([mesh.attributes[n][rows] for n in "uv"]), u)
+        inside = (patch.domain.heights_of_columns(u) > 0).all(axis=0)
+        there = patch.points_at(locations(patch, u[inside], parametrization), int(inside.sum()))
+        np.testing.assert_allclose(mesh.vertices[rows][inside], there, atol=1e-12)
+
+
+def test_the_command_knows_the_same_names():
+    assert meshing.ATTRIBUTES == ATTRIBUTES

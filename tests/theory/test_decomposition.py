@@ -1,0 +1,462 @@
+"""Regular decompositions against the paper, exact brute force in `fractions`, and scipy's hull."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import combinations, pairwise
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.decomposition import control_net, lifting_of_knot, regular_decomposition
+
+# Knots Ã of Examples 4.1 and 4.4, and the lifting of mathematics.md section 7.
+PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
+PENTAGON_LIFTING = np.array([1.0, 0, 3, 2, 0, 1, 3, 1])
+PENTAGON_CELLS = ((0, 1, 2, 3), (1, 3, 4), (2, 3, 6), (2, 5, 6), (3, 4, 6, 7))
+
+CURVE = np.array([0, sqrt(2) / 4, 1 / 2, sqrt(2) / 2, 1])  # Example 3.4
+
+GRID = np.array([[x, y] for x in range(3) for y in range(3)], dtype=float)
+GRID_CENTRE = 4
+
+CASES = 400  # random cases per brute-force test; at least 300 are asked for
+ROUNDING = 1e-12  # of the largest term: a dozen roundings and some cancellation between knots of similar size
+GAP = 1e-9  # of the lifting's range: to be told apart
+NOISE = 1e-15  # of the lifting's range: a few units in the last place, not to be told apart
+
+
+def brute_force(knots, lifting):
+    """Cells and absent knots by trying every line or plane through d + 1 knots, in exact rationals."""
+    n, d = len(knots), len(knots[0])
+    cells = set()
+    for chosen in combinations(range(n), d + 1):
+        a, *others = chosen
+        rows = [[q - p for p, q in zip(knots[a], knots[b], strict=True)] for b in others]
+        rises = [lifting[b] - lifting[a] for b in others]
+        determinant = rows[0][0] if d == 1 else rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
+        if determinant == 0:
+            continue
+        if d == 1:
+            gradient = [Fraction(rises[0]) / determinant]
+        else:
+            gradient = [
+                Fraction(rises[0] * rows[1][1] - rises[1] * rows[0][1]) / determinant,
+                Fraction(rises[1] * rows[0][0] - rises[0] * rows[1][0]) / determinant,
+            ]
+        gaps = [
+            lifting[a] + sum(g * (q - p) for g, p, q in zip(gradient, knots[a], knot, strict=True)) - value
+            for knot, value in zip(knots, lifting, strict=True)
+        ]
+        if min(gaps) >= 0:
+            cells.add(tuple(i for i in range(n) if gaps[i] == 0))
+    present = {i for cell in cells for i in cell}
+    return tuple(sorted(cells)), tuple(i for i in range(n) if i not in present)
+
+
+def random_case(rng, d):
+    """Small rationals, with several knots on most faces, repeated knots, and knots below the hull."""
+    n = int(rng.integers(d + 1, 11))
+    places = rng.integers(0, (5, 9)[d == 1], (n, d))
+    squares = (places**2).sum(axis=1)
+    folds = sum(np.minimum(0, places @ rng.integers(-2, 3, d) - rng.integers(-2, 4)) for _ in range(2))
+    lifting = (rng.integers(0, 4, n), -squares, folds, folds + rng.integers(-1, 1, n), squares)[rng.integers(5)]
+    divisor, lifting_divisor = (int(rng.choice([1, 1, 3, 7])) for _ in range(2))
+    exact_knots = [tuple(Fraction(int(x), divisor) for x in place) for place in places]
+    exact_lifting = [Fraction(int(x), lifting_divisor) for x in lifting]
+    return exact_knots, exact_lifting
+
+
+def random_cases(seed, d):
+    rng = np.random.default_rng(seed)
+    found = 0
+    while found < CASES:
+        knots, lifting = random_case(rng, d)
+        centered = np.array(knots, dtype=float) - np.array(knots[0], dtype=float)
+        if np.linalg.matrix_rank(centered) == d:
+            found += 1
+            yield knots, lifting, rng
+
+
+def area(points):
+    x, y = (points - points[0]).T
+    return (x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def assert_tiles(decomposition):
+    """Polygons are counter-clockwise, fill the hull, and meet edge to edge."""
+    from scipy.spatial import ConvexHull
+
+    knots = decomposition.knots
+    areas = [area(knots[list(polygon)]) for polygon in decomposition.polygons]
+    assert min(areas) > 0
+    assert sum(areas) == pytest.approx(ConvexHull(knots - knots[0]).volume, rel=1e-7)  # knots at 1e7 are 2e-9 apart
+    borders = [pair for polygon in decomposition.polygons for pair in pairwise([*polygon, polygon[0]])]
+    assert len(set(borders)) == len(borders)
+    outer = {(a, b) for a, b in borders if (b, a) not in set(borders)}
+    assert sorted(a for a, _ in outer) == sorted(b for _, b in outer)
+    length = sum(np.hypot(*(knots[b] - knots[a])) for a, b in outer)
+    assert length == pytest.approx(ConvexHull(knots - knots[0]).area, rel=1e-7)
+    for cell, polygon in zip(decomposition.cells, decomposition.polygons, strict=True):
+        assert set(polygon) <= set(cell)
+
+
+def assert_planes(decomposition):
+    """λ = <g_F, a> + o_F on each cell, less elsewhere."""
+    knots, lifting = decomposition.knots, decomposition.lifting
+    for k, cell in enumerate(decomposition.cells):
+        g, o = decomposition.gradients[k], decomposition.offsets[k]
+        size = np.abs(knots).max(axis=0) @ np.abs(g) + abs(o) + np.abs(lifting).max()
+        plane = knots @ g + o
+        gaps = plane - lifting
+        assert np.abs(gaps[list(cell)]).max() <= ROUNDING * size
+        assert gaps.min() >= -ROUNDING * size
+        np.testing.assert_allclose(decomposition.gaps(k), gaps, rtol=0, atol=ROUNDING * size)
+        assert (decomposition.gaps(k)[list(cell)] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("lifting", "cells", "absent"),
+    [
+        ((2, 1, 5, 9 - 4 * sqrt(2), 1), ((0, 2), (2, 3, 4)), (1,)),
+        ((0, 2.5, 3, 2.5, 0), ((0, 1), (1, 2), (2, 3), (3, 4)), ()),
+        ((1, 3, 1, 0, 1), ((0, 1), (1, 4)), (2, 3)),
+    ],
+)
+def test_example_3_4(lifting, cells, absent):
+    decomposition = regular_decomposition(CURVE, lifting)
+    assert (decomposition.cells, decomposition.absent) == (cells, absent)
+    assert_planes(decomposition)
+
+
+def test_example_4_4():
+    decomposition = regular_decomposition(PENTAGON, PENTAGON_LIFTING)
+    assert decomposition.cells == PENTAGON_CELLS
+    assert decomposition.absent == ()
+    assert decomposition.polygons == ((3, 1, 0, 2), (4, 1, 3), (6, 3, 2), (5, 6, 2), (6, 7, 4, 3))
+    assert_tiles(decomposition)
+    assert_planes(decomposition)
+
+
+def test_example_4_4_control_net():
+    net = control_net(regular_decomposition(PENTAGON, PENTAGON_LIFTING))
+    assert net == [(0, 1), (0, 2), (1, 3), (1, 4), (2, 3), (2, 5), (2, 6), (3, 4), (3, 6), (4, 7), (5, 6), (6, 7)]
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1.0, 1e6, 1e9])
+@pytest.mark.parametrize("height", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("shift", [0.0, 1e7])  # in units of the knots
+@pytest.mark.parametrize("slope", [0.0, 1.0, 1e4])
+def test_example_4_4_scaled_shifted_and_tilted(scale, height, shift, slope):
+    affine = slope * (PENTAGON @ [0.3, -0.7] + 1.1)
+    decomposition = regular_decomposition((PENTAGON + shift) * scale, (PENTAGON_LIFTING + affine) * height)
+    assert decomposition.cells == PENTAGON_CELLS
+    assert_tiles(decomposition)
+    assert_planes(decomposition)
+
+
+@pytest.mark.parametrize("angle", [0.1, 1.0, 2.5])
+def test_rotated_knots_give_the_same_cells(angle):
+    rotation = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
+    assert regular_decomposition(PENTAGON @ rotation, PENTAGON_LIFTING / 3).cells == PENTAGON_CELLS
+
+
+@given(st.permutations(range(8)))
+def test_permuted_knots_give_permuted_cells(order):
+    decomposition = regular_decomposition(PENTAGON[list(order)], PENTAGON_LIFTING[list(order)])
+    assert sorted(tuple(sorted(order[i] for i in cell)) for cell in decomposition.cells) == list(PENTAGON_CELLS)
+    assert list(decomposition.cells) == sorted(decomposition.cells)
+
+
+@pytest.mark.parametrize(
+    "lifting", [np.zeros(9), np.full(9, 0.1), GRID @ [1, 2], GRID @ [0.1, 0.7] + 1 / 3, GRID @ [1e6, -1e5]]
+)
+def test_affine_lifting_of_nine_knots_is_one_cell(lifting):
+    decomposition = regular_decomposition(GRID, lifting)
+    assert decomposition.cells == (tuple(range(9)),)
+    assert decomposition.polygons == ((0, 6, 8, 2),)
+    ring = [(0, 1), (0, 3), (1, 2), (2, 5), (3, 6), (5, 8), (6, 7), (7, 8)]
+    assert control_net(decomposition) == ring  # the border, at each of its knots; not the knot inside
+
+
+def test_affine_lifting_of_a_curve_is_one_cell():
+    decomposition = regular_decomposition(CURVE, 0.3 * CURVE - 0.1)
+    assert decomposition.cells == ((0, 1, 2, 3, 4),)
+    assert control_net(decomposition) == [(0, 1), (1, 2), (2, 3), (3, 4)]
+
+
+def test_coplanar_groups_of_a_grid():
+    roof = regular_decomposition(GRID, -0.1 * np.abs(GRID[:, 0] - 1))
+    assert roof.cells == ((0, 1, 2, 3, 4, 5), (3, 4, 5, 6, 7, 8))
+    pyramid = regular_decomposition(GRID, -0.7 * np.abs(GRID - 1).max(axis=1))
+    assert pyramid.cells == ((0, 1, 2, 4), (0, 3, 4, 6), (2, 4, 5, 8), (4, 6, 7, 8))
+    quads = regular_decomposition(GRID, -0.3 * (GRID**2).sum(axis=1))
+    assert quads.cells == ((0, 1, 3, 4), (1, 2, 4, 5), (3, 4, 6, 7), (4, 5, 7, 8))
+    assert_tiles(quads)
+
+
+def test_pentagonal_face_with_a_knot_inside_is_one_cell():
+    angles = 2 * pi * np.arange(5) / 5
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    knots = np.concatenate([ring, 2 * ring, [[0.1, 0.05], [0.2, -0.1]]])
+    lifting = np.concatenate([np.full(5, 0.7), np.zeros(5), [0.7, 0.6]])
+    decomposition = regular_decomposition(knots, lifting)
+    sides = [tuple(sorted((k, (k + 1) % 5, k + 5, (k + 1) % 5 + 5))) for k in range(5)]
+    assert decomposition.cells == tuple(sorted([(0, 1, 2, 3, 4, 10), *sides]))
+    assert decomposition.absent == (11,)
+    assert_tiles(decomposition)
+
+
+def test_repeated_knots_count_where_they_are_highest():
+    knots = [[0, 0], [1, 0], [0, 1], [1, 0], [0, 1], [1, 0], [1, 1]]
+    decomposition = regular_decomposition(knots, [0.1, 0.2, 0.3, 0.2, 0.1, 0.1, 0])
+    assert decomposition.cells == ((0, 1, 2, 3), (1, 2, 3, 6))
+    assert decomposition.absent == (4, 5)
+    assert decomposition.polygons == ((0, 1, 2), (1, 6, 2))
+    assert control_net(decomposition) == [(0, 1), (0, 2), (1, 2), (1, 6), (2, 6)]
+
+
+def test_repeated_knots_of_a_curve():
+    decomposition = regular_decomposition([0, 0.5, 0.5, 0.5, 1, 0], [0, 1, 0.9, 1, 0, -1])
+    assert decomposition.cells == ((0, 1, 3), (1, 3, 4))
+    assert decomposition.absent == (2, 5)
+    assert control_net(decomposition) == [(0, 1), (1, 4)]
+
+
+def test_corner_copies_apart_by_rounding_are_one_place():
+    nearly = 0.1 + 0.2  # 0.30000000000000004
+    knots = [[0, 0], [0.3, 0], [nearly, 0], [0, 1], [nearly, 1], [0.3, 1]]
+    decomposition = regular_decomposition(knots, [0, 1, 0, 0, 1, 1])
+    assert decomposition.cells == ((0, 1, 3, 4, 5),)
+    assert decomposition.absent == (2,)
+
+
+def test_low_knot_beside_the_hull_by_rounding_is_absent():
+    inside = np.array([[0, 0], [1, 0], [0.5, 1], [0.3, 1e-17], [0.6, -1e-17], [0.25, 0.5]])
+    decomposition = regular_decomposition(inside, [0.1, 0.1, 0.1, -3, -5, -1])
+    assert decomposition.cells == ((0, 1, 2),)
+    assert decomposition.absent == (3, 4, 5)
+
+
+def test_high_knot_beside_the_hull_by_rounding_splits_its_edge():
+    for offset in (1e-17, 0.0, -1e-17):
+        decomposition = regular_decomposition([[0, 0], [1, 0], [0.5, 1], [0.3, offset]], [0.1, 0.1, 0.1, 3])
+        assert decomposition.cells == ((0, 2, 3), (1, 2, 3))
+        assert_tiles(decomposition)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("height", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("affine", [0.0, 1.0, 1e3])
+def test_gaps_of_1e_9_are_told_apart_and_rounding_is_not(scale, height, affine):
+    lifting = -np.abs(GRID[:, 0] - 1) * 0.5 + affine * (GRID @ [0.3, 0.9])  # range 0.5, the centre on the fold
+    knots = GRID * scale
+    bump = np.arange(9) == GRID_CENTRE
+
+    def cells(gap):
+        found = regular_decomposition(knots, (lifting + gap * 0.5 * bump) * height)
+        return found.cells, found.absent
+
+    roof = ((0, 1, 2, 3, 4, 5), (3, 4, 5, 6, 7, 8)), ()
+    assert cells(0) == cells(NOISE) == cells(-NOISE) == roof
+    assert cells(-GAP) == (((0, 1, 2, 3, 5), (3, 5, 6, 7, 8)), (4,))
+    raised, absent = cells(GAP)
+    assert raised == ((0, 1, 2, 4), (0, 3, 4), (2, 4, 5), (3, 4, 6), (4, 5, 8), (4, 6, 7, 8))
+    assert absent == ()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_gaps_of_1e_9_on_a_curve(scale):
+    knots, lifting = CURVE * scale, np.array([2, 1, 5, 9 - 4 * sqrt(2), 1])
+    raised = lifting + 4 * GAP * (np.arange(5) == 3)
+    assert regular_decomposition(knots, raised).cells == ((0, 2), (2, 3), (3, 4))
+    lowered = regular_decomposition(knots, lifting - 4 * GAP * (np.arange(5) == 3))
+    assert (lowered.cells, lowered.absent) == (((0, 2), (2, 4)), (1, 3))
+    for ulps in range(-3, 4):
+        assert regular_decomposition(knots, lifting + ulps * np.spacing(lifting) * (np.arange(5) == 3)).absent == (1,)
+
+
+def test_lifting_that_lost_digits_on_the_way_is_not_split():
+    """Noise above the last place of the result, as from differences of larger numbers."""
+    lifting = -0.3 * (GRID**2).sum(axis=1)
+    quads = regular_decomposition(GRID, lifting).cells
+    assert regular_decomposition(GRID, (lifting + 300) - 300).cells == quads
+    assert regular_decomposition(GRID, (lifting - 300) + 300).cells == quads
+
+
+def test_integers_are_taken_at_their_word():
+    knots = np.array([[0, 0], [10**9, 0], [0, 10**9], [1, 1]])
+    assert regular_decomposition(knots, [0, 0, 0, -1]).absent == (3,)
+    tiny = regular_decomposition([0, 1, 2**30], [0, 1, 2**30 + 1])  # the middle one is 2^-30 too low
+    assert tiny.absent == (1,)
+
+
+@pytest.mark.parametrize("d", [1, 2])
+def test_brute_force_in_fractions(d):
+    for knots, lifting, _ in random_cases(20 + d, d):
+        decomposition = regular_decomposition(np.array(knots, dtype=float), np.array(lifting, dtype=float))
+        assert (decomposition.cells, decomposition.absent) == brute_force(knots, lifting)
+        assert_planes(decomposition)
+        if d == 2:
+            assert_tiles(decomposition)
+
+
+@pytest.mark.parametrize("d", [1, 2])
+def test_brute_force_after_maps_that_round(d):
+    """Scaled, rotated, shifted knots and tilted liftings are coplanar up to rounding only."""
+    for knots, lifting, rng in random_cases(40 + d, d):
+        points, heights = np.array(knots, dtype=float), np.array(lifting, dtype=float)
+        angle = rng.uniform(0, 2 * pi)
+        rotation = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])[:d, :d] if d == 2 else np.eye(1)
+        tilt = rng.choice([0, 1, 1e3, 1e5]) * (points @ rng.standard_normal(d) + rng.standard_normal())
+        scale, height, shift = 10.0 ** rng.integers(-6, 7), 10.0 ** rng.integers(-6, 7), rng.choice([0, 0, 1e3])
+        found = regular_decomposition((points @ rotation + shift) * scale, (pi * heights + tilt) * height)
+        assert (found.cells, found.absent) == brute_force(knots, lifting)
+        assert_planes(found)
+        if d == 2:
+            assert_tiles(found)
+
+
+@pytest.mark.parametrize("n", [60, 300])
+@pytest.mark.parametrize("concave", [True, False])
+def test_scipy_hull_of_generic_liftings(n, concave):
+    from scipy.spatial import ConvexHull
+
+    rng = np.random.default_rng(n)
+    knots = rng.random((n, 2))
+    lifting = -(knots**2).sum(axis=1) if concave else rng.random(n)
+    hull = ConvexHull(np.column_stack([knots, lifting]))
+    upper = hull.simplices[hull.equations[:, 2] > 0]
+    decomposition = regular_decomposition(knots, lifting)
+    assert decomposition.cells == tuple(sorted(tuple(sorted(cell)) for cell in upper.tolist()))
+    assert_tiles(decomposition)
+
+
+def contains(polygon, point):
+    """Exactly, for a ccw polygon or a segment."""
+    if len(point) == 1:
+        return polygon[0][0] <= point[0] <= polygon[1][0]
+    return all(
+        (b[0] - a[0]) * (point[1] - a[1]) >= (b[1] - a[1]) * (point[0] - a[0])
+        for a, b in zip(polygon, [*polygon[1:], polygon[0]], strict=True)
+    )
+
+
+@pytest.mark.parametrize("d", [1, 2])
+def test_locate_by_brute_force(d):
+    rng = np.random.default_rng(7)
+    borders = 0
+    for _ in range(40):
+        knots = np.concatenate([rng.integers(0, 9, (9, d)), [[0] * d, [8] * d, [0, 8][-d:]]]).astype(float)
+        decomposition = regular_decomposition(knots, rng.integers(0, 5, 12))
+        polygons = [[[Fraction(x) for x in knots[i]] for i in polygon] for polygon in decomposition.polygons]
+        weights = rng.choice([2.0, 4.0, 8.0, 16.0], (60, 12)) * (rng.random((60, 12)) < 0.2)
+        weights[:, 0] += 2.0 ** np.ceil(np.log2(weights.sum(axis=1) + 1)) - weights.sum(axis=1)
+        middles = [(knots[a] + knots[b]) / 2 for polygon in decomposition.polygons for a, b in pairwise(polygon)]
+        points = np.concatenate([weights @ knots / weights.sum(axis=1)[:, None], middles])  # all exact in binary
+        found = decomposition.locate(points)
+        for point, cell in zip(points, found, strict=True):
+            holders = [
+                k for k, polygon in enumerate(polygons) if contains(polygon, [Fraction(float(x)) for x in point])
+            ]
+            assert cell == holders[0]
+            borders += len(holders) > 1
+    assert borders > 100
+
+
+def test_locate_on_knots_beside_the_hull_and_in_one_cell():
+    decomposition = regular_decomposition(PENTAGON, PENTAGON_LIFTING)
+    lowest = [min(k for k, cell in enumerate(PENTAGON_CELLS) if i in cell) for i in range(8)]
+    assert decomposition.locate(PENTAGON).tolist() == lowest
+    beside = [[-1e-15, 1.9], [1, -1e-15], [2 + 1e-15, 0.5], [0.3, -1e-9]]
+    assert decomposition.locate(beside).tolist() == [0, 3, 4, 3]
+    assert decomposition.locate(np.empty((0, 2))).tolist() == []
+    assert regular_decomposition(GRID, np.zeros(9)).locate([[1, 1], [5, 5]]).tolist() == [0, 0]
+    shifted = regular_decomposition(PENTAGON + 1e7, PENTAGON_LIFTING)
+    assert shifted.locate(PENTAGON[[5, 7]] + 1e7).tolist() == [3, 4]
+
+
+def test_locate_on_a_curve_whose_knots_are_not_sorted():
+    decomposition = regular_decomposition([1, 0.5, 0], [0, 1, 0])
+    assert decomposition.cells == ((0, 1), (1, 2))  # right, left
+    assert decomposition.polygons == ((1, 0), (2, 1))
+    assert decomposition.locate([0.2, 0.5, 0.7, 1 + 1e-16]).tolist() == [1, 0, 0, 0]
+
+
+def test_one_weight_to_infinity_is_the_polyline_over_its_knot():
+    for k in range(1, 4):  # property (g)
+        assert regular_decomposition(CURVE, lifting_of_knot(5, k)).cells == ((0, k), (k, 4))
+    decomposition = regular_decomposition(PENTAGON, lifting_of_knot(8, 3))
+    assert decomposition.cells == ((0, 1, 3), (0, 2, 3, 5), (1, 3, 4), (3, 4, 7), (3, 5, 6, 7))
+    assert lifting_of_knot(4, 2).tolist() == [0, 0, 1, 0]
+
+
+@pytest.mark.parametrize("k", [-1, 8])
+def test_lifting_of_a_knot_that_is_not_there(k):
+    with pytest.raises(DomainError, match=r"expected an index from 0 to 7, got"):
+        lifting_of_knot(8, k)
+
+
+@pytest.mark.parametrize(
+    ("knots", "lifting", "message"),
+    [
+        ([[0, 0], [1, 1], [2, 2], [0.1, 0.1]], [0, 1, 0, 0], "one line"),
+        ([[0, 0], [0.1, 0.3], [0.2, 0.6], [0.3, 0.9]], [0, 1, 0, 0], "one line"),
+        ([[0, 0], [1, 0], [0, 0], [1, 0]], [0, 1, 2, 3], "one line"),
+        ([0.5, 0.5, 0.5], [0, 1, 2], "two different knots"),
+        ([[0, 0], [1, 0]], [0, 1], "at least 3"),
+        ([0.5], [1], "at least 2"),
+        ([], [], "at least 2"),
+        (CURVE, [0, 1, 2], "expected 5 values, one per knot"),
+        (CURVE, [[0, 1, 2, 3, 4]], "expected 5 values, one per knot"),
+        (CURVE, [0, 1, np.inf, 1, 0], r"lifting\[2\]: must be finite"),
+        ([0, np.nan, 1], [0, 0, 0], r"knots\[1\]\[?.*must be finite"),
+        (np.zeros((4, 3)), [0, 0, 0, 0], r"\(n, 1\) or \(n, 2\)"),
+        ([0, 1e-9, 1], [0, 1e308, 0], "too steep"),
+    ],
+)
+def test_refused_input(knots, lifting, message):
+    with pytest.raises(DomainError, match=message):
+        regular_decomposition(knots, lifting)
+
+
+@pytest.mark.parametrize("points", [[0.5], [[0.5, np.nan]], [[0.5, 0.5, 0.5]]])
+def test_locate_refuses_other_points(points):
+    with pytest.raises(DomainError, match="points"):
+        regular_decomposition(PENTAGON, PENTAGON_LIFTING).locate(points)
+
+
+def test_neighbours_of_a_border_agree_on_its_corners():
+    """Gaps of a few 1e-13 on the fold x = 1/2: joined on its left, where knot 5 is no corner, and not on its right."""
+    knots = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [0.5, 0.5], [0.5, 1], [1.5, 0], [0, 1], [0.5, 1.5]])
+    steps = np.array([-2, -2, -1, 2, -2, 1, 2, -3, -2])
+    decomposition = regular_decomposition(knots, -np.abs(knots[:, 0] - 1) + 1e-13 * steps)
+    assert decomposition.cells[0] == (0, 3, 4, 5, 7, 8)
+    assert set(decomposition.polygons[0]) == {0, 3, 4, 5, 8}
+    assert_tiles(decomposition)
+
+
+def test_neighbours_of_a_border_agree_on_its_knots():
+    """Knot 7 is knot 1 again, lower by a gap that one of the two cells there would forgive."""
+    knots = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [2, 2], [2, 1], [0, 1.5], [2, 0], [0.5, 1]])
+    steps = np.array([-1, 0, 0, -1, 2, 3, -1, -3, 0])
+    decomposition = regular_decomposition(knots, -np.abs(knots[:, 0] - 1) + 1e-13 * steps)
+    assert decomposition.cells == ((0, 1, 7, 8), (0, 3, 6, 8), (1, 2, 4, 5, 7, 8), (2, 3, 4, 8))
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(-17, -6),
+    st.sampled_from([0.0, 1e-16, 1e-15]),
+)
+def test_cells_tile_whatever_the_noise(seed, exponent, shake):
+    """Gaps between rounding and 1e-9 may go either way, but never break the tiling."""
+    rng = np.random.default_rng(seed)
+    knots = np.concatenate([GRID, rng.integers(0, 5, (12, 2)) / 2])
+    lifting = (-np.abs(knots[:, 0] - 1), knots @ [1.0, 2.0], -(knots**2).sum(axis=1))[seed % 3]
+    knots = knots + shake * rng.standard_normal(knots.shape)
+    assert_tiles(regular_decomposition(knots, lifting + 10.0**exponent * rng.standard_normal(len(knots))))

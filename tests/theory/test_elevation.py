@@ -1,0 +1,231 @@
+"""Degree elevation against the textbook's formulas in exact fractions, and the image against itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtb_cli.checks import check_patch
+from gtb_cli.checks.probe import points_at_torus
+from gtb_cli.errors import DomainError
+from gtb_cli.spec.loading import load
+from gtb_cli.theory.elevation import MAX_KNOTS, elevate, multiplier, product
+from gtb_cli.theory.patch import Patch
+from tests.specs import GOOD_SPECS, SPECS
+
+ROUNDING = 1e-13
+"""Of the extent: sums of a few dozen products."""
+
+PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
+
+
+def spec(name: str) -> Patch:
+    patch = load(SPECS / f"{name}.toml")
+    assert isinstance(patch, Patch)
+    return patch
+
+
+def torus_samples(patch: Patch) -> np.ndarray:
+    """(d, m) torus coordinates from deep in one corner to deep in another."""
+    steps = np.linspace(-12, 12, 9) / patch.domain.size
+    return np.stack([axis.ravel() for axis in np.meshgrid(*[steps] * patch.dimension)])
+
+
+def assert_same_image(patch: Patch, elevated: Patch, tolerance: float = ROUNDING):
+    """Points at the same torus coordinates are the same: numerator and denominator have a common factor."""
+    s = torus_samples(patch)
+    extent = np.ptp(patch.control_points, axis=0).max() + np.abs(patch.control_points).max() * 1e-3
+    np.testing.assert_allclose(points_at_torus(elevated, s), points_at_torus(patch, s), rtol=0, atol=tolerance * extent)
+
+
+def test_a_polynomial_curve_is_elevated_by_the_textbook():
+    """b*_i = i/(n + 1) b_{i−1} + (1 − i/(n + 1)) b_i, here of degree 4."""
+    points = [Fraction(x) for x in (3, -1, 4, 2, 7)]
+    n = len(points) - 1
+    patch = Patch(range(n + 1), [[float(x), 0] for x in points], coefficients=[math.comb(n, i) for i in range(n + 1)])
+    elevated = elevate(patch)
+    expected = [points[0]]
+    expected += [Fraction(i, n + 1) * points[i - 1] + (1 - Fraction(i, n + 1)) * points[i] for i in range(1, n + 1)]
+    expected += [points[-1]]
+    assert elevated.knots[:, 0].tolist() == list(range(n + 2))
+    assert elevated.weights.tolist() == [math.comb(n + 1, i) for i in range(n + 2)]
+    assert elevated.coefficients.tolist() == [1] * (n + 2)
+    np.testing.assert_allclose(elevated.control_points[:, 0], [float(x) for x in expected], rtol=1e-15)
+
+
+def test_a_half_circle_of_degree_five():
+    """The weights of the half circle's classical elevations: 1, 1/3, 1/3, 1, then 1, 1/2, 1/3, 1/2, 1 times C(4, i)."""
+    elevated = elevate(spec("cubic-bezier"))
+    np.testing.assert_allclose(elevated.weights, [1, 4 / 2, 6 / 3, 4 / 2, 1], rtol=1e-15)
+    radius = np.linalg.norm(elevate(spec("cubic-bezier"), 2).evaluate(np.linspace(0, 5, 50)), axis=1)
+    np.testing.assert_allclose(radius, 1, atol=1e-15)
+
+
+def test_a_triangle_is_elevated_by_the_textbook():
+    """b*_(ijk) = (i b_(i−1,j,k) + j b_(i,j−1,k) + k b_(i,j,k−1))/(n + 1)."""
+    n = 2
+    places = [(i, j) for j in range(n + 1) for i in range(n + 1 - j)]
+    values = {(i, j, n - i - j): Fraction((3 * i + 1) * (j + 2)) for i, j in places}
+    count = {key: Fraction(math.factorial(n), math.prod(map(math.factorial, key))) for key in values}
+    patch = Patch(
+        places,
+        [[float(value), 0, 0] for value in values.values()],
+        coefficients=[float(c) for c in count.values()],
+    )
+    elevated = elevate(patch)
+    assert len(elevated.knots) == 10
+    for (i, j), point in zip(elevated.knots.astype(int).tolist(), elevated.control_points, strict=True):
+        k = n + 1 - i - j
+        terms = [(i, (i - 1, j, k)), (j, (i, j - 1, k)), (k, (i, j, k - 1))]
+        expected = sum(number * values[key] for number, key in terms if number) / (n + 1)
+        assert point[0] == pytest.approx(float(expected), rel=1e-15)
+
+
+def test_a_tensor_product_patch_is_elevated_in_both_directions():
+    elevated = elevate(spec("bicubic"))
+    assert elevated.domain.vertices.tolist() == [[0, 0], [4, 0], [4, 4], [0, 4]]
+    assert len(elevated.knots) == 25
+    u = np.stack([axis.ravel() for axis in np.meshgrid(np.linspace(0, 3, 8), np.linspace(0, 3, 8))], axis=1)
+    # With equal fractions of the domains go equal points.
+    np.testing.assert_allclose(elevated.evaluate(u * 4 / 3), spec("bicubic").evaluate(u), atol=1e-14)
+
+
+@pytest.mark.parametrize("name", PATCHES)
+def test_the_image_stays(name):
+    patch = spec(name)
+    elevated = elevate(patch)
+    assert len(elevated.knots) > len(patch.knots) or name == "repeated-knot"
+    assert_same_image(patch, elevated)
+    assert_same_image(patch, elevate(patch, 2))
+    assert check_patch(elevated).holds
+    # Corners stay corners, with the same control points, exactly.
+    assert len(elevated.domain.vertices) == len(patch.domain.vertices)
+    np.testing.assert_array_equal(elevated.evaluate(elevated.domain.vertices), patch.evaluate(patch.domain.vertices))
+
+
+def test_a_curve_keeps_its_points_at_the_same_fractions():
+    patch = replace(spec("example-3.1"), edge_scale=2.5)
+    elevated = elevate(patch, 3)
+    f = np.linspace(0, 1, 40)
+    length = elevated.knots[-1, 0]
+    np.testing.assert_allclose(elevated.evaluate(f * length), patch.evaluate(f), atol=1e-13)
+
+
+def test_elevated_control_polygons_tend_to_the_curve():
+    """The distance falls like 1/degree, as the textbook says of Bézier curves."""
+    patch = spec("cubic-bezier")
+    f = np.linspace(0, 1, 400)
+    curve = patch.evaluate(3 * f)
+    distances = []
+    for by in (8, 16, 32, 64):
+        control = elevate(patch, by).control_points
+        gaps = np.linalg.norm(control[:, None] - curve, axis=2).min(axis=1)
+        distances.append(gaps.max())
+    rates = -np.diff(np.log2(distances))
+    assert (rates > 0.7).all()
+    assert (rates < 1.2).all()
+
+
+@given(st.integers(0, 10**6))
+def test_random_products_have_the_same_image(seed):
+    rng = np.random.default_rng(seed)
+    d = int(rng.integers(1, 3))
+    n, m = int(rng.integers(d + 2, 9)), int(rng.integers(1, 5))
+    knots = rng.random((n, d)) * 3
+    patch = Patch(knots, rng.normal(size=(n, 3)), rng.random(n) + 0.1, rng.random(n) + 0.1)
+    factor, g = rng.random((m, d)) * 2, rng.random(m) + 0.1
+    elevated = product(patch, factor, g)
+    assert_same_image(patch, elevated, 1e-12)
+    assert len(elevated.knots) == n * m
+    # The denominators differ by the factor Σ g e^<d, s>, computed here.
+    s = torus_samples(patch)
+    ours = np.exp(elevated.knots @ s + elevated.log_products[:, None]).sum(axis=0)
+    theirs = np.exp(patch.knots @ s + patch.log_products[:, None]).sum(axis=0)
+    np.testing.assert_allclose(ours, theirs * (g @ np.exp(factor @ s)), rtol=1e-12)
+
+
+def test_equal_sums_are_merged():
+    patch = Patch([0, 1, 2], [[0, 0], [1, 3], [2, 0]], [1, 2, 3])
+    found = product(patch, [0, 1], [1, 5])
+    assert found.knots[:, 0].tolist() == [0, 1, 2, 3]
+    assert found.weights.tolist() == [1, 2 + 5, 3 + 10, 15]
+    np.testing.assert_allclose(found.control_points[1], np.array([1, 3, 0]) * 2 / 7, rtol=1e-15)
+    tenths = product(Patch([0, 0.1, 0.2, 0.3], np.eye(4)[:, :2]), [0, 0.1])  # 0.1 + 0.2 is not 0.3
+    assert len(tenths.knots) == 5
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e9])
+@pytest.mark.parametrize("name", ["example-3.1", "pentagon", "bicubic"])
+def test_any_size(name, scale):
+    patch = spec(name)
+    elevated = elevate(replace(patch, knots=patch.knots * scale, control_points=patch.control_points / scale))
+    plain = elevate(patch)
+    np.testing.assert_allclose(elevated.knots, plain.knots * scale, rtol=1e-14, atol=1e-14 * scale)
+    np.testing.assert_allclose(elevated.control_points, plain.control_points / scale, rtol=1e-13, atol=1e-14 / scale)
+
+
+def test_far_from_the_origin_sums_are_still_merged():
+    patch = spec("bicubic")
+    assert len(elevate(replace(patch, knots=patch.knots / 7 + 1e6)).knots) == 25
+
+
+def test_weights_beyond_floats():
+    patch = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], log_weights=[0, 2000, -3000])
+    elevated = elevate(patch)
+    np.testing.assert_allclose(elevated.log_weights, [0, 2000, 2000, -3000])
+    assert_same_image(patch, elevated)
+    huge = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], [1e200, 1, 1e-200])
+    assert_same_image(huge, elevate(huge))
+
+
+def test_settings_stay_where_they_can():
+    curve = replace(spec("example-3.1"), edge_scale=np.array([2.0, 3.0]), lifting=np.arange(5.0))
+    assert elevate(curve).edge_scale.tolist() == [2, 3]
+    assert elevate(curve).lifting is None
+    assert elevate(curve).name == curve.name
+    square = Patch([[0, 0], [2, 0], [2, 1], [0, 1], [1, 0.5]], np.eye(5)[:, :3], edge_normals="primitive")
+    assert elevate(square).edge_normals == "primitive"
+    halves = Patch([[0, 0], [0.5, 0], [1, 0], [0, 1], [0.5, 1], [1, 1]], np.eye(6)[:, :3], edge_normals="primitive")
+    assert elevate(halves).edge_normals == "unit"  # its corners are (1.5, 0) and (1.5, 2)
+    assert elevate(replace(spec("pentagon"), edge_scale=np.arange(1.0, 6))).edge_scale.tolist() == [1, 2, 3, 4, 5]
+    more = product(replace(spec("pentagon"), edge_scale=np.arange(1.0, 6)), [[0, 0], [0.3, -0.1]])
+    assert len(more.domain.vertices) == 7
+    assert more.edge_scale == 1
+
+
+def test_no_elevation_changes_nothing():
+    assert elevate(spec("pentagon"), 0).knots.tolist() == spec("pentagon").knots.tolist()
+
+
+def test_new_edges_are_one_point():
+    more = product(spec("pentagon"), [[0, 0], [0.3, -0.1]])
+    size = [np.ptp(more.boundary(edge).control_points, axis=0).max() for edge in range(7)]
+    assert sum(extent < 1e-15 for extent in size) == 2
+    np.testing.assert_allclose(multiplier(spec("pentagon")), spec("pentagon").domain.vertices)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: elevate(spec("pentagon"), -1), "by: expected a whole number, at least 0, got -1"),
+        (lambda: elevate(spec("pentagon"), 1.5), "got 1.5"),
+        (lambda: elevate(spec("pentagon"), True), "got True"),
+        (lambda: product(spec("pentagon"), [0, 1]), r"knots: expected shape \(m, 2\), got \(2,\)"),
+        (lambda: product(spec("example-3.1"), [[0, 1]]), r"knots: expected shape \(m, 1\), got \(1, 2\)"),
+        (lambda: product(spec("example-3.1"), []), "knots: expected shape"),
+        (lambda: product(spec("example-3.1"), [0, 1], [1]), "weights: expected 2 values, got shape"),
+        (lambda: product(spec("example-3.1"), [0, 1], [1, 0]), r"weights\[1\]: must be positive"),
+        # 0 + 2 is 1 + 1.
+        (lambda: product(spec("example-3.1"), np.geomspace(1, 2, 5000)), f"24999, at most {MAX_KNOTS} are allowed"),
+        (lambda: product(spec("example-3.1"), np.arange(1e6)), "at most 2000000 are allowed"),
+    ],
+)
+def test_what_cannot_be_elevated(call, message):
+    with pytest.raises(DomainError, match=message):
+        call()

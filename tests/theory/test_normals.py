@@ -1,0 +1,209 @@
+"""Unit normals inside, near edges, on edges and at corners, against sums over triples of knots in many digits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.patch import Patch
+from tests import exact
+from tests.laws import inner_parameters, rounding
+from tests.patches import SURFACES, bicubic, collapsed_edge, named, pentagon
+
+NORMAL_ERROR = 1e-11
+"""Of a unit normal: a hundred times that of T, for the angle between the two derivatives."""
+
+LIMIT_ERROR = 1e-9
+"""Of a normal 10^-DIGITS of the hull's size from an edge, where layers of knots are at least 0.01 apart."""
+
+DIGITS = 1000
+
+FEW_KNOTS = [name for name in SURFACES if len(named(name).knots) <= 16]
+
+
+def unit(vector):
+    return np.asarray(vector) / np.linalg.norm(vector)
+
+
+@pytest.mark.parametrize("name", FEW_KNOTS)
+def test_normals_keep_their_digits_everywhere_inside(name):
+    # From the middle to 1e-12 of the size from each edge, also where one knot holds all but 1e-300 of T.
+    patch = named(name)
+    u = inner_parameters(patch)[::3]
+    found = patch.normals(u)
+    tolerance = NORMAL_ERROR + 100 * rounding(patch) * (name in ("large_knots", "beyond_floats"))
+    for parameter, normal in zip(u, found, strict=True):
+        assert np.abs(normal - exact.normal(patch, parameter.tolist())).max() < tolerance
+
+
+@pytest.mark.parametrize("weight", [1e3, 1e12, 1e100, 1e300])
+def test_a_heavy_knot_inside_spoils_no_digits(weight):
+    patch = bicubic()
+    weights = patch.weights.copy()
+    weights[5] = weight
+    heavy = replace(patch, weights=weights)
+    for u in ([1.5, 1.4], [0.3, 2.7], [1e-9, 1e-5]):
+        expected = exact.normal(heavy, u)
+        assert np.abs(heavy.normals([u])[0] - expected).max() < NORMAL_ERROR
+
+
+@pytest.mark.parametrize("scale", [10.0, 100.0, 1000.0])
+def test_large_exponents_give_normals_at_every_place(scale):
+    patch = bicubic()
+    large = replace(patch, knots=patch.knots * scale)
+    u = np.array([[0.3, 0.2], [1.51, 0.4], [2.9, 2.95], [1.2, 1.1]]) * scale
+    for parameter, normal in zip(u, large.normals(u), strict=True):
+        assert np.abs(normal - exact.normal(large, parameter.tolist())).max() < 1e-9
+
+
+def test_weights_beyond_floats_give_normals():
+    patch = bicubic()
+    steep = replace(patch, log_weights=np.random.default_rng(4).normal(size=16) * 300)
+    u = np.random.default_rng(5).random((8, 2)) * 3
+    for parameter, normal in zip(u, steep.normals(u), strict=True):
+        assert np.abs(normal - exact.normal(steep, parameter.tolist())).max() < 1e-9
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_normals_do_not_depend_on_the_size_of_the_model(scale):
+    patch = pentagon()
+    moved = replace(patch, knots=patch.knots * scale, control_points=patch.control_points * scale, edge_normals="unit")
+    unmoved = replace(patch, edge_normals="unit", edge_scale=scale)
+    u = np.concatenate([inner_parameters(patch), [[0, 1], [1.5, 1.5]], patch.domain.vertices])
+    assert np.abs(moved.normals(u * scale) - unmoved.normals(u)).max() < 1e-9
+
+
+def test_normals_follow_the_orientation_of_the_domain():
+    # A graph over the domain: the third coordinate is positive, and negative once u and v change places.
+    patch = pentagon()
+    u = np.concatenate([inner_parameters(patch), [[0, 1], [1.5, 1.5]], patch.domain.vertices])
+    flat = replace(patch, control_points=np.column_stack([patch.knots, np.full(8, 3.0)]))
+    assert flat.normals(u) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(u), 1)), abs=1e-12)
+    mirrored = replace(flat, control_points=flat.control_points[:, [1, 0, 2]])
+    assert mirrored.normals(u) == pytest.approx(np.tile([0.0, 0.0, -1.0], (len(u), 1)), abs=1e-12)
+
+
+def test_normals_turn_with_the_surface():
+    patch = named("irrational_hexagon")
+    turn, _ = np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    u = np.concatenate([inner_parameters(patch), patch.domain.vertices])
+    turned = replace(patch, control_points=patch.control_points @ turn.T + [1, 2, 3])
+    assert np.abs(turned.normals(u) - patch.normals(u) @ turn.T).max() < NORMAL_ERROR
+
+
+# Limits
+
+
+def approached(patch, place, inward):
+    """Normal at `place` + 10^-DIGITS `inward`, where `place` is exactly a combination of two corners."""
+    with exact.CONTEXT.workdps(DIGITS + 100):
+        (first, second), t = place
+        a, b = exact.numbers(first.tolist()), exact.numbers(second.tolist())
+        step = exact.Number(10) ** -DIGITS
+        u = [x * (1 - t) + y * t + step * exact.Number(float(n)) for x, y, n in zip(a, b, inward, strict=True)]
+        return exact.normal(patch, u)
+
+
+@pytest.mark.parametrize(
+    "name", ["bezier_triangle", "pentagon", "irrational_hexagon", "trapezoid", "repeated_knots", "plain_triangle"]
+)
+def test_normals_on_edges_are_limits(name):
+    patch = named(name)
+    v = patch.domain.vertices
+    ends = np.roll(v, -1, axis=0)
+    for edge in range(0, len(v), 2):
+        t = 0.3125
+        found = patch.normals([v[edge] * (1 - t) + ends[edge] * t])[0]
+        inward = patch.domain.normals[edge] * patch.domain.size
+        expected = approached(patch, ((v[edge], ends[edge]), t), inward)
+        assert np.abs(found - expected).max() < LIMIT_ERROR
+
+
+@pytest.mark.parametrize("name", ["bezier_triangle", "bicubic", "pentagon", "integer_pentagon"])
+def test_normals_at_corners_are_limits(name):
+    patch = named(name)
+    v = patch.domain.vertices
+    for corner in range(len(v)):
+        before, after = v[corner - 1], v[(corner + 1) % len(v)]
+        inward = unit(before - v[corner]) + unit(after - v[corner])
+        found = patch.normals(v[corner][None])[0]
+        assert np.abs(found - approached(patch, ((v[corner], after), 0), inward)).max() < LIMIT_ERROR
+
+
+def test_normals_on_an_edge_keep_their_digits_up_to_both_corners():
+    # Near the second corner too, where all but 1e-36 of T is the corner's.
+    patch = bicubic()
+    expected_first, expected_last = patch.normals([[0, 0], [3, 0]])
+    for gap in (1e-3, 1e-6, 1e-12):
+        first, last = patch.normals([[3 * gap, 0], [3 - 3 * gap, 0]])
+        assert np.abs(first - expected_first).max() < 10 * gap
+        assert np.abs(last - expected_last).max() < 10 * gap + 1e-15 / gap * 1e-3
+
+
+@pytest.mark.parametrize("name", FEW_KNOTS)
+def test_normals_on_edges_are_perpendicular_to_the_edges_curve(name):
+    patch = named(name)
+    for edge in range(len(patch.domain.vertices)):
+        v, w = patch.domain.vertices[edge], patch.domain.vertices[(edge + 1) % len(patch.domain.vertices)]
+        ends = [v * (1 - t) + w * t for t in (0.4, 0.4001)]
+        chord = np.diff(patch.evaluate(ends), axis=0)[0]
+        normal = patch.normals([v * 0.59995 + w * 0.40005])[0]
+        if np.isnan(normal).any():
+            assert name == "collapsed_edge"
+        elif np.linalg.norm(chord) > 1e-9 * np.ptp(patch.control_points):
+            assert abs(normal @ unit(chord)) < 1e-3
+
+
+# Where there is none
+
+
+def test_coincident_control_points_have_no_normal():
+    patch = replace(pentagon(), control_points=np.tile([1 / 3, 2.0, 1e7], (8, 1)))
+    u = np.concatenate([inner_parameters(patch), [[0, 1]], patch.domain.vertices])
+    assert np.isnan(patch.normals(u)).all()
+
+
+def test_control_points_on_a_line_have_no_normal():
+    points = np.outer(np.arange(8), [1.0, 2.0, -1.0]) + 5
+    patch = replace(pentagon(), control_points=points)
+    u = np.concatenate([inner_parameters(patch)[:13], [[0, 1]], patch.domain.vertices])
+    assert np.isnan(patch.normals(u)).all()
+
+
+def test_a_collapsed_edge_has_no_normal_and_its_surroundings_have():
+    patch = collapsed_edge()
+    assert np.isnan(patch.normals([[1, 0], [0, 0], [3, 0]])).all()
+    u = [[1, 1e-12], [2.5, 1e-6], [0.5, 0.1], [1e-9, 1e-9]]
+    for parameter, normal in zip(u, patch.normals(u), strict=True):
+        assert np.abs(normal - exact.normal(patch, parameter)).max() < NORMAL_ERROR
+
+
+def test_a_second_layer_of_knots_serves_where_the_first_is_parallel():
+    # The rows v = 0 and v = 1 have the same control points: tangent planes come from the row v = 2.
+    patch = bicubic()
+    points = patch.control_points.copy()
+    points[4:8] = points[:4]
+    folded = replace(patch, control_points=points, weights=np.ones(16))
+    found = folded.normals([[1.3, 0]])[0]
+    expected = approached(folded, ((np.array([0.0, 0.0]), np.array([3.0, 0.0])), 1.3 / 3), [0, 1])
+    assert np.abs(found - expected).max() < LIMIT_ERROR
+
+
+def test_a_curve_has_no_normals():
+    with pytest.raises(DomainError, match="normals: a curve has none"):
+        named("cubic_curve").normals([0.5])
+
+
+def test_normals_are_refused_outside():
+    with pytest.raises(DomainError, match=r"parameters\[1\].* outside"):
+        pentagon().normals([[0, 0], [2, 2]])
+
+
+def test_a_flat_square_of_four_knots():
+    patch = Patch([[0, 0], [1, 0], [1, 1], [0, 1]], [[0, 0, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1]])
+    u = [[0, 0], [0.5, 0], [0.5, 0.5], [1e-12, 0.3]]
+    assert patch.normals(u) == pytest.approx(np.tile([1.0, 0.0, 0.0], (4, 1)))
