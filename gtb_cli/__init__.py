@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from gtb_cli.spec.loading import load
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.decomposition import regular_decomposition
-    from gtb_cli.theory.degeneration import degenerate, merge_knots, move_knots, regular_control_surface
+    from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+    from gtb_cli.theory.knot_limit import merge_knots, move_knots
     from gtb_cli.theory.patch import Model, Patch
 
 __version__ = "0.1.0"
@@ -50,8 +51,8 @@ _ROOMS = {
     "ToleranceError": "errors",
     "degenerate": "theory.degeneration",
     "load": "spec.loading",
-    "merge_knots": "theory.degeneration",
-    "move_knots": "theory.degeneration",
+    "merge_knots": "theory.knot_limit",
+    "move_knots": "theory.knot_limit",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "theory.decomposition",
     "tessellate": "tessellation.tessellate",

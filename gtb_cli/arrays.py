@@ -13,6 +13,9 @@ FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
+EPS = float(np.finfo(np.float64).eps)
+"""Distance from 1 to the next float."""
+
 
 def read_only(values: ArrayLike) -> FloatArray:
     """Return `values` as a new C-contiguous float64 array that cannot be written to."""

@@ -8,7 +8,7 @@ from itertools import permutations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.probe import (
     ROUNDINGS,
     Outcome,
@@ -25,7 +25,6 @@ from gtb_cli.checks.probe import (
 from gtb_cli.theory.basis import exponents, torus_coordinates
 from gtb_cli.theory.decomposition import lifting_of_knot
 from gtb_cli.theory.degeneration import degenerate
-from gtb_cli.theory.domain import EPS
 from gtb_cli.theory.patch import Patch
 
 ORDERS = 4

@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.bezier import binomial_coefficients
-from gtb_cli.theory.domain import EPS
 
 SAMPLES = 200
 """Parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or cubic."""

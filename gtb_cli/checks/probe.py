@@ -10,11 +10,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
-from gtb_cli.theory.degeneration import merge_knots
-from gtb_cli.theory.domain import EPS
+from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 

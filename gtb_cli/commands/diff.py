@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from gtb_cli.commands.console import STANDARD, Console, complain, read_bytes, shown_input, write_text
-from gtb_cli.commands.meshing import FORMATS, MAX_FACES, RESOLUTION, MeshOptions, about
+from gtb_cli.commands.meshing import FORMATS, RESOLUTION, MeshOptions, about
 from gtb_cli.commands.options import (
     MAX_RESOLUTION,
     console_option,
@@ -22,11 +22,12 @@ from gtb_cli.commands.options import (
     tolerance_of,
 )
 from gtb_cli.errors import GtbError
+from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:
-    from gtb_cli.formats.meshfiles import KnownMesh
     from gtb_cli.meshes.difference import Difference, Point
-    from gtb_cli.tessellation.complex import Parametrization
+    from gtb_cli.meshes.known import KnownMesh
+    from gtb_cli.theory.parametrization import Parametrization
 
 DIFFERENT, TROUBLE = 1, 2
 """Exit statuses, as those of diff(1)."""
@@ -133,7 +134,8 @@ def _compared(first: Side, second: Side, tolerance: float | str | None) -> Diffe
 
 def _load(side: Side) -> KnownMesh:
     """Read a mesh file, or make the mesh of a spec: what the content says, else the suffix."""
-    from gtb_cli.formats.meshfiles import MAX_BYTES, decode_mesh, format_of, known_exactly
+    from gtb_cli.formats.meshfiles import MAX_BYTES, decode_mesh, format_of
+    from gtb_cli.meshes.known import known_exactly
     from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
     from gtb_cli.spec.loading import parse
 

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_blocks
 from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, ToleranceError
+from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import IntArray
     from gtb_cli.commands.manifests import Manifest
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.tessellation.complex import Parametrization
+    from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Model, Patch
 
 FORMATS = ("obj", "ply", "stl", "glb")
@@ -26,7 +27,6 @@ ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 """As `gtb_cli.theory.curvature.ATTRIBUTES`, likewise."""
 
 RESOLUTION = 32
-MAX_FACES = 5_000_000
 
 BYTES_PER_FACE = 230
 """Memory for a large mesh: measured, 1.17 GB for five million faces."""
@@ -110,7 +110,7 @@ class MeshOptions:
                 )
         parametrization = self.parametrization_for(spec)
         if self.attributes:
-            from gtb_cli.theory.curvature import with_attributes
+            from gtb_cli.tessellation.attributes import with_attributes
 
             mesh, replaced = with_attributes(spec, mesh, self.attributes, parametrization)
             if replaced:
@@ -119,7 +119,8 @@ class MeshOptions:
                     "which get the mean of their neighbours'"
                 )
         if self.radius is not None:
-            from gtb_cli.meshes.tube import curve_tangents, folded_segments, tube
+            from gtb_cli.meshes.tube import folded_segments, tube
+            from gtb_cli.tessellation.attributes import curve_tangents
 
             tangents = None
             if mesh.is_curve and not isinstance(spec, Model):

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import ATTRIBUTES, FORMATS, MAX_FACES, RESOLUTION, MeshOptions
+from gtb_cli.commands.meshing import ATTRIBUTES, FORMATS, RESOLUTION, MeshOptions
 from gtb_cli.errors import SpecError
+from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from gtb_cli.tessellation.complex import Parametrization
+    from gtb_cli.theory.parametrization import Parametrization
 
 Function: TypeAlias = Callable[..., object]
 

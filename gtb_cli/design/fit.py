@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.arrays import EPS, FloatArray, finite
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.theory.domain import EPS
 from gtb_cli.theory.patch import Patch
 
 REACHED = 1e-12

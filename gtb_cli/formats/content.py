@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
+from gtb_cli.meshes.known import largest_coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +32,6 @@ class Content:
     cells: IntArray
     half_steps: FloatArray
     groups: tuple[tuple[str, int, int], ...] = ()
-
-
-def largest_coordinates(vertices: FloatArray) -> FloatArray:
-    """(3,) largest absolute values of the coordinates of (m, 3) vertices."""
-    return np.asarray(np.maximum(vertices.max(axis=0, initial=0.0), -vertices.min(axis=0, initial=0.0)))
 
 
 def single_half_steps(vertices: FloatArray) -> FloatArray:

@@ -7,13 +7,12 @@ takes damaged files for good ones, and needs 0.5 s to be imported.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, largest_coordinates
+from gtb_cli.formats.content import Content
+from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
 
 FORMATS = ("obj", "ply", "stl", "glb")
@@ -24,31 +23,9 @@ MAX_BYTES = 1 << 31
 LARGEST = 2.0**1000
 """Of a coordinate; differences of larger ones may be no numbers."""
 
-ROUNDING = 2.0**-50
-"""Part of the largest coordinate that is rounding: some operations of double precision."""
-
 
 MAX_TEXT = 300
 """Characters of an error, or of a name."""
-
-
-@dataclass(frozen=True, eq=False)
-class KnownMesh:
-    """A mesh, and how exactly its numbers are known.
-
-    Attributes
-    ----------
-    mesh : Mesh
-    half_steps : (3,) float
-        How far a coordinate along each axis may be from the number that was meant: half a unit of the last digit or bit
-        that the file has at the size of the largest coordinate, and some roundings.
-    format : str
-        One of `FORMATS`, or ``"spec"``.
-    """
-
-    mesh: Mesh
-    half_steps: FloatArray
-    format: str
 
 
 def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
@@ -100,16 +77,6 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     half_steps = content.half_steps + rounding(content.vertices)
     return KnownMesh(Mesh(content.vertices, content.cells, groups=groups), half_steps, kind)
-
-
-def known_exactly(mesh: Mesh) -> KnownMesh:
-    """A mesh that was computed here."""
-    return KnownMesh(mesh, rounding(mesh.vertices), "spec")
-
-
-def rounding(vertices: FloatArray) -> FloatArray:
-    """(3,) error of computed coordinates along each axis."""
-    return largest_coordinates(vertices) * ROUNDING
 
 
 def format_of(data: bytes) -> str | None:

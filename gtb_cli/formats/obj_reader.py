@@ -10,8 +10,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, joined, largest_coordinates, triangles
+from gtb_cli.formats.content import Content, joined, triangles
 from gtb_cli.formats.text import SAMPLE, float_table, floats, half_step, integer_table, integers, lines_of, shown
+from gtb_cli.meshes.known import largest_coordinates
 
 IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
 """Keywords of what is no geometry, and of single points."""

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, joined, largest_coordinates, single_half_steps, triangles, whole
+from gtb_cli.formats.content import Content, joined, single_half_steps, triangles, whole
 from gtb_cli.formats.text import SAMPLE, floats, half_step, integers, lines_of, shown
+from gtb_cli.meshes.known import largest_coordinates
 
 TYPES = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
 TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2"}

@@ -8,8 +8,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, largest_coordinates, single_half_steps
+from gtb_cli.formats.content import Content, single_half_steps
 from gtb_cli.formats.text import SAMPLE, floats, half_step, shown
+from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.welding import weld
 
 HEADER = 84

@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.formats.meshfiles import KnownMesh
 from gtb_cli.meshes.compare import surface_distance
+from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.welding import weld

@@ -7,12 +7,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh, Origin
-from gtb_cli.tessellation.complex import merged
-from gtb_cli.theory.domain import EPS
+from gtb_cli.meshes.welding import merged
 
 SMALLEST = 64
 """A thickness of fewer roundings of the largest coordinate is none; boundary edges as short have one end."""

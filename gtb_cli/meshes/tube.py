@@ -13,16 +13,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import Parametrization, merged
-from gtb_cli.tessellation.tessellate import MAX_FACES
-from gtb_cli.theory.domain import EPS
-from gtb_cli.theory.joints import SAME
-from gtb_cli.theory.patch import Patch
-from gtb_cli.theory.tangents import tangents
+from gtb_cli.meshes.welding import merged
+from gtb_cli.vocabulary import MAX_FACES
 
 SIDES = 24
 """Vertices of a ring: the polygon is within 0.9 % of the radius from the circle, and has corners on both axes."""
@@ -33,6 +29,9 @@ SHORTEST = 1024
 TRANSVERSE = 0.5
 """Least cosine of the angle between a tangent and the segments beside it: else the mesh is too coarse for the tangent,
 and the segments' directions are taken."""
+
+COINCIDENT = 1e-9
+"""Part of the extent within which the ends of a closed polyline meet."""
 
 ROUNDING = 1e-9
 """Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is no sharp one, and
@@ -151,13 +150,6 @@ def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = 
     return np.unique(np.concatenate(found))
 
 
-def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "toric") -> FloatArray:
-    """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
-    if mesh.parameters is None:
-        raise DomainError("tangents: the mesh has no parameters")
-    return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])
-
-
 def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
     if not mesh.is_curve:
         raise DomainError("radius: expected a curve, of which a tube is made; a surface gets a thickness")
@@ -225,7 +217,7 @@ def _paths(mesh: Mesh, tangents: FloatArray | None) -> Iterator[_Path]:
             along = np.einsum("sij,sj->si", given, chords)
             directions = np.where((along > TRANSVERSE)[:, :, None], given, directions)
         # Two segments that end where they begin are no ring, but the same way there and back.
-        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= SAME * size)
+        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= COINCIDENT * size)
         yield _Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
 
 

@@ -52,3 +52,17 @@ def _numbered(order: IntArray, is_new: BoolArray) -> tuple[IntArray, IntArray]:
     labels = np.empty(len(order), dtype=np.int64)
     labels[order] = rank[np.cumsum(starts) - 1]
     return np.sort(first), labels
+
+
+def merged(count: int, pairs: IntArray) -> IntArray:
+    """(count,) smallest index that each index is connected to by (c, 2) pairs."""
+    label = np.arange(count)
+    while len(pairs):
+        low = label[pairs].min(axis=1)
+        before = label.copy()
+        np.minimum.at(label, pairs[:, 0], low)
+        np.minimum.at(label, pairs[:, 1], low)
+        label = label[label]
+        if (label == before).all():
+            break
+    return label

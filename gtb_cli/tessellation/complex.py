@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.theory.basis import Location, toric_locations
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
     from gtb_cli.theory.linear import LinearParametrization
-
-Parametrization: TypeAlias = Literal["toric", "linear"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,20 +211,6 @@ def _repeated(rows: IntArray) -> BoolArray:
     """Which rows have the same entries, in any order, as another."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)
-
-
-def merged(count: int, pairs: IntArray) -> IntArray:
-    """(count,) smallest index that each index is connected to by (c, 2) pairs."""
-    label = np.arange(count)
-    while len(pairs):
-        low = label[pairs].min(axis=1)
-        before = label.copy()
-        np.minimum.at(label, pairs[:, 0], low)
-        np.minimum.at(label, pairs[:, 1], low)
-        label = label[label]
-        if (label == before).all():
-            break
-    return label
 
 
 @dataclass(frozen=True, eq=False)

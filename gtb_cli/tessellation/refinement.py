@@ -12,7 +12,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.distance import cross, dot, to_segments, to_triangles
 from gtb_cli.meshes.nearest import NearestCells
@@ -21,7 +21,6 @@ from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.theory.domain import EPS
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""

@@ -19,12 +19,14 @@ from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.family import Family, approaching, degenerating
+from gtb_cli.tessellation.film import film_mesh
 from gtb_cli.tessellation.refinement import refine
-from gtb_cli.tessellation.tessellate import MAX_FACES, vertex_normals
+from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.decomposition import regular_decomposition
-from gtb_cli.theory.degeneration import lifting_of, move_knots
-from gtb_cli.theory.knot_limit import film_mesh, knot_limit
+from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.theory.knot_limit import knot_limit, move_knots
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import MAX_FACES
 
 INF = math.inf
 

@@ -12,15 +12,16 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh, Origin
-from gtb_cli.tessellation.complex import Complex, Parametrization, Sampler, joined_complex, merged
+from gtb_cli.meshes.welding import merged
+from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.triangulation import cell_count
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
-MAX_FACES = 5_000_000
-"""Cells of a mesh that is made without being asked for more."""
 
 UNIFORM_TRIALS = 2
 """Uniform complexes tried in place of a refined one."""

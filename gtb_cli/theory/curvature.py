@@ -10,29 +10,19 @@ nearly that of an edge or a corner. There, the limit is what remains of each sum
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import Parametrization, Sampler
 from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents, is_corner
-from gtb_cli.theory.domain import EPS, Domain, knot_tolerance
+from gtb_cli.theory.domain import Domain, knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL
-from gtb_cli.theory.patch import Model, Patch
-from gtb_cli.theory.tangents import locations
-
-ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
-"""Scalars that `with_attributes` knows."""
-
-SHOWN = "quality"
-"""The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
+from gtb_cli.theory.parametrization import Parametrization, locations
+from gtb_cli.theory.patch import Patch
 
 ROUNDINGS = 8
 """Roundings of a point's distance from its control point below which it is in the tangent plane."""
@@ -100,90 +90,6 @@ def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvatu
     for location in where:
         gaussian[location.rows], mean[location.rows] = field.at(location)
     return Curvature(gaussian, mean)
-
-
-def with_attributes(
-    shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "toric"
-) -> tuple[Mesh, int]:
-    """Return a mesh with scalars for each vertex.
-
-    Parameters
-    ----------
-    shape : Patch or Model
-        What the mesh is of. Vertices that patches share get the scalars of the first one.
-    mesh : Mesh
-        As `gtb_cli.tessellation.tessellate.tessellate` made it.
-    names : sequence of str
-        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`.
-    parametrization : {"toric", "linear"}
-        That of the mesh.
-
-    Returns
-    -------
-    mesh : Mesh
-        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite
-        value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
-    replaced : int
-        The number of such vertices.
-
-    Raises
-    ------
-    DomainError
-        An unknown name, a curvature of a curve, or a mesh without parameters.
-    """
-    for name in names:
-        if name not in ATTRIBUTES:
-            raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)}, got {name!r}")
-        if mesh.is_curve and name != "u":
-            raise DomainError(f"attribute: a curve has u, its parameter, and no {name}")
-    if mesh.parameters is None:
-        raise DomainError("attribute: the vertices of this mesh have no parameters")
-    values: dict[str, FloatArray] = dict(zip("uv", mesh.parameters.T, strict=False))
-    replaced = 0
-    if any(name.endswith("curvature") for name in names):
-        found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
-        values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
-        replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
-    chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
-    if chosen:
-        chosen[SHOWN] = next(iter(chosen.values()))
-    return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
-
-
-def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
-    """Curvatures at the vertices of a mesh, with respect to its orientation."""
-    if isinstance(shape, Patch):
-        return curvature(shape, u, parametrization)
-    assert mesh.origin is not None
-    found = Curvature(np.empty(len(u)), np.empty(len(u)))
-    sampler = Sampler(shape.patches, parametrization, shared_edges=True)
-    for index in np.unique(mesh.origin.patch).tolist():
-        patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
-        face = patch.domain.face_of(patch.domain.heights_of_columns(u[rows]))
-        gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
-        found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
-    return found
-
-
-def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
-    """(m,) values per vertex, those that are not finite replaced by the mean of the neighbours', ring by ring."""
-    finite = np.isfinite(values)
-    if finite.all():
-        return values
-    result = np.where(finite, values, 0.0)
-    ends = np.concatenate([mesh.edges, mesh.edges[:, ::-1]])
-    while not finite.all():
-        ends = ends[~finite[ends[:, 0]]]
-        known = ends[finite[ends[:, 1]]]
-        if not len(known):
-            break
-        count = np.bincount(known[:, 0], minlength=len(values))
-        # Divided first: the sum may be beyond the range of floats.
-        share = result[known[:, 1]] / count[known[:, 0]]
-        found = count > 0
-        result[found] = np.bincount(known[:, 0], share, len(values))[found]
-        finite |= found
-    return result
 
 
 class _Layers(NamedTuple):

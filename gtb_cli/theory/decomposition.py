@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, read_only
+from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import EPS, PARAMETER_ULPS, knot_tolerance
+from gtb_cli.theory.domain import PARAMETER_ULPS, knot_tolerance
 from gtb_cli.theory.upper_faces import border_of, cross, depth_in, lifted_knots, upper_faces
 
 

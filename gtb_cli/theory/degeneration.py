@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite
+from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.theory.patch import Model, Patch
-
-SMALLEST = float(np.finfo(np.float64).tiny)
 
 LARGEST_LOG = 700.0
 """Weights between exp(-700) and exp(700) are ordinary floats, and so are their products with knots and points."""
@@ -122,143 +119,3 @@ def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
     if values.shape != (len(patch.knots),):
         raise DomainError(f"lifting: expected {len(patch.knots)} values, one per knot, got shape {values.shape}")
     return values
-
-
-def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
-    """Merge knots into others: what the patch tends to, inside Δ, as knot k moves to the place of knot q.
-
-    ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, the sums over q and all k that
-    merge into it.
-
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        {k: q} by index. Chains are followed: {1: 2, 2: 3} merges knots 1 and 2 into knot 3.
-
-    Returns
-    -------
-    Patch
-        Without the knots k; the others keep their order, and q its place, coefficient and lifting value.
-
-    Raises
-    ------
-    DomainError
-        Indices that are none, cycles, or a move that would change the hull.
-
-    Notes
-    -----
-    On the boundary of Δ the convergence may fail: see `gtb_cli.theory.knot_limit.knot_limit`.
-
-    References
-    ----------
-    Thm 3.1, Cor. 3.1, Thm 4.1 (there with all c_i = 1).
-    """
-    targets = ends_of_moves(patch, moves)
-    stays = targets == np.arange(len(targets))
-    logarithmic = patch.log_weights is not None
-    points = patch.control_points.copy()
-    weights = patch.weights.copy() if patch.log_weights is None else patch.log_weights.copy()
-    with np.errstate(over="ignore", under="ignore"):
-        products = patch.coefficients * patch.weights
-    for q in np.unique(targets[~stays]).tolist():
-        members = np.flatnonzero(targets == q)
-        terms = products[members]
-        with np.errstate(over="ignore"):
-            ordinary = not logarithmic and bool(np.isfinite(terms.sum()) and terms.min() >= SMALLEST)
-        largest = patch.log_products[members].max()
-        if not ordinary:
-            terms = np.exp(patch.log_products[members] - largest)
-        total = terms.sum()
-        points[q] = terms @ points[members] / total
-        if ordinary:
-            weights[q] = total / patch.coefficients[q]
-        else:
-            logarithm = largest + math.log(total) - math.log(patch.coefficients[q])
-            weights[q] = logarithm if logarithmic else math.exp(logarithm)
-    kept = np.flatnonzero(stays)
-    return replace(
-        patch,
-        knots=patch.knots[kept],
-        control_points=points[kept],
-        weights=weights[kept],
-        coefficients=patch.coefficients[kept],
-        lifting=None if patch.lifting is None else patch.lifting[kept],
-        log_weights=weights[kept] if logarithmic else None,
-    )
-
-
-def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
-    """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once.
-
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        {k: q} by index. In a chain {1: 2, 2: 3} both knots move to the place of knot 3.
-    step : float
-        From 0, the patch itself, to 1, where the knots are repeated ones.
-
-    Returns
-    -------
-    Patch
-
-    Raises
-    ------
-    DomainError
-        As `merge_knots`, or a step outside [0, 1].
-
-    References
-    ----------
-    Thm 4.1, Ex. 4.2.
-    """
-    if not 0 <= step <= 1:
-        raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")
-    targets = ends_of_moves(patch, moves)
-    knots = patch.knots + step * (patch.knots[targets] - patch.knots)
-    if step == 1:
-        knots = patch.knots[targets]
-    return replace(patch, knots=knots)
-
-
-def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
-    """(n,) the knot at whose place each knot ends: itself, or the end of its chain.
-
-    Raises
-    ------
-    DomainError
-        Indices that are none, cycles, or a move that would change the hull.
-    """
-    n = len(patch.knots)
-    if not moves:
-        raise DomainError("moves: expected at least one knot to move")
-    for index in (*moves, *moves.values()):
-        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
-            raise DomainError(f"moves: expected knot indices from 0 to {n - 1}, got {index!r}")
-    targets = np.arange(n)
-    for k in moves:
-        way = [k]
-        while way[-1] in moves:
-            way.append(moves[way[-1]])
-            if way[-1] == k:
-                raise DomainError(f"moves: {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
-            if len(way) > n:
-                break  # into a cycle that k is no part of; its own knots report it
-        targets[k] = way[-1]
-    _refuse_hull_change(patch, targets)
-    return targets
-
-
-def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
-    """All ways are inside Δ, so that its hull stays the same if a knot stays at each of its corners."""
-    shape = patch.domain
-    stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
-    corners = shape.faces[-len(shape.vertices) :]
-    for corner, members in zip(shape.vertices, corners, strict=True):
-        if not (members & stays).any():
-            k = int(np.flatnonzero(members)[0])
-            place = ", ".join(f"{x:g}" for x in corner)
-            what = "end" if shape.dimension == 1 else "corner"
-            raise DomainError(
-                f"moves: knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
-            )

@@ -10,12 +10,11 @@ from typing import Literal, NoReturn, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, finite, positive, read_only
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
-EPS = float(np.finfo(np.float64).eps)
 
 KNOT_TOLERANCE = 1e-12
 """A knot within this fraction of the hull's size of an edge lies on it: a few thousand roundings of ordinary

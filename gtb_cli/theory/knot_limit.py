@@ -1,9 +1,11 @@
-"""What knots leave behind that move to the boundary of Δ: films, which the limit of the patches has as a set."""
+"""Knots that move to the place of others: the merged patch, their limit inside Δ, and films, which knots leave behind
+that move to the boundary: the limit as a set has them, too."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,18 +13,153 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.triangulation import triangulation
-from gtb_cli.theory.degeneration import ends_of_moves, merge_knots
-from gtb_cli.theory.domain import domain
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
 PARALLEL = 1e-9
 """Speeds whose second singular value is below this fraction of the first are parallel: knots typed on one line."""
 
-CELLS = {1: 1024, 2: 64}
-"""Cells of a film along each of its sides."""
+
+SMALLEST = float(np.finfo(np.float64).tiny)
+
+
+def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
+    """Merge knots into others: what the patch tends to, inside Δ, as knot k moves to the place of knot q.
+
+    ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, the sums over q and all k that
+    merge into it.
+
+    Parameters
+    ----------
+    patch : Patch
+    moves : mapping of int to int
+        {k: q} by index. Chains are followed: {1: 2, 2: 3} merges knots 1 and 2 into knot 3.
+
+    Returns
+    -------
+    Patch
+        Without the knots k; the others keep their order, and q its place, coefficient and lifting value.
+
+    Raises
+    ------
+    DomainError
+        Indices that are none, cycles, or a move that would change the hull.
+
+    Notes
+    -----
+    On the boundary of Δ the convergence may fail: see `gtb_cli.theory.knot_limit.knot_limit`.
+
+    References
+    ----------
+    Thm 3.1, Cor. 3.1, Thm 4.1 (there with all c_i = 1).
+    """
+    targets = ends_of_moves(patch, moves)
+    stays = targets == np.arange(len(targets))
+    logarithmic = patch.log_weights is not None
+    points = patch.control_points.copy()
+    weights = patch.weights.copy() if patch.log_weights is None else patch.log_weights.copy()
+    with np.errstate(over="ignore", under="ignore"):
+        products = patch.coefficients * patch.weights
+    for q in np.unique(targets[~stays]).tolist():
+        members = np.flatnonzero(targets == q)
+        terms = products[members]
+        with np.errstate(over="ignore"):
+            ordinary = not logarithmic and bool(np.isfinite(terms.sum()) and terms.min() >= SMALLEST)
+        largest = patch.log_products[members].max()
+        if not ordinary:
+            terms = np.exp(patch.log_products[members] - largest)
+        total = terms.sum()
+        points[q] = terms @ points[members] / total
+        if ordinary:
+            weights[q] = total / patch.coefficients[q]
+        else:
+            logarithm = largest + math.log(total) - math.log(patch.coefficients[q])
+            weights[q] = logarithm if logarithmic else math.exp(logarithm)
+    kept = np.flatnonzero(stays)
+    return replace(
+        patch,
+        knots=patch.knots[kept],
+        control_points=points[kept],
+        weights=weights[kept],
+        coefficients=patch.coefficients[kept],
+        lifting=None if patch.lifting is None else patch.lifting[kept],
+        log_weights=weights[kept] if logarithmic else None,
+    )
+
+
+def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
+    """Move knots part of the way to others: ``a_k + step (a_q − a_k)``, all at once.
+
+    Parameters
+    ----------
+    patch : Patch
+    moves : mapping of int to int
+        {k: q} by index. In a chain {1: 2, 2: 3} both knots move to the place of knot 3.
+    step : float
+        From 0, the patch itself, to 1, where the knots are repeated ones.
+
+    Returns
+    -------
+    Patch
+
+    Raises
+    ------
+    DomainError
+        As `merge_knots`, or a step outside [0, 1].
+
+    References
+    ----------
+    Thm 4.1, Ex. 4.2.
+    """
+    if not 0 <= step <= 1:
+        raise DomainError(f"step: expected a number from 0 to 1, got {step!r}")
+    targets = ends_of_moves(patch, moves)
+    knots = patch.knots + step * (patch.knots[targets] - patch.knots)
+    if step == 1:
+        knots = patch.knots[targets]
+    return replace(patch, knots=knots)
+
+
+def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
+    """(n,) the knot at whose place each knot ends: itself, or the end of its chain.
+
+    Raises
+    ------
+    DomainError
+        Indices that are none, cycles, or a move that would change the hull.
+    """
+    n = len(patch.knots)
+    if not moves:
+        raise DomainError("moves: expected at least one knot to move")
+    for index in (*moves, *moves.values()):
+        if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
+            raise DomainError(f"moves: expected knot indices from 0 to {n - 1}, got {index!r}")
+    targets = np.arange(n)
+    for k in moves:
+        way = [k]
+        while way[-1] in moves:
+            way.append(moves[way[-1]])
+            if way[-1] == k:
+                raise DomainError(f"moves: {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
+            if len(way) > n:
+                break  # into a cycle that k is no part of; its own knots report it
+        targets[k] = way[-1]
+    _refuse_hull_change(patch, targets)
+    return targets
+
+
+def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
+    """All ways are inside Δ, so that its hull stays the same if a knot stays at each of its corners."""
+    shape = patch.domain
+    stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
+    corners = shape.faces[-len(shape.vertices) :]
+    for corner, members in zip(shape.vertices, corners, strict=True):
+        if not (members & stays).any():
+            k = int(np.flatnonzero(members)[0])
+            place = ", ".join(f"{x:g}" for x in corner)
+            what = "end" if shape.dimension == 1 else "corner"
+            raise DomainError(
+                f"moves: knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,50 +331,3 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
             )
         )
     return films
-
-
-def film_mesh(limit: KnotLimit, resolution: int | None = None) -> Mesh:
-    """Mesh the films of a knot limit: segments for a curve, triangles for a surface.
-
-    Parameters
-    ----------
-    limit : KnotLimit
-        With films.
-    resolution : int, optional
-        Cells along each side of each film; default `CELLS`.
-    """
-    dimension = limit.patch.dimension
-    n = CELLS[dimension] if resolution is None else resolution
-    points, cells, count = [], [], 0
-    for film in limit.films:
-        if dimension == 1:
-            points.append(film.points((np.arange(n + 1) / n)[:, None]))
-            cells.append(count + np.stack([np.arange(n), np.arange(1, n + 1)], axis=1))
-        else:
-            points.append(_film_points(film, n))
-            cells.append(count + triangulation(_SQUARE, n).cells)
-        count += len(points[-1])
-    vertices, triangles = np.concatenate(points), np.concatenate(cells)
-    # Sections share the corners that no knot comes to: no cell there.
-    distinct = (vertices[triangles] != vertices[np.roll(triangles, 1, axis=1)]).any(axis=2)
-    return Mesh(vertices, triangles[distinct.all(axis=1)], name="film")
-
-
-_SQUARE = domain([[0, 0], [1, 0], [1, 1], [0, 1]])
-
-
-def _film_points(film: Film, n: int) -> FloatArray:
-    """The film of a surface at ((n + 1)², 3) points, row by row."""
-    levels = np.arange(n + 1) / n
-    if film.along is not None:
-        return np.concatenate([_section_points(film.section(z), n) for z in levels.tolist()])
-    first, second = np.meshgrid(levels, levels, indexing="ij")
-    return film.points(np.column_stack([first.ravel(), second.ravel()]))
-
-
-def _section_points(section: Patch, n: int) -> FloatArray:
-    start, end = section.domain.vertices[:, 0]
-    t = start + (end - start) * (np.arange(n + 1) / n)
-    t[-1] = end
-    where = LinearParametrization(section.domain, section.log_products).locations(t[:, None])
-    return section.points_at(where, n + 1)

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
 from gtb_cli.theory.basis import (
     NOTHING,
@@ -21,7 +21,7 @@ from gtb_cli.theory.basis import (
     weighted_sums,
 )
 from gtb_cli.theory.decomposition import regular_decomposition
-from gtb_cli.theory.domain import EPS, domain
+from gtb_cli.theory.domain import domain
 from gtb_cli.theory.starts import Corrections, LayerStarts
 
 RESIDUAL = 1e-12

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import UNDERFLOW, Location, exponents, is_corner
-from gtb_cli.theory.domain import EPS, Domain, knot_tolerance
+from gtb_cli.theory.domain import Domain, knot_tolerance
 
 LAYER = 1e-9
 """Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""

@@ -7,24 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.tessellation.complex import Parametrization
-from gtb_cli.theory.basis import Location, exponents, is_corner, toric_locations
-from gtb_cli.theory.domain import EPS, knot_tolerance
-from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.basis import Location, exponents, is_corner
+from gtb_cli.theory.domain import knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
+from gtb_cli.theory.parametrization import Parametrization, locations
 from gtb_cli.theory.patch import Patch
-
-
-def locations(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Iterable[Location]:
-    """Locate (m, d) parameters of a patch in either parametrisation."""
-    columns = patch.domain.columns(u)
-    if parametrization == "linear":
-        return LinearParametrization(patch.domain, patch.log_products).locations(columns)
-    if parametrization == "toric":
-        return toric_locations(patch.domain, columns)
-    raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
 
 def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:

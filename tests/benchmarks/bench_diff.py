@@ -9,8 +9,9 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.formats.meshfiles import decode_mesh, known_exactly
+from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import difference
+from gtb_cli.meshes.known import known_exactly
 from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired
 from tests.tiny_meshes import surface

@@ -17,7 +17,8 @@ from gtb_cli.commands.cli import gtb as group
 from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.export import FORMATS
-from gtb_cli.tessellation.tessellate import MAX_FACES, tessellate
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.vocabulary import MAX_FACES
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
 TWO = b"""

@@ -10,7 +10,7 @@ import trimesh
 
 import gtb_cli.tessellation.sequence as sequence_room
 from gtb_cli.spec.loading import parse
-from gtb_cli.theory.degeneration import merge_knots
+from gtb_cli.theory.knot_limit import merge_knots
 from tests.shell import BICUBIC, SPECS, gtb, process
 from tests.theory.test_limits import spec
 

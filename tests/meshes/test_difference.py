@@ -8,9 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.formats.meshfiles import KnownMesh, decode_mesh, known_exactly
+from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes import compare
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
+from gtb_cli.meshes.known import KnownMesh, known_exactly
 from gtb_cli.meshes.mesh import Mesh
 from tests.tiny_meshes import curve, encoded, model, surface
 

@@ -12,8 +12,9 @@ from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.tube import SIDES, curve_tangents, folded_segments, ring_size, tube
+from gtb_cli.meshes.tube import SIDES, folded_segments, ring_size, tube
 from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Model, Patch
 from gtb_cli.theory.tangents import tangents

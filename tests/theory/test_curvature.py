@@ -12,10 +12,11 @@ from gtb_cli.commands import meshing
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.attributes import ATTRIBUTES, SHOWN, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.curvature import ATTRIBUTES, SHOWN, curvature, filled, with_attributes
+from gtb_cli.theory.curvature import curvature
+from gtb_cli.theory.parametrization import locations
 from gtb_cli.theory.patch import Model, Patch
-from gtb_cli.theory.tangents import locations
 from tests.exact import CONTEXT, Number, basis, numbers, point
 from tests.specs import SPECS
 from tests.surfaces import cylinder, inside, octant, plane, quartic_octant, rim, torus

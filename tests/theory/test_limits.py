@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.tessellation.film import film_mesh
 from gtb_cli.tessellation.sequence import degeneration_sequence
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.degeneration import degenerate, merge_knots, move_knots, regular_control_surface
-from gtb_cli.theory.knot_limit import film_mesh, knot_limit
+from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.theory.linear import linear_locations
 from gtb_cli.theory.patch import Patch
 from tests.patches import bicubic, bumps, irrational_curve

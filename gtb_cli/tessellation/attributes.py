@@ -1,0 +1,116 @@
+"""Scalars for the vertices of a mesh: parameters and curvatures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
+from gtb_cli.theory.parametrization import Parametrization
+from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.tangents import tangents
+
+ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
+"""Scalars that `with_attributes` knows."""
+
+
+SHOWN = "quality"
+"""The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
+
+
+def with_attributes(
+    shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "toric"
+) -> tuple[Mesh, int]:
+    """Return a mesh with scalars for each vertex.
+
+    Parameters
+    ----------
+    shape : Patch or Model
+        What the mesh is of. Vertices that patches share get the scalars of the first one.
+    mesh : Mesh
+        As `gtb_cli.tessellation.tessellate.tessellate` made it.
+    names : sequence of str
+        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`.
+    parametrization : {"toric", "linear"}
+        That of the mesh.
+
+    Returns
+    -------
+    mesh : Mesh
+        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite
+        value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+    replaced : int
+        The number of such vertices.
+
+    Raises
+    ------
+    DomainError
+        An unknown name, a curvature of a curve, or a mesh without parameters.
+    """
+    for name in names:
+        if name not in ATTRIBUTES:
+            raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)}, got {name!r}")
+        if mesh.is_curve and name != "u":
+            raise DomainError(f"attribute: a curve has u, its parameter, and no {name}")
+    if mesh.parameters is None:
+        raise DomainError("attribute: the vertices of this mesh have no parameters")
+    values: dict[str, FloatArray] = dict(zip("uv", mesh.parameters.T, strict=False))
+    replaced = 0
+    if any(name.endswith("curvature") for name in names):
+        found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
+        values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
+        replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
+    chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
+    if chosen:
+        chosen[SHOWN] = next(iter(chosen.values()))
+    return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
+
+
+def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:
+    """Curvatures at the vertices of a mesh, with respect to its orientation."""
+    if isinstance(shape, Patch):
+        return curvature(shape, u, parametrization)
+    assert mesh.origin is not None
+    found = Curvature(np.empty(len(u)), np.empty(len(u)))
+    sampler = Sampler(shape.patches, parametrization, shared_edges=True)
+    for index in np.unique(mesh.origin.patch).tolist():
+        patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
+        face = patch.domain.face_of(patch.domain.heights_of_columns(u[rows]))
+        gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
+        found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
+    return found
+
+
+def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """(m,) values per vertex, those that are not finite replaced by the mean of the neighbours', ring by ring."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return values
+    result = np.where(finite, values, 0.0)
+    ends = np.concatenate([mesh.edges, mesh.edges[:, ::-1]])
+    while not finite.all():
+        ends = ends[~finite[ends[:, 0]]]
+        known = ends[finite[ends[:, 1]]]
+        if not len(known):
+            break
+        count = np.bincount(known[:, 0], minlength=len(values))
+        # Divided first: the sum may be beyond the range of floats.
+        share = result[known[:, 1]] / count[known[:, 0]]
+        found = count > 0
+        result[found] = np.bincount(known[:, 0], share, len(values))[found]
+        finite |= found
+    return result
+
+
+def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "toric") -> FloatArray:
+    """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
+    if mesh.parameters is None:
+        raise DomainError("tangents: the mesh has no parameters")
+    return np.asarray(tangents(patch, mesh.parameters, parametrization)[mesh.cells])
