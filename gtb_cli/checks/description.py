@@ -12,13 +12,20 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import blend, toric_locations
-from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.bezier import lattice_of
 from gtb_cli.theory.domain import EdgeNormals, domain
 from gtb_cli.theory.patch import Patch
 
 Kind: TypeAlias = Literal[
     "GT", "toric", "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
 ]
+
+BEZIER_KINDS: dict[int, Kind] = {
+    2: "rational Bézier curve",
+    3: "rational Bézier triangle",
+    4: "rational Bézier tensor product",
+}
+"""By the number of corners of Δ."""
 
 SAMPLING = 64
 """Segments of each hull edge where the linear precision is measured."""
@@ -93,17 +100,10 @@ def description(patch: Patch) -> Description:
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
-    shape = patch.domain
-    try:
-        binomial_coefficients(shape)
-    except DomainError:
+    lattice = lattice_of(patch.domain)
+    if lattice is None:
         return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
-    if patch.dimension == 1:
-        return "rational Bézier curve", (len(patch.knots) - 1,)
-    along = [int(count) - 1 for count in shape.incidence[:, :2].sum(axis=0)]
-    if len(shape.vertices) == 3:
-        return "rational Bézier triangle", (along[0],)
-    return "rational Bézier tensor product", (along[0], along[1])
+    return BEZIER_KINDS[len(patch.domain.vertices)], tuple(direction.degree for direction in lattice)
 
 
 def _edge_normals(patch: Patch) -> EdgeNormals | None:

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.bezier import binomial_coefficients, lattice_of
 
 SAMPLES = 200
 """Parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or cubic."""
@@ -25,16 +25,13 @@ def classical_bezier(probe: Probe) -> Outcome:
         binomials = binomial_coefficients(domain)
     except DomainError as error:
         return not_applicable(str(error).removeprefix("coefficients: binomial ").replace("needs", "it needs", 1))
-    factors = _factors(probe)
-    size = math.prod((degree + 1) ** len(steps) for degree, _, steps in factors)
+    lattice = lattice_of(domain) or ()
+    size = math.prod((direction.degree + 1) ** len(direction.steps) for direction in lattice)
     stride = -(-len(probe.inside) // max(4, min(SAMPLES, WORK // size)))
     s = probe.torus[:, ::stride]
     values = np.ones((s.shape[1], len(domain.knots)))
-    off = 0.0
-    for degree, shares, steps in factors:
-        places = np.rint(degree * shares).astype(np.int64)
-        off = max(off, float(np.abs(degree * shares - places).max()))
-        values *= bernstein(degree, _barycentric(steps @ s))[(slice(None), *places.T[1:])]
+    for direction in lattice:
+        values *= bernstein(direction.degree, _barycentric(direction.steps @ s))[(slice(None), *direction.places.T[1:])]
     with np.errstate(divide="ignore"):
         logs = np.log(values) + probe.patch.log_products - np.log(binomials)
     values = np.exp(logs - logs.max(axis=1, keepdims=True))
@@ -42,11 +39,12 @@ def classical_bezier(probe: Probe) -> Outcome:
     value = probe.distance(points, probe.points[probe.inside[::stride]])
     # The recurrence rounds once a degree, in the exponents where weights are taken in; knots that are off the lattice
     # by a fraction of a step change exponents by that fraction.
-    degrees = sum(degree for degree, _, _ in factors)
-    largest = max(float(np.abs(steps @ s).max()) for _, _, steps in factors)
+    degrees = sum(direction.degree for direction in lattice)
+    off = max(float(direction.offsets.max()) for direction in lattice)
+    largest = max(float(np.abs(direction.steps @ s).max()) for direction in lattice)
     bound = probe.distance_rounding + 4 * EPS * degrees**2 + 2 * off * largest
     kind = {2: "curve", 3: "triangle", 4: "tensor product patch"}[len(domain.vertices)]
-    numbers = " × ".join(str(degree) for degree, _, _ in factors)
+    numbers = " × ".join(str(direction.degree) for direction in lattice)
     return within_rounding(value, bound, f"largest distance from the Bézier {kind} of degree {numbers}, of the extent")
 
 
@@ -78,29 +76,6 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
             raised += share.reshape(column) * np.roll(values, 1, axis=axis)
         values = raised
     return values
-
-
-def _factors(probe: Probe) -> list[tuple[int, FloatArray, FloatArray]]:
-    """For each direction of a lattice: degree, (n, e) barycentric shares of the knots, (e − 1, d) lattice steps.
-
-    A curve and a triangle have one direction, a parallelogram two.
-    """
-    domain = probe.patch.domain
-    shares = domain.heights / domain.heights.max(axis=0)
-    v = domain.vertices
-    counts: IntArray = domain.incidence.sum(axis=0)
-    if len(v) == 2:
-        degree = len(domain.knots) - 1
-        # The edge function of an end vanishes there: it is the share of the other end.
-        return [(degree, shares[:, [1, 0]], (v[1:] - v[0]) / degree)]
-    if len(v) == 3:
-        degree = int(counts[0]) - 1
-        return [(degree, shares[:, [1, 2, 0]], (v[1:] - v[0]) / degree)]
-    along, across = int(counts[0]) - 1, int(counts[1]) - 1
-    return [
-        (along, shares[:, [1, 3]], (v[1] - v[0])[None] / along),
-        (across, shares[:, [2, 0]], (v[3] - v[0])[None] / across),
-    ]
 
 
 def _barycentric(logs: FloatArray) -> FloatArray:

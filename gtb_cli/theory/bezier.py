@@ -1,8 +1,9 @@
-"""Coefficients with which a lattice patch is a classical Bézier patch."""
+"""Lattices of knots, on which a patch is a classical Bézier patch, and the coefficients that make it one."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +16,53 @@ LATTICE_TOLERANCE = 1e-6
 
 MAX_DEGREE = 1029
 """Largest degree whose binomial coefficients are all floats."""
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """A direction of a lattice: that of a segment or triangle, or one of the two of a parallelogram.
+
+    Attributes
+    ----------
+    degree : int
+    shares : (n, e) float
+        Barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3); the first is that of its
+        first corner.
+    steps : (e − 1, d) float
+        From a knot to the next ones, towards the other corners.
+    """
+
+    degree: int
+    shares: FloatArray
+    steps: FloatArray
+
+    @property
+    def places(self) -> IntArray:
+        """(n, e) whole numbers i with the sum k, knots being at the barycentric coordinates i/k."""
+        return np.rint(self.degree * self.shares).astype(np.int64)
+
+    @property
+    def offsets(self) -> FloatArray:
+        """(n,) how far each knot is off the lattice, in steps."""
+        scaled = self.degree * self.shares
+        return np.asarray(np.abs(scaled - np.rint(scaled)).max(axis=1))
+
+
+def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
+    """Find the directions of a lattice: one for a curve or triangle, two for a parallelogram.
+
+    Returns
+    -------
+    tuple of Direction, or None
+        None unless the knots are all points of such a lattice, each once, within `LATTICE_TOLERANCE`. The directions
+        of a parallelogram run along edge 0 and along edge 3.
+
+    References
+    ----------
+    The remarks after Def. 2.1 and Def. 2.2.
+    """
+    directions = _directions(domain)
+    return None if _fault(domain, directions) else directions
 
 
 def binomial_coefficients(domain: Domain) -> FloatArray:
@@ -35,44 +83,61 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     Raises
     ------
     DomainError
-        The knots are not all points of such a lattice, each once, within `LATTICE_TOLERANCE`; or the coefficients
-        are beyond the range of floats.
+        The knots are not those of a lattice (see `lattice_of`), or the coefficients are beyond the range of floats.
 
     References
     ----------
     The remarks after Def. 2.1 and Def. 2.2.
     """
-    knots, edges = domain.heights.shape
-    shares = domain.heights / domain.heights.max(axis=0)
-    if edges == domain.dimension + 1:
-        degree = knots - 1 if edges == 2 else (math.isqrt(8 * knots + 1) - 3) // 2
-        directions = [(degree, shares)]
-        expected = math.comb(degree + edges - 1, edges - 1)
-    elif edges == 4 and np.abs(shares[:, :2] + shares[:, 2:] - 1).max() <= LATTICE_TOLERANCE:
-        # Heights over edge 0 grow along edge 1, those over edge 3 along edge 0.
-        across, along = (int(domain.incidence[:, edge].sum()) - 1 for edge in (1, 0))
-        directions = [(across, shares[:, [0, 2]]), (along, shares[:, [3, 1]])]
-        expected = (across + 1) * (along + 1)
-    else:
-        raise DomainError(f"coefficients: binomial needs a curve, triangle or parallelogram, got {edges} edges")
-
-    values = [1] * knots
-    places: list[IntArray] = []
-    for degree, part in directions:
-        place = np.rint(degree * part)
-        off = np.abs(degree * part - place).max(axis=1)
-        if off.max() > LATTICE_TOLERANCE:
-            raise DomainError(f"coefficients: binomial needs equally spaced knots, knots[{int(off.argmax())}] is off")
-        if degree > MAX_DEGREE:
-            raise DomainError(f"coefficients: binomial goes up to degree {MAX_DEGREE}, got {degree}")
-        places.append(place.astype(np.int64))
-        values = [value * _multinomial(row) for value, row in zip(values, places[-1].tolist(), strict=True)]
-    if knots != expected or len(np.unique(np.column_stack(places), axis=0)) < knots:
-        raise DomainError(f"coefficients: binomial needs each of {expected} lattice knots once, got {knots} knots")
+    directions = _directions(domain)
+    fault = _fault(domain, directions)
+    if fault:
+        raise DomainError(f"coefficients: binomial needs {fault}")
+    degree = max(direction.degree for direction in directions)
+    if degree > MAX_DEGREE:
+        raise DomainError(f"coefficients: binomial goes up to degree {MAX_DEGREE}, got {degree}")
+    values = [1] * len(domain.knots)
+    for direction in directions:
+        values = [value * _multinomial(row) for value, row in zip(values, direction.places.tolist(), strict=True)]
     try:
         return read_only([float(value) for value in values])
     except OverflowError:
         raise DomainError(f"coefficients: binomial of degree {degree} is beyond the range of floats") from None
+
+
+def _directions(domain: Domain) -> tuple[Direction, ...]:
+    """The directions that a lattice of this shape and number of knots would have; none of another shape."""
+    v, n = domain.vertices, len(domain.knots)
+    # An edge function, over its largest value, is the share of what lies opposite: a corner, or the other edge.
+    shares = domain.heights / domain.heights.max(axis=0)
+    if len(v) == 2:
+        return (Direction(n - 1, shares[:, [1, 0]], (v[1:] - v[0]) / (n - 1)),)
+    if len(v) == 3:
+        degree = (math.isqrt(8 * n + 1) - 3) // 2
+        return (Direction(degree, shares[:, [1, 2, 0]], (v[1:] - v[0]) / degree),)
+    if len(v) > 4 or np.abs(shares[:, :2] + shares[:, 2:] - 1).max() > LATTICE_TOLERANCE:
+        return ()
+    along, across = (int(domain.incidence[:, edge].sum()) - 1 for edge in (0, 1))
+    return (
+        Direction(along, shares[:, [1, 3]], (v[1] - v[0])[None] / along),
+        Direction(across, shares[:, [2, 0]], (v[3] - v[0])[None] / across),
+    )
+
+
+def _fault(domain: Domain, directions: tuple[Direction, ...]) -> str:
+    """What is missing for a lattice, or nothing."""
+    n = len(domain.knots)
+    if not directions:
+        return f"a curve, triangle or parallelogram, got {len(domain.vertices)} edges"
+    for direction in directions:
+        if direction.offsets.max() > LATTICE_TOLERANCE:
+            return f"equally spaced knots, knots[{int(direction.offsets.argmax())}] is off"
+    # A row of e shares counts the points of its simplex: C(degree + e − 1, e − 1).
+    expected = math.prod(math.comb(d.degree + len(d.steps), len(d.steps)) for d in directions)
+    places = np.column_stack([direction.places for direction in directions])
+    if n != expected or len(np.unique(places, axis=0)) < n:
+        return f"each of {expected} lattice knots once, got {n} knots"
+    return ""
 
 
 def _multinomial(index: list[int]) -> int:

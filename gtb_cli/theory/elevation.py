@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, finite, positive
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.bezier import lattice_of
 from gtb_cli.theory.domain import knot_tolerance
 from gtb_cli.theory.patch import Patch
 
@@ -73,16 +73,14 @@ def multiplier(patch: Patch) -> FloatArray:
         are sure to add no edges, relative to the first.
     """
     shape = patch.domain
-    v = shape.vertices
-    degrees = _lattice_degrees(patch)
-    if degrees is None:
-        if shape.dimension == 2:
-            return np.asarray(v - v[0])
-        return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])
-    sides = [v[1] - v[0], v[-1] - v[0]][: len(degrees)]
-    steps = [side / degree for side, degree in zip(sides, degrees, strict=True)]
-    zero = np.zeros(shape.dimension)
-    return np.array([zero, *steps] + ([steps[0] + steps[1]] if len(v) == 4 else []))
+    lattice = lattice_of(shape)
+    if lattice is not None:
+        steps = np.concatenate([direction.steps for direction in lattice])
+        diagonal = [steps.sum(axis=0)] if len(lattice) == 2 else []
+        return np.array([np.zeros(shape.dimension), *steps, *diagonal])
+    if shape.dimension == 2:
+        return np.asarray(shape.vertices - shape.vertices[0])
+    return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])
 
 
 def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) -> Patch:
@@ -180,16 +178,3 @@ def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:
     first = np.full(int(group.max()) + 1, len(points))
     np.minimum.at(first, group, np.arange(len(points)))
     return first, group
-
-
-def _lattice_degrees(patch: Patch) -> tuple[int, ...] | None:
-    """Degrees of a Bézier curve, triangle (twice) or tensor product patch; None of any other patch."""
-    shape = patch.domain
-    try:
-        binomial_coefficients(shape)
-    except DomainError:
-        return None
-    if shape.dimension == 1:
-        return (len(shape.knots) - 1,)
-    along, across = int(shape.incidence[:, 0].sum()) - 1, int(shape.incidence[:, -1].sum()) - 1
-    return along, across
