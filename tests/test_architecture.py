@@ -30,6 +30,9 @@ READS_MESHES = {"meshes.mesh", "formats.export", "meshes.compare"}
 SHELL = {"console", "processes", "meshing", "manifests", "options", "sequences"}
 """Modules of `commands` that commands may import."""
 
+RECIPE = "tessellation.recipe"
+"""What the options of commands become: all that they import of the library."""
+
 LONGEST, LARGEST = 440, 3900
 """Lines of a module, and of a wing."""
 
@@ -144,7 +147,13 @@ def test_slow_packages_are_imported_when_they_are_used(name):
 def test_a_command_is_imported_alone_and_without_numpy(name):
     early = imported_at_top(MODULES[name])
     assert "numpy" not in packages(early)
-    assert own(early) <= {"__init__", "errors", "vocabulary", *(f"commands.{part}" for part in SHELL)}
+    assert own(early) <= {"__init__", "errors", "vocabulary", RECIPE, *(f"commands.{part}" for part in SHELL)}
+
+
+def test_options_are_read_without_numpy():
+    early = imported_at_top(MODULES[RECIPE])
+    assert "numpy" not in packages(early)
+    assert own(early) <= {"__init__", "errors", "vocabulary"}
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))

@@ -19,6 +19,7 @@ from gtb_cli.commands.options import (
     spec_format_option,
 )
 from gtb_cli.errors import SpecError
+from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -58,7 +59,7 @@ def decompose(
 
     if net and as_json:
         raise click.UsageError("--net writes a mesh, and --json text: give one of them")
-    options = MeshOptions()
+    options = MeshOptions(Recipe())
     kind = options.format_for(output) if net else ""
     if kind == "stl":
         raise click.UsageError("--net writes lines, and STL holds triangles: take OBJ, PLY or GLB")

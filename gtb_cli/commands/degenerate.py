@@ -126,10 +126,10 @@ def degenerate(
             patch,
             xs,
             _values(patch, lifting),
-            options.resolution,
-            options.tolerance_for(patch),
-            normals=options.normals,
-            max_faces=options.max_faces,
+            options.recipe.resolution,
+            options.recipe.tolerance_for(patch),
+            normals=options.recipe.normals,
+            max_faces=options.recipe.max_faces,
         )
     write_sequence(sequence, "x", output, options, console, animation=animation)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from gtb_cli.commands.console import STANDARD, Console, complain, read_bytes, shown_input, write_text
-from gtb_cli.commands.meshing import FORMATS, RESOLUTION, MeshOptions, about
+from gtb_cli.commands.meshing import FORMATS, about
 from gtb_cli.commands.options import (
     MAX_RESOLUTION,
     console_option,
@@ -22,7 +22,8 @@ from gtb_cli.commands.options import (
     tolerance_of,
 )
 from gtb_cli.errors import GtbError
-from gtb_cli.vocabulary import MAX_FACES
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
@@ -39,7 +40,7 @@ class Side(NamedTuple):
     """One of the two things to compare: how to read it."""
 
     path: str
-    options: MeshOptions
+    recipe: Recipe
     spec_format: str | None
 
 
@@ -107,18 +108,18 @@ def diff(
         raise click.UsageError("standard input can be read once only")
     if resolution is not None and mesh_tolerance is not None:
         raise click.UsageError("-n and --mesh-tolerance exclude each other")
-    options = MeshOptions(resolution or RESOLUTION, mesh_tolerance, parametrization, max_faces=max_faces)
+    recipe = Recipe(resolution or RESOLUTION, mesh_tolerance, parametrization, max_faces=max_faces)
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
     if os.path.isdir(a) and os.path.isdir(b):
-        _diff_folders(a, b, Side("", options, spec_format), tolerance, as_json, output, console)
+        _diff_folders(a, b, Side("", recipe, spec_format), tolerance, as_json, output, console)
         return
     if os.path.isdir(a) and b != STANDARD:
         a = os.path.join(a, os.path.basename(b))
     elif os.path.isdir(b) and a != STANDARD:
         b = os.path.join(b, os.path.basename(a))
-    found = _compared(Side(a, options, spec_format), Side(b, options, spec_format), tolerance)
+    found = _compared(Side(a, recipe, spec_format), Side(b, recipe, spec_format), tolerance)
     names = shown_input(a), shown_input(b)
     _say_limits(found, names, console)
     write_text(output, json.dumps(_data(found, names)) + "\n" if as_json else _text(found, names))
@@ -139,7 +140,7 @@ def _load(side: Side) -> KnownMesh:
     from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
     from gtb_cli.spec.loading import parse
 
-    path, options, spec_format = side
+    path, recipe, spec_format = side
     shown, suffix = shown_input(path), os.path.splitext(path)[1][1:].lower()
     data = read_bytes(path, (MAX_SPEC_BYTES if suffix in SPECS else MAX_BYTES) + 1)
     kind = None if suffix in SPECS else format_of(data) or (suffix if suffix in FORMATS else None)
@@ -147,8 +148,8 @@ def _load(side: Side) -> KnownMesh:
         return decode_mesh(data, shown, kind)
     spec = parse(data, shown, spec_format or (suffix if suffix in SPECS else None))  # type: ignore[arg-type]
     with about(shown):
-        options.check_size(spec)
-        return known_exactly(options.mesh(spec))
+        recipe.check_size(spec)
+        return known_exactly(recipe.mesh(spec)[0])
 
 
 # --- folders

@@ -105,10 +105,10 @@ def knot_limit(
                 patch,
                 moves,
                 steps,
-                options.resolution,
-                options.tolerance_for(patch),
-                normals=options.normals,
-                max_faces=options.max_faces,
+                options.recipe.resolution,
+                options.recipe.tolerance_for(patch),
+                normals=options.recipe.normals,
+                max_faces=options.recipe.max_faces,
             )
         text = ""
         if emit_spec:

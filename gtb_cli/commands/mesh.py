@@ -109,7 +109,7 @@ def _write_folder(
         try:
             spec = read_spec(path, spec_format)
             with about(shown_input(path)):
-                options.check_size(spec)
+                options.recipe.check_size(spec)
             tasks.append(Task(spec, path, options, kind, manifest is not None))
         except GtbError as error:
             errors.append(error)
@@ -124,7 +124,7 @@ def _write_folder(
         if jobs > 1:
             encoded = in_processes(_encoded_whole, tasks, jobs)
         stack.enter_context(closing(encoded))
-        sizes = [options.faces(task.spec) for task in tasks]
+        sizes = [options.recipe.faces(task.spec) for task in tasks]
         progress = stack.enter_context(console.progress(2 * sum(sizes)))
         for name, task, faces in zip(names, tasks, sizes, strict=True):
             progress.label = task.path
@@ -181,7 +181,7 @@ def _encoded(task: Task) -> Encoded | GtbError:
     measures = None
     try:
         with about(shown_input(path)):
-            mesh, remarks = options.mesh_with_remarks(spec)
+            mesh, remarks = options.recipe.mesh(spec)
             blocks = options.encoded(mesh, kind)
             if measured:
                 from gtb_cli.meshes.measures import measure

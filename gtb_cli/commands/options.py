@@ -5,14 +5,15 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import ATTRIBUTES, FORMATS, RESOLUTION, MeshOptions
+from gtb_cli.commands.meshing import FORMATS, MeshOptions
 from gtb_cli.errors import SpecError
-from gtb_cli.vocabulary import MAX_FACES
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.vocabulary import ATTRIBUTES, MAX_FACES, RESOLUTION
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -189,7 +190,7 @@ def mesh_options(function: Function) -> Function:
         radius: float | None,
         thickness: float | None,
         attributes: tuple[str, ...],
-        require: str | None,
+        require: Literal["watertight"] | None,
         **values: Any,
     ) -> object:
         if resolution is not None and tolerance is not None:
@@ -200,20 +201,17 @@ def mesh_options(function: Function) -> Function:
             raise click.UsageError(f"--radius must be positive, got {radius:g}")
         if radius is not None and uv:
             raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
-        options = MeshOptions(
+        recipe = Recipe(
             resolution or RESOLUTION,
             tolerance,
             parametrization,
-            format,
             normals,
-            uv,
-            ascii,
-            max_faces,
             radius,
             thickness,
             attributes,
             require,
+            max_faces,
         )
-        return function(*args, options=options, **values)
+        return function(*args, options=MeshOptions(recipe, format, uv, ascii), **values)
 
     return command

@@ -65,16 +65,16 @@ def is_animation(options: MeshOptions, output: str, spec: str) -> bool:
         if options.ascii:
             raise click.UsageError("--ascii: an animation is a GLB file, and GLB has no text form")
         options.format_for(output)
-    if options.parametrization == "toric":
+    if options.recipe.parametrization == "toric":
         raise click.UsageError(
             "--parametrization toric: the meshes of a sequence have common faces in the linear one only; "
             "toric parameters would run together"
         )
     for name, given in (
-        ("radius", options.radius is not None),
-        ("thickness", options.thickness is not None),
-        ("attribute", bool(options.attributes)),
-        ("require", options.require is not None),
+        ("radius", options.recipe.radius is not None),
+        ("thickness", options.recipe.thickness is not None),
+        ("attribute", bool(options.recipe.attributes)),
+        ("require", options.recipe.require is not None),
     ):
         if given:
             raise click.UsageError(f"--{name} is for single meshes, of gtb mesh")
@@ -176,7 +176,7 @@ def _write_animation(
     from gtb_cli.formats.morph import animated_glb
 
     extras = {"sequence": sequence.record(labels, "label")}
-    blocks = animated_glb(sequence.meshes, labels, normals=options.normals, uv=options.uv, extras=extras)
+    blocks = animated_glb(sequence.meshes, labels, normals=options.recipe.normals, uv=options.uv, extras=extras)
     write_blocks(output, blocks)
     place = "" if output == STANDARD else f"{output}: "
     return list(

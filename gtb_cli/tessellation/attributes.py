@@ -16,10 +16,7 @@ from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Model, Patch
 from gtb_cli.theory.tangents import tangents
-
-ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
-"""Scalars that `with_attributes` knows."""
-
+from gtb_cli.vocabulary import ATTRIBUTES
 
 SHOWN = "quality"
 """The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""

@@ -18,7 +18,6 @@ from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.export import FORMATS
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.vocabulary import MAX_FACES
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
 TWO = b"""
@@ -182,7 +181,6 @@ def test_too_little_memory_is_an_error(monkeypatch):
 
 def test_formats_here_are_those_of_the_exporter():
     assert meshing.FORMATS == FORMATS
-    assert meshing.MAX_FACES == MAX_FACES
 
 
 def test_mesh_to_standard_output_is_obj():

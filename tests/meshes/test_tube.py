@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from stl import mesh as stl
 
-from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.tube import SIDES, folded_segments, ring_size, tube
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import curve_tangents
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Model, Patch
 from gtb_cli.theory.tangents import tangents
@@ -404,7 +404,7 @@ def pipe(patch: Patch, radius: float, n: int, sides: int) -> np.ndarray:
 )
 def test_the_tolerance_is_that_of_the_tube(name, radius, tolerance):
     patch = load(SPECS / f"{name}.toml")
-    mesh = MeshOptions(tolerance=tolerance, radius=radius).mesh(patch)
+    mesh = Recipe(tolerance=tolerance, radius=radius).mesh(patch)[0]
     points = pipe(patch, radius, 61, 11)
     distance = np.full(len(points), np.inf)
     for a, b, c in mesh.vertices[mesh.cells]:

@@ -15,6 +15,7 @@ from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.sequence import degeneration_sequence
 from tests.shell import SPECS
 
@@ -47,7 +48,7 @@ class Kind:
     @functools.cached_property
     def mesh(self) -> Mesh:
         """What is in the file, as it was before it was written."""
-        return self.options.mesh(load(SPECS / f"{self.spec}.toml"))
+        return self.options.recipe.mesh(load(SPECS / f"{self.spec}.toml"))[0]
 
     @functools.cached_property
     def groups(self) -> tuple[str, ...]:
@@ -64,7 +65,7 @@ class Film(Kind):
     def meshes(self) -> dict[str, Mesh]:
         """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
         patch = load(SPECS / f"{self.spec}.toml")
-        sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.resolution)
+        sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.recipe.resolution)
         return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
 
     @functools.cached_property
@@ -72,37 +73,39 @@ class Film(Kind):
         return self.meshes["x=1"]
 
     def encoded(self) -> bytes:
-        return b"".join(animated_glb(tuple(self.meshes.values()), tuple(self.meshes), normals=self.options.normals))
+        return b"".join(
+            animated_glb(tuple(self.meshes.values()), tuple(self.meshes), normals=self.options.recipe.normals)
+        )
 
 
 KINDS = (
-    Kind("OBJ", "pentagon", MeshOptions(6)),
-    Kind("OBJ normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
-    Kind("OBJ model", "teapot", MeshOptions(4, normals=True)),
-    Kind("OBJ curve", "example-3.1", MeshOptions(16)),
-    Kind("PLY", "pentagon", MeshOptions(6)),
-    Kind("PLY ascii", "pentagon", MeshOptions(6, ascii=True)),
-    Kind("PLY normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
-    Kind("PLY attributes", "bicubic", MeshOptions(6, normals=True, attributes=("mean_curvature", "u", "v"))),
+    Kind("OBJ", "pentagon", MeshOptions(Recipe(6))),
+    Kind("OBJ normals uv", "pentagon", MeshOptions(Recipe(6, normals=True), uv=True)),
+    Kind("OBJ model", "teapot", MeshOptions(Recipe(4, normals=True))),
+    Kind("OBJ curve", "example-3.1", MeshOptions(Recipe(16))),
+    Kind("PLY", "pentagon", MeshOptions(Recipe(6))),
+    Kind("PLY ascii", "pentagon", MeshOptions(Recipe(6), ascii=True)),
+    Kind("PLY normals uv", "pentagon", MeshOptions(Recipe(6, normals=True), uv=True)),
+    Kind("PLY attributes", "bicubic", MeshOptions(Recipe(6, normals=True, attributes=("mean_curvature", "u", "v")))),
     Kind(
         "PLY attributes ascii",
         "bicubic",
-        MeshOptions(6, ascii=True, normals=True, uv=True, attributes=("gaussian_curvature", "mean_curvature")),
+        MeshOptions(Recipe(6, normals=True, attributes=("gaussian_curvature", "mean_curvature")), ascii=True, uv=True),
     ),
-    Kind("PLY uv and u", "bicubic", MeshOptions(6, uv=True, attributes=("u",))),
-    Kind("PLY model", "teapot", MeshOptions(4, normals=True, attributes=("mean_curvature",))),
-    Kind("PLY curve", "example-3.1", MeshOptions(16)),
-    Kind("PLY curve ascii", "example-3.1", MeshOptions(16, ascii=True)),
-    Kind("STL", "pentagon", MeshOptions(6)),
-    Kind("STL ascii", "pentagon", MeshOptions(6, ascii=True)),
-    Kind("STL tube", "example-3.1", MeshOptions(16, radius=0.05)),
-    Kind("STL solid", "bicubic", MeshOptions(6, thickness=-0.1)),
-    Kind("STL 2 facets", "bicubic", MeshOptions(1)),
-    Kind("GLB", "pentagon", MeshOptions(6)),
-    Kind("GLB normals uv", "pentagon", MeshOptions(6, normals=True, uv=True)),
-    Kind("GLB model", "teapot", MeshOptions(4, normals=True)),
-    Kind("GLB curve", "example-3.1", MeshOptions(16)),
-    Film("GLB film", "example-4.4", MeshOptions(4, normals=True)),
+    Kind("PLY uv and u", "bicubic", MeshOptions(Recipe(6, attributes=("u",)), uv=True)),
+    Kind("PLY model", "teapot", MeshOptions(Recipe(4, normals=True, attributes=("mean_curvature",)))),
+    Kind("PLY curve", "example-3.1", MeshOptions(Recipe(16))),
+    Kind("PLY curve ascii", "example-3.1", MeshOptions(Recipe(16), ascii=True)),
+    Kind("STL", "pentagon", MeshOptions(Recipe(6))),
+    Kind("STL ascii", "pentagon", MeshOptions(Recipe(6), ascii=True)),
+    Kind("STL tube", "example-3.1", MeshOptions(Recipe(16, radius=0.05))),
+    Kind("STL solid", "bicubic", MeshOptions(Recipe(6, thickness=-0.1))),
+    Kind("STL 2 facets", "bicubic", MeshOptions(Recipe(1))),
+    Kind("GLB", "pentagon", MeshOptions(Recipe(6))),
+    Kind("GLB normals uv", "pentagon", MeshOptions(Recipe(6, normals=True), uv=True)),
+    Kind("GLB model", "teapot", MeshOptions(Recipe(4, normals=True))),
+    Kind("GLB curve", "example-3.1", MeshOptions(Recipe(16))),
+    Film("GLB film", "example-4.4", MeshOptions(Recipe(4, normals=True))),
 )
 
 
@@ -177,7 +180,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
 
 
 def _normals(kind: Kind) -> np.ndarray | None:
-    return kind.mesh.normals if kind.options.normals and kind.format != "stl" else None
+    return kind.mesh.normals if kind.options.recipe.normals and kind.format != "stl" else None
 
 
 def _uv(kind: Kind) -> np.ndarray | None:

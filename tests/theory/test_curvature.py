@@ -8,15 +8,15 @@ import numpy as np
 import plyfile
 import pytest
 
-from gtb_cli.commands import meshing
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
-from gtb_cli.tessellation.attributes import ATTRIBUTES, SHOWN, filled, with_attributes
+from gtb_cli.tessellation.attributes import SHOWN, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.parametrization import locations
 from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.vocabulary import ATTRIBUTES
 from tests.exact import CONTEXT, Number, basis, numbers, point
 from tests.specs import SPECS
 from tests.surfaces import cylinder, inside, octant, plane, quartic_octant, rim, torus
@@ -432,7 +432,3 @@ def test_a_closed_model_has_the_curvature_of_its_outside(parametrization):
         inside = (patch.domain.heights_of_columns(u) > 0).all(axis=0)
         there = patch.points_at(locations(patch, u[inside], parametrization), int(inside.sum()))
         np.testing.assert_allclose(mesh.vertices[rows][inside], there, atol=1e-12)
-
-
-def test_the_command_knows_the_same_names():
-    assert meshing.ATTRIBUTES == ATTRIBUTES

@@ -1,0 +1,269 @@
+"""From a spec to the finished mesh: how fine, tube or solid, attributes, watertight or not at all.
+
+The command line reads its options with this room; what computes is imported where a mesh is made.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from gtb_cli.errors import DomainError, RequirementError, ToleranceError
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
+
+if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray, IntArray
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.theory.parametrization import Parametrization
+    from gtb_cli.theory.patch import Model, Patch
+
+BYTES_PER_FACE = 230
+"""Memory for a large mesh: measured, 1.17 GB for five million faces."""
+
+SIZE_RESOLUTION = 16
+"""Segments of each edge of the mesh whose bounding box a percentage is of."""
+
+AXIS_SHARE = 1 / 3
+"""Fraction of a tube's tolerance that its middle line, and the polygon of its rings, may be off: on the outside of a
+bend as sharp as the tube allows, the middle line's error counts twice."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How to make the mesh of a patch or model: the options of ``gtb mesh`` but for those of files.
+
+    Attributes
+    ----------
+    resolution : int
+        Segments of each hull edge.
+    tolerance : float, str or None
+        Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal;
+        replaces `resolution`.
+    parametrization : "toric", "linear" or None
+        None: the one that suits.
+    normals : bool
+        Whether a surface gets its unit normals.
+    radius : float or None
+        That of a tube around a curve.
+    thickness : float or None
+        That of a solid beside a surface: on the side of the normals, or the other if negative.
+    attributes : tuple of str
+        Of `gtb_cli.vocabulary.ATTRIBUTES`.
+    require : "watertight" or None
+        Refuse a mesh that is not closed.
+    max_faces : int
+        More are refused before they are made.
+
+    Raises
+    ------
+    DomainError
+        Values that make no sense, alone or together.
+    """
+
+    resolution: int = RESOLUTION
+    tolerance: float | str | None = None
+    parametrization: Parametrization | None = None
+    normals: bool = False
+    radius: float | None = None
+    thickness: float | None = None
+    attributes: tuple[str, ...] = ()
+    require: Literal["watertight"] | None = None
+    max_faces: int = MAX_FACES
+
+    def __post_init__(self) -> None:
+        if isinstance(self.tolerance, str):
+            percentage(self.tolerance)
+        if self.radius is not None and self.thickness is not None:
+            raise DomainError("radius: makes a tube of a curve, and thickness a solid of a surface, not both")
+        if self.require not in (None, "watertight"):
+            raise DomainError(f"require: expected watertight, got {self.require!r}")
+
+    def mesh(self, spec: Patch | Model) -> tuple[Mesh, list[str]]:
+        """Make the mesh of a patch or model, and say what is unusual about its shape.
+
+        Raises
+        ------
+        DomainError
+            The recipe does not suit the spec: a tube of a surface, curvatures of a curve.
+        ToleranceError
+            Too many faces would be needed.
+        RequirementError
+            The mesh is not watertight, and has to be; names the open edges.
+        """
+        from gtb_cli.tessellation.tessellate import tessellate
+
+        tolerance = self.tolerance_for(spec)
+        if tolerance is not None and self.radius is not None:
+            tolerance *= AXIS_SHARE
+        normals = self.normals or self.thickness is not None
+        mesh = tessellate(
+            spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
+        )
+        remarks = self._crowding(spec, mesh)
+        if self.attributes:
+            from gtb_cli.tessellation.attributes import with_attributes
+
+            mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization_for(spec))
+            if replaced:
+                remarks.append(
+                    f"the curvature has no finite limit at {replaced} of {len(mesh.vertices)} vertices, "
+                    "which get the mean of their neighbours'"
+                )
+        if self.radius is not None:
+            mesh, found = self._tube(spec, mesh, self.radius, tolerance)
+            remarks += found
+        elif self.thickness is not None:
+            from gtb_cli.meshes.solid import folded_faces, thicken
+
+            folded = folded_faces(mesh, self.thickness)
+            if len(folded):
+                remarks.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
+            mesh = thicken(mesh, self.thickness)
+        if self.require == "watertight":
+            require_watertight(spec, mesh)
+        return mesh, remarks
+
+    def _crowding(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
+        """What to know of a model whose coarse mesh has sides with more than two faces."""
+        from gtb_cli.theory.patch import Model
+
+        if not isinstance(spec, Model) or self.tolerance is not None or self.resolution > 2 or mesh.is_curve:
+            return []
+        crowded = len(mesh.crowded_sides)
+        if not crowded:
+            return []
+        return [
+            f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
+            f"more than two faces; -n {self.resolution + 1} keeps them apart"
+        ]
+
+    def _tube(self, spec: Patch | Model, mesh: Mesh, radius: float, tolerance: float | None) -> tuple[Mesh, list[str]]:
+        """The tube around the mesh of a curve, and where it folds."""
+        from gtb_cli.meshes.tube import folded_segments, tube
+        from gtb_cli.tessellation.attributes import curve_tangents
+        from gtb_cli.theory.patch import Model
+
+        tangents: FloatArray | None = None
+        if mesh.is_curve and not isinstance(spec, Model):
+            tangents = curve_tangents(spec, mesh, self.parametrization_for(spec))
+        folded = folded_segments(mesh, radius, tangents=tangents)
+        remarks = []
+        if len(folded):
+            remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {_where(mesh, folded)}")
+        return tube(mesh, radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces), remarks
+
+    def tolerance_for(self, spec: Patch | Model) -> float | None:
+        """Return the tolerance in model units; a percentage is of the spec's own size."""
+        if not isinstance(self.tolerance, str):
+            return self.tolerance
+        from gtb_cli.tessellation.tessellate import tessellate
+
+        low, high = tessellate(spec, SIZE_RESOLUTION, normals=False).bounds
+        diagonal = math.dist(low, high)
+        if diagonal == 0:
+            raise DomainError(f"tolerance: {self.tolerance} of the size of a single point is nothing")
+        return percentage(self.tolerance) / 100 * diagonal
+
+    def parametrization_for(self, spec: Patch | Model) -> Parametrization:
+        """Return the parametrization that was asked for, or else the one that suits."""
+        from gtb_cli.theory.patch import Model
+
+        suitable: Parametrization = "linear" if isinstance(spec, Model) or self.tolerance is not None else "toric"
+        return self.parametrization or suitable
+
+    def faces(self, spec: Patch | Model) -> int:
+        """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
+        from gtb_cli.tessellation.triangulation import cell_count
+        from gtb_cli.theory.patch import Model
+
+        patches = spec.patches if isinstance(spec, Model) else (spec,)
+        cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
+        if self.radius is not None:
+            from gtb_cli.meshes.tube import SIDES
+
+            return 2 * SIDES * cells
+        if self.thickness is not None:
+            rim = sum(len(patch.domain.vertices) for patch in patches) * self.resolution
+            return 2 * (cells + rim)
+        return cells
+
+    def check_size(self, spec: Patch | Model) -> None:
+        """Refuse more faces than are allowed, or than the machine's memory holds.
+
+        Raises
+        ------
+        ToleranceError
+            With the number of faces, before anything is made.
+        """
+        if self.tolerance is not None:
+            return
+        faces = self.faces(spec)
+        estimate = f"-n {self.resolution} makes {faces} faces"
+        if faces > self.max_faces:
+            raise ToleranceError(
+                f"{estimate}, more than {self.max_faces}: take a smaller -n, or allow them with --max-faces {faces}"
+            )
+        needed, there = faces * BYTES_PER_FACE, physical_memory()
+        if needed > there:
+            raise ToleranceError(
+                f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
+                "take a smaller -n"
+            )
+
+
+def percentage(text: str) -> float:
+    """Read a positive percentage.
+
+    Raises
+    ------
+    DomainError
+        It is something else.
+    """
+    number = text.strip().removesuffix("%")
+    try:
+        value = math.nan if number == text.strip() or "_" in text or not text.isascii() else float(number)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
+    return value
+
+
+def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
+    """Raise `RequirementError`, with the open edges, for a mesh that is not closed."""
+    if mesh.is_curve:
+        raise RequirementError("not watertight: a curve has no inside (--radius R makes a tube)")
+    count = len(mesh.open_sides)
+    if not count:
+        return
+    from gtb_cli.theory.joints import edge_name, find_joints, obstacles
+    from gtb_cli.theory.patch import Model
+
+    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    joints = find_joints(patches)
+    lines = obstacles(joints, patches)
+    if not isinstance(spec, Model):
+        lines += [
+            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
+            "models are joined: write the patch as [[patches]]"
+            for joint in joints.shared
+        ]
+    lines = lines or [f"{count} sides of triangles are open"]
+    raise RequirementError("\n".join(f"not watertight: {line}" for line in lines))
+
+
+def _where(mesh: Mesh, cells: IntArray) -> str:
+    """How many cells, and where the first of them is."""
+    what = "segments" if mesh.is_curve else "faces"
+    place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[cells[0]]].mean(axis=0))
+    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near ({place})"
+
+
+def physical_memory() -> float:
+    """Bytes of memory that the machine has, or infinity where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        return math.inf

@@ -1,0 +1,69 @@
+"""A recipe makes for Python what `gtb mesh` makes, and refuses the same."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gtb_cli.errors import DomainError, RequirementError, ToleranceError
+from gtb_cli.formats.export import encode_mesh
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.recipe import Recipe
+from tests.shell import SPECS, gtb
+
+CASES = [
+    ("pentagon", Recipe(4, thickness=-0.1), ["-n", "4", "--thickness=-0.1"]),
+    ("example-3.1", Recipe(8, radius=0.05), ["-n", "8", "--radius", "0.05"]),
+    ("pentagon", Recipe(tolerance="5%"), ["--tolerance", "5%"]),
+    (
+        "pentagon",
+        Recipe(4, attributes=("u", "mean_curvature")),
+        ["-n", "4", "--attribute", "u", "--attribute", "mean_curvature"],
+    ),
+    ("box-corner", Recipe(3, normals=True), ["-n", "3", "--normals"]),
+]
+
+
+@pytest.mark.parametrize(("spec", "recipe", "options"), CASES)
+def test_a_recipe_makes_what_the_command_makes(spec, recipe, options):
+    path = SPECS / f"{spec}.toml"
+    mesh, remarks = recipe.mesh(load(path))
+    result = gtb("mesh", path, "-f", "ply", "--ascii", *options)
+    assert result.status == 0
+    assert b"".join(encode_mesh(mesh, "ply", ascii=True, normals=recipe.normals)) == result.out
+    assert len(remarks) == result.err.count("warning")
+
+
+def test_remarks_say_where_a_solid_folds():
+    _, remarks = Recipe(4, thickness=5.0).mesh(load(SPECS / "pentagon.toml"))
+    assert len(remarks) == 1
+    assert "the offset folds" in remarks[0]
+
+
+def test_a_percentage_is_of_the_size():
+    patch = load(SPECS / "pentagon.toml")
+    low, high = Recipe(16).mesh(patch)[0].bounds
+    assert Recipe(tolerance="2%").tolerance_for(patch) == pytest.approx(0.02 * math.dist(low, high), rel=1e-12)
+
+
+@pytest.mark.parametrize("text", ["1", "%", "-1%", "0%", "1_0%", "nan%", "inf%"])
+def test_a_tolerance_that_is_not_a_percentage_is_refused(text):
+    with pytest.raises(DomainError, match="tolerance: expected a positive number or percentage"):
+        Recipe(tolerance=text)
+
+
+@pytest.mark.parametrize("options", [{"radius": 1.0, "thickness": 1.0}, {"require": "closed"}])
+def test_what_makes_no_sense_is_refused(options):
+    with pytest.raises(DomainError):
+        Recipe(**options)
+
+
+def test_an_open_mesh_is_refused_where_it_must_be_watertight():
+    with pytest.raises(RequirementError, match="not watertight: pentagon edge 0"):
+        Recipe(2, require="watertight").mesh(load(SPECS / "pentagon.toml"))
+
+
+def test_too_many_faces_are_refused_with_their_number():
+    with pytest.raises(ToleranceError, match="makes 500 faces, more than 499"):
+        Recipe(10, max_faces=499).check_size(load(SPECS / "pentagon.toml"))
