@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtb_cli.arrays import finite, positive, read_only
+from gtb_cli.arrays import cross, cross_of_columns, dot, finite, planar_cross, positive, read_only, unit
 from gtb_cli.errors import DomainError
 
 
@@ -60,3 +60,19 @@ def test_positive_names_the_field_and_the_first_bad_entry(values, message):
 
 def test_the_smallest_float_is_positive():
     assert positive("weights", [5e-324]).tolist() == [5e-324]
+
+
+def test_products_of_vectors_are_those_of_numpy():
+    rng = np.random.default_rng(7)
+    a, b = rng.normal(size=(2, 50, 3))
+    assert np.allclose(dot(a, b), (a * b).sum(axis=1), rtol=1e-14)
+    assert np.array_equal(cross(a, b), np.cross(a, b))
+    assert np.array_equal(cross(a, b[:1]), np.cross(a, b[:1]))
+    assert np.array_equal(cross_of_columns(a.T, b.T), np.cross(a, b).T)
+    flat = a.copy()
+    flat[:, 2] = 0
+    assert np.array_equal(planar_cross(flat[:, :2], b[:, :2]), np.cross(flat, b)[:, 2])
+
+
+def test_unit_vectors_have_length_one_but_for_zero():
+    assert unit(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [[0.6, 0.8], [0.0, 0.0]]

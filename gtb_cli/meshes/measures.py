@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, cross, dot
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
 from gtb_cli.meshes.welding import weld
 
 
@@ -97,7 +97,7 @@ def measure(mesh: Mesh) -> Measures:
     """
     if not len(mesh.cells):
         raise DomainError("mesh: has no cells, there is nothing to measure")
-    used = np.flatnonzero(_used(mesh.cells, len(mesh.vertices)))
+    used = np.flatnonzero(are_used(mesh.cells, len(mesh.vertices)))
     points = mesh.vertices[used]
     low, high = points.min(axis=0), points.max(axis=0)
     if not (np.isfinite(low) & np.isfinite(high)).all():
@@ -108,14 +108,14 @@ def measure(mesh: Mesh) -> Measures:
     place = np.zeros(len(mesh.vertices), dtype=np.int64)
     place[used] = labels
     cells = place[mesh.cells]
-    corners = np.sort(cells, axis=1)
-    proper = (corners[:, 1:] != corners[:, :-1]).all(axis=1)
+    proper = are_proper(cells)
     cells = cells[proper]
     vertices = np.ldexp(points[first] - (low / 2 + high / 2), -exponent)
-    edges, number, balance = _edges(cells, len(vertices))
+    topology = sides_of(cells)
+    edges, number = topology.edges, topology.uses
     sides = vertices[edges[:, 1]] - vertices[edges[:, 0]]
     lengths = np.sqrt(dot(sides, sides))
-    in_use = int(_used(cells, len(vertices)).sum())
+    in_use = int(are_used(cells, len(vertices)).sum())
     area = length = volume = boundary = None
     if mesh.is_curve:
         number = np.bincount(edges.ravel(), minlength=1)
@@ -126,7 +126,7 @@ def measure(mesh: Mesh) -> Measures:
         normal = cross(b - a, c - a)
         area = _scaled(float(np.sqrt(dot(normal, normal)).sum()) / 2, 2 * exponent)
         boundary = _scaled(float(lengths[number == 1].sum()), exponent)
-        if len(cells) and (number == 2).all() and not balance.any():
+        if len(cells) and not len(topology.open):
             volume = _scaled(float(dot(a, normal).sum()) / 6, 3 * exponent)
         euler = in_use - len(edges) + len(cells)
     return Measures(
@@ -138,19 +138,12 @@ def measure(mesh: Mesh) -> Measures:
         length=length,
         volume=volume,
         boundary_length=boundary,
-        components=_components(cells, len(vertices)),
+        components=component_count(cells, len(vertices)),
         euler_characteristic=euler,
         open_edges=int(np.count_nonzero(number == 1)),
         crowded_edges=int(np.count_nonzero(number > 2)),
         collapsed=int(np.count_nonzero(~proper)),
     )
-
-
-def _used(cells: IntArray, count: int) -> BoolArray:
-    """(count,) whether a vertex belongs to a cell."""
-    used = np.zeros(count, dtype=bool)
-    used[cells] = True
-    return used
 
 
 def _triple(point: FloatArray) -> tuple[float, float, float]:
@@ -165,30 +158,3 @@ def _scaled(value: float, exponent: int) -> float:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _edges(cells: IntArray, count: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Each edge once, (e, 2) ascending; how many cells have it; and how many times more upwards than downwards."""
-    sides = [(0, 1)] if cells.shape[1] == 2 else [(0, 1), (1, 2), (2, 0)]
-    start = np.concatenate([cells[:, a] for a, _ in sides])
-    end = np.concatenate([cells[:, b] for _, b in sides])
-    key = np.minimum(start, end) * count + np.maximum(start, end)
-    upwards = np.where(start < end, 1, -1)
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    begin = np.flatnonzero(np.concatenate([np.ones(min(len(key), 1), dtype=bool), key[1:] != key[:-1]]))
-    edges = np.stack(np.divmod(key[begin], max(count, 1)), axis=1)
-    number = np.diff(np.append(begin, len(key)))
-    balance = np.add.reduceat(upwards[order], begin) if len(begin) else np.zeros(0, dtype=np.int64)
-    return edges, number, balance
-
-
-def _components(cells: IntArray, count: int) -> int:
-    """Parts of a mesh whose vertices 0 … count − 1 are all used, but for those of collapsed cells."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    links = np.concatenate([cells[:, [0, k]] for k in range(1, cells.shape[1])])
-    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
-    number, _ = connected_components(graph, directed=False)
-    return int(number) - (count - int(_used(cells, count).sum()))

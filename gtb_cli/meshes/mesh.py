@@ -11,6 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.topology import sides_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -91,32 +92,22 @@ class Mesh:
     @property
     def edges(self) -> IntArray:
         """(k, 2) segments of a polyline, or each edge of the triangles once, ends ascending, sorted."""
-        if self.is_curve:
-            return self.cells
-        pairs = np.sort(self.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        return np.unique(pairs, axis=0)
+        return self.cells if self.is_curve else sides_of(self.cells).edges
 
     @property
     def open_sides(self) -> IntArray:
-        """(k, 2) sides of triangles that no other triangle runs through in the opposite direction, or several do.
+        """(k, 2) sides of triangles that do not meet just one other triangle's, in the opposite direction.
 
         A mesh without open sides is closed and consistently oriented.
         """
-        directed = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        count = len(self.vertices)
-        forward, backward = directed @ np.array([count, 1]), directed @ np.array([1, count])
-        codes, uses = np.unique(forward, return_counts=True)
-        place = np.minimum(np.searchsorted(codes, backward), len(codes) - 1)
-        met = (codes[place] == backward) & (uses[place] == 1)
-        single = uses[np.searchsorted(codes, forward)] == 1
-        return np.asarray(directed[~(met & single)])
+        sides = sides_of(self.faces)
+        return sides.directed[sides.open]
 
     @property
     def crowded_sides(self) -> IntArray:
-        """(k, 2) sides of more than two triangles, ends ascending: there the mesh is no manifold."""
-        pairs = np.sort(self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        sides, uses = np.unique(pairs, axis=0, return_counts=True)
-        return np.asarray(sides[uses > 2])
+        """(k, 2) edges of more than two triangles, ends ascending: there the mesh is not a manifold."""
+        sides = sides_of(self.faces)
+        return sides.edges[sides.uses > 2]
 
     @property
     def bounds(self) -> FloatArray:

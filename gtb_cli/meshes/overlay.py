@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.meshes.distance import cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells, middles
 
 PROPER = 1e-9

@@ -7,10 +7,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, dot, unit
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
 
 SMALLEST = 64
@@ -126,28 +126,17 @@ def _checked(mesh: Mesh, thickness: float) -> Mesh:
     return mesh
 
 
-def _directed_edges(cells: IntArray) -> IntArray:
-    """(3 k, 2) edges of triangles, in their order around each."""
-    return cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-
-
 def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """(b, 2) directed edges of one face only, and (b,) that face."""
-    edges = _directed_edges(mesh.cells)
-    count = len(mesh.vertices)
-    keys = edges @ np.array([count, 1])
-    order = np.argsort(keys, kind="stable")
-    twice = order[1:][np.diff(keys[order]) == 0]
-    if len(twice):
-        a, b = edges[twice.min()].tolist()
+    """(b, 2) sides of one face only, and (b,) that face."""
+    sides = sides_of(mesh.cells)
+    wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
+    if len(wrong):
+        a, b = sides.edges[wrong[0]].tolist()
         raise DomainError(
             f"thickness: the edge between vertices {a} and {b} has more than two faces, or two that do not agree which "
             "side is up: the surface has no two sides there"
         )
-    back = edges @ np.array([1, count])
-    place = np.minimum(np.searchsorted(keys, back, sorter=order), len(keys) - 1)
-    alone = np.flatnonzero(keys[order][place] != back)
-    return edges[alone], alone // 3
+    return sides.directed[sides.alone], sides.alone // 3
 
 
 def _welded(mesh: Mesh) -> Mesh:
@@ -159,7 +148,7 @@ def _welded(mesh: Mesh) -> Mesh:
         return mesh
     label = merged(len(mesh.vertices), edges[short])
     cells = label[mesh.cells]
-    proper = (np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)
+    proper = are_proper(cells)
     if not proper.any():
         raise DomainError(f"thickness: the surface {mesh.name!r} is a single point")
     before = np.concatenate([[0], np.cumsum(proper)])
@@ -168,10 +157,10 @@ def _welded(mesh: Mesh) -> Mesh:
     np.add.at(sums, label, mesh.normals)
     length = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.where(length > EPS, sums / np.where(length > EPS, length, 1.0), mesh.normals)
-    used, places = np.unique(cells[proper], return_inverse=True)
+    used, cells = compacted(cells[proper])
     return Mesh(
         mesh.vertices[used],
-        places.reshape(-1, 3),
+        cells,
         None if mesh.parameters is None else mesh.parameters[used],
         normals[used],
         tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
@@ -217,7 +206,7 @@ def _displacements(mesh: Mesh) -> FloatArray:
     w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
     # At the edge of a blade no direction is left but the one between its sides.
     blade = np.linalg.norm(w, axis=1) < SMOOTH
-    w[blade] = MITRE * _unit(right[blade])
+    w[blade] = MITRE * unit(right[blade])
     length = np.linalg.norm(w, axis=1, keepdims=True)
     result = mesh.normals.copy()
     result[wrong] = np.where(length > 0, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), result[wrong])
@@ -230,17 +219,11 @@ def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> FloatArray:
     Weighted by the angle at the corner, so that the way a surface is cut does not count.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
-    sides = [_unit(side) for side in (b - a, c - b, a - c)]
-    normals = _unit(cross(sides[0], sides[1]))
+    sides = [unit(side) for side in (b - a, c - b, a - c)]
+    normals = unit(cross(sides[0], sides[1]))
     sums = np.zeros((count, 3))
     for k in range(3):
         angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))
         for axis in range(3):
             sums[:, axis] += np.bincount(place[:, k], angle * normals[:, axis], count)
-    return _unit(sums)
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors; 0 stays."""
-    length = np.sqrt(dot(vectors, vectors))[:, None]
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+    return unit(sums)

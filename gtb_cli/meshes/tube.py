@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
 
@@ -347,9 +347,8 @@ def _sweep(path: _Path, radius: float, sides: int) -> _Sweep:
         pairs = np.stack([index[twins][near], index[twins + 1][near]], axis=1)
         label = merged(len(vertices), pairs)
         cells = label[cells]
-        cells = cells[(np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1)]
-        used, places = np.unique(cells, return_inverse=True)
-        cells, vertices, normals, owners = places.reshape(-1, 3), vertices[used], normals[used], owners[used]
+        used, cells = compacted(cells[are_proper(cells)])
+        vertices, normals, owners = vertices[used], normals[used], owners[used]
     return _Sweep(vertices, normals, owners, cells, folded)
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.meshes.distance import cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.theory.patch import Patch
 

@@ -12,9 +12,9 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
-from gtb_cli.meshes.distance import cross, dot, to_segments, to_triangles
+from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over

@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.meshes.distance import dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, dot
 
 TIE = 1 + 1e-9
 """Squares of diagonals whose ratio is less are equal: rounding, of which processors differ in, does not choose."""

@@ -7,8 +7,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
-from gtb_cli.meshes.distance import cross, dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
 from gtb_cli.theory.patch import Patch
@@ -147,7 +146,9 @@ class Subdivision:
             own = rows[self.cells.patch[rows] == index]
             a, b, c = np.moveaxis(self.cells.corners.take(own, axis=0), 1, 0)
             for peak in peaks[0]:
-                signs = np.stack([_cross(b - a, peak - a), _cross(c - b, peak - b), _cross(a - c, peak - c)])
+                signs = np.stack(
+                    [planar_cross(b - a, peak - a), planar_cross(c - b, peak - b), planar_cross(a - c, peak - c)]
+                )
                 inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
                 found_cells.append(inside)
                 found.append(np.repeat(peak[None], len(inside), axis=0))
@@ -204,9 +205,5 @@ def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
     a, b, c = (corners[:, i].T for i in range(3))
     squares = np.stack([((end - start) ** 2).sum(axis=0) for start, end in ((a, b), (b, c), (c, a))])
-    area = np.abs(_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    area = np.abs(planar_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     return area / squares.max(axis=0), squares.argmax(axis=0)
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

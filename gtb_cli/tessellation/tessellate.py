@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.distance import cross, dot
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex

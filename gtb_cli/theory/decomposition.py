@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, read_only
+from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.domain import PARAMETER_ULPS, knot_tolerance
-from gtb_cli.theory.upper_faces import border_of, cross, depth_in, lifted_knots, upper_faces
+from gtb_cli.theory.upper_faces import border_of, depth_in, lifted_knots, upper_faces
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
             along = (knots[members] - knots[a]) @ direction / length
             on = (along > tolerance) & (along < length - tolerance)
             if decomposition.dimension == 2:
-                on &= np.abs(cross(direction, knots[members] - knots[a])) <= tolerance * length
+                on &= np.abs(planar_cross(direction, knots[members] - knots[a])) <= tolerance * length
             stops, reached = [a], 0.0
             for i in np.flatnonzero(on)[np.argsort(along[on], kind="stable")].tolist():
                 if along[i] - reached <= tolerance:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, read_only
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.domain import convex_hull, knot_tolerance
 from gtb_cli.theory.upper_hull import UpperHull, height, integers, upper_hull
@@ -206,7 +206,7 @@ def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
     corners = (lifted.points - lifted.points[0])[np.array(simplices)]
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.hypot(sides[..., 0], sides[..., 1]).max(axis=1)
-    return np.asarray(np.abs(cross(sides[:, 0], sides[:, 1])) > SLIVER * lifted.tolerance * longest)
+    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > SLIVER * lifted.tolerance * longest)
 
 
 def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | None:
@@ -248,7 +248,7 @@ def _insert_corner(points: FloatArray, polygon: list[int], corner: int) -> None:
     start, sides = points[polygon], np.roll(points[polygon], -1, axis=0) - points[polygon]
     offsets = points[corner] - start
     lengths = np.hypot(sides[:, 0], sides[:, 1])
-    distance = np.abs(cross(sides, offsets)) / lengths
+    distance = np.abs(planar_cross(sides, offsets)) / lengths
     along = (offsets * sides).sum(axis=1) / lengths
     distance[(along <= 0) | (along >= lengths)] = np.inf
     if np.isfinite(distance).any():
@@ -262,11 +262,6 @@ def border_of(polygon: Sequence[int]) -> list[tuple[int, int]]:
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
 
 
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(...) cross products of (..., 2) vectors."""
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
 def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
     """(m,) smallest signed distance from the lines of the polygon's edges, positive inside."""
     if points.shape[1] == 1:
@@ -274,5 +269,5 @@ def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
     depth = np.full(len(points), np.inf)
     for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         side = end - start
-        np.minimum(depth, cross(side / np.hypot(*side), points - start), out=depth)
+        np.minimum(depth, planar_cross(side / np.hypot(*side), points - start), out=depth)
     return depth

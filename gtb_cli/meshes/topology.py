@@ -1,0 +1,115 @@
+"""How cells hang together: their sides, the edges that sides share, and the vertices in use.
+
+Cells are segments (k, 2) or triangles (k, 3). A segment has one side, from its first vertex to its second; side i of a
+triangle runs from its vertex i to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """The sides of cells, and the edges that they share. Made by `sides_of`.
+
+    Attributes
+    ----------
+    directed : (k s, 2) int
+        Sides in the order of the cells: s = 1 for segments, 3 for triangles.
+    edges : (e, 2) int
+        Each pair of vertices between which sides run once, ascending, sorted.
+    edge : (k, s) int
+        The edge of each side.
+    first : (e,) int
+        The first side, a row of `directed`, that runs along each edge.
+    uses : (e,) int
+        How many sides run along each edge.
+    """
+
+    directed: IntArray
+    edges: IntArray
+    edge: IntArray
+    first: IntArray
+    uses: IntArray
+
+    @cached_property
+    def balance(self) -> IntArray:
+        """(e,) how many more sides run upwards along an edge, from the lower vertex to the higher, than downwards."""
+        upwards = np.where(self.directed[:, 0] < self.directed[:, 1], 1.0, -1.0)
+        return np.bincount(self.edge.ravel(), upwards, len(self.edges)).astype(np.int64)
+
+    @property
+    def is_proper(self) -> BoolArray:
+        """(e,) whether an edge has two ends."""
+        return np.asarray(self.edges[:, 0] != self.edges[:, 1])
+
+    @property
+    def is_manifold(self) -> BoolArray:
+        """(e,) whether an edge has one side, or two that run in opposite directions."""
+        return np.asarray((self.uses == 1) | ((self.uses == 2) & (self.balance == 0)))
+
+    @property
+    def alone(self) -> IntArray:
+        """(b,) rows of `directed`, ascending: sides along whose edge no other one runs."""
+        return np.sort(self.first[(self.uses == 1) & self.is_proper])
+
+    @property
+    def open(self) -> IntArray:
+        """(b,) rows of `directed`, ascending: sides that do not meet just one other, in the opposite direction."""
+        met = (self.uses == 2) & (self.balance == 0)
+        return np.flatnonzero(~(met | ~self.is_proper)[self.edge.ravel()])
+
+
+def sides_of(cells: IntArray) -> Sides:
+    """Return the sides of segments (k, 2) or triangles (k, 3), and which of them share an edge.
+
+    Notes
+    -----
+    About 0.3 s for a million triangles: pairs are sorted as one number each.
+    """
+    around = [0, 1] if cells.shape[1] == 2 else [0, 1, 1, 2, 2, 0]
+    directed = cells[:, around].reshape(-1, 2)
+    count = int(cells.max(initial=-1)) + 1
+    start, end = directed.T
+    keys = np.minimum(start, end) * count + np.maximum(start, end)
+    keys, first, edge, uses = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
+    edges = np.stack(np.divmod(keys, max(count, 1)), axis=1)
+    return Sides(directed, edges, edge.reshape(len(cells), len(around) // 2), first, uses)
+
+
+def are_proper(cells: IntArray) -> BoolArray:
+    """(k,) whether all vertices of a cell differ."""
+    start, end = cells.T[:2]
+    if cells.shape[1] == 2:
+        return np.asarray(start != end)
+    return np.asarray((start != end) & (end != cells[:, 2]) & (cells[:, 2] != start))
+
+
+def are_used(cells: IntArray, count: int) -> BoolArray:
+    """(count,) whether a vertex belongs to a cell."""
+    used = np.zeros(count, dtype=bool)
+    used[cells] = True
+    return used
+
+
+def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the vertices that cells use, ascending, and the cells as numbers of these."""
+    used, places = np.unique(cells, return_inverse=True)
+    return used, places.reshape(cells.shape)
+
+
+def component_count(cells: IntArray, count: int) -> int:
+    """How many parts of a mesh of `count` vertices have no vertex in common; unused vertices are not parts."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = np.concatenate([cells[:, [0, k]] for k in range(1, cells.shape[1])])
+    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
+    number, _ = connected_components(graph, directed=False)
+    return int(number) - (count - int(are_used(cells, count).sum()))

@@ -1,0 +1,76 @@
+"""Sides of cells: which share an edge, which are open, which vertices are in use."""
+
+import numpy as np
+import pytest
+
+from gtb_cli.meshes.topology import are_proper, are_used, compacted, component_count, sides_of
+
+SQUARE = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def test_sides_of_two_triangles():
+    sides = sides_of(SQUARE)
+    assert sides.directed.tolist() == [[0, 1], [1, 2], [2, 0], [0, 2], [2, 3], [3, 0]]
+    assert sides.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [2, 3]]
+    assert sides.edge.tolist() == [[0, 3, 1], [1, 4, 2]]
+    assert sides.first.tolist() == [0, 2, 5, 1, 4]
+    assert sides.uses.tolist() == [1, 2, 1, 1, 1]
+    assert sides.balance.tolist() == [1, 0, -1, 1, 1]
+    assert sides.alone.tolist() == sides.open.tolist() == [0, 1, 4, 5]
+    assert sides.is_manifold.all()
+
+
+def test_sides_of_segments_are_these():
+    segments = np.array([[3, 1], [1, 2]])
+    sides = sides_of(segments)
+    assert sides.directed.tolist() == segments.tolist()
+    assert sides.edges.tolist() == [[1, 2], [1, 3]]
+    assert sides.edge.tolist() == [[1], [0]]
+
+
+def test_a_face_turned_over_leaves_its_sides_open():
+    sides = sides_of(np.array([[0, 1, 2], [0, 3, 2]]))
+    assert sides.alone.tolist() == [0, 1, 3, 4]
+    assert sides.open.tolist() == [0, 1, 2, 3, 4, 5]
+    assert sides.edges[~sides.is_manifold].tolist() == [[0, 2]]
+
+
+def test_an_edge_of_three_faces_is_open_and_not_manifold():
+    sides = sides_of(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
+    assert sides.edges[sides.uses > 2].tolist() == [[0, 1]]
+    assert sides.edges[~sides.is_manifold].tolist() == [[0, 1]]
+    assert {0, 3, 6} <= set(sides.open.tolist())
+
+
+def test_a_side_with_one_end_is_neither_open_nor_alone():
+    sides = sides_of(np.array([[0, 0, 1]]))
+    assert sides.edges[~sides.is_proper].tolist() == [[0, 0]]
+    assert not len(sides.open)
+    assert not len(sides.alone)
+
+
+def test_no_cells_have_no_sides():
+    sides = sides_of(np.empty((0, 3), dtype=np.int64))
+    assert sides.edges.shape == sides.directed.shape == (0, 2)
+    assert sides.edge.shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("cells", "proper"),
+    [([[0, 1], [2, 2]], [True, False]), ([[0, 1, 2], [0, 0, 1], [0, 1, 1], [1, 0, 1]], [True, False, False, False])],
+)
+def test_proper_cells_have_distinct_vertices(cells, proper):
+    assert are_proper(np.array(cells)).tolist() == proper
+
+
+def test_vertices_in_use():
+    cells = np.array([[5, 1, 2]])
+    assert are_used(cells, 7).nonzero()[0].tolist() == [1, 2, 5]
+    used, renumbered = compacted(cells)
+    assert used.tolist() == [1, 2, 5]
+    assert renumbered.tolist() == [[2, 0, 1]]
+
+
+def test_components_count_no_unused_vertices():
+    assert component_count(SQUARE, 4) == component_count(SQUARE, 9) == 1
+    assert component_count(np.array([[0, 1], [2, 3]]), 4) == 2
