@@ -2,16 +2,19 @@ PYTHON ?= python3
 VENV   := .venv
 RUN    := $(VENV)/bin/python -m
 BUILD  := build
+OLDEST := $(BUILD)/oldest
 MINUTES ?= 60
+# A worker that has nothing left takes tests from the other one.
+PARALLEL := -n auto --dist worksteal
 SPECS   = $(wildcard specs/*.toml specs/*.json)
 SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test lint types check specs golden bench fuzz guided readers clean
+.PHONY: help setup mesh test test-all test-oldest lint types check specs golden bench fuzz guided readers clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-7s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(VENV)/.development ## make .venv with everything for users and developers
 
@@ -20,8 +23,14 @@ mesh: $(VENV)/.installed ## mesh specs/pentagon.toml, and say where the mesh is
 	@$(RUN) gtb_cli mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj
 	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
 
-test: $(VENV)/.development ## run all tests
-	@$(RUN) pytest -n auto
+test: $(VENV)/.development ## run the quick tests, in some 100 s on two cores
+	@$(RUN) pytest $(PARALLEL) -m "not long"
+
+test-all: $(VENV)/.development ## run all tests: also killed processes, extra seeds, every example, large models
+	@$(RUN) pytest $(PARALLEL)
+
+test-oldest: $(OLDEST)/.installed ## run the quick tests with the oldest versions that pyproject.toml allows
+	@$(OLDEST)/bin/python -m pytest $(PARALLEL) -m "not long"
 
 lint: $(VENV)/.development ## check style and format
 	@$(RUN) ruff check $(SOURCES)
@@ -30,7 +39,7 @@ lint: $(VENV)/.development ## check style and format
 types: $(VENV)/.development ## check types
 	@$(RUN) mypy
 
-check: lint types test ## lint, types and test: all that must hold for a change
+check: lint types test-all ## lint, types and test-all: what must hold for every change
 
 specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 	@$(RUN) gtb_cli mesh $(SPECS) -o $(BUILD)/specs -j 2
@@ -62,6 +71,16 @@ $(VENV)/.installed: pyproject.toml
 	$(RUN) pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
 	$(RUN) pip install -qq --disable-pip-version-check --editable .
 	@$(RUN) compileall -q gtb_cli
+	@touch $@
+
+# Each dependency is installed at its lower bound; what only tests need is the newest.
+$(OLDEST)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install -qq --disable-pip-version-check --upgrade 'pip>=25.1'
+	@$(PYTHON) -c 'import tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+	print(*project["dependencies"], *sum(project["optional-dependencies"].values(), []), sep="\n")' \
+	| sed 's/>=/==/' > $(OLDEST)/bounds.txt
+	$(OLDEST)/bin/python -m pip install -qq --disable-pip-version-check --constraint $(OLDEST)/bounds.txt --editable . --group test
 	@touch $@
 
 # atheris brings its own engine, and is needed for nothing else.

@@ -5,12 +5,15 @@ from __future__ import annotations
 import pytest
 
 from tests.fuzz import kill, mutate
+from tests.marks import long, mostly_long
 
 
-def test_mutated_specs_give_a_mesh_or_a_message():
-    assert mutate(500, seed=1) is None
+@pytest.mark.parametrize("count", mostly_long([100, 500]))
+def test_mutated_specs_give_a_mesh_or_a_message(count):
+    assert mutate(count, seed=1) is None
 
 
+@long
 @pytest.mark.parametrize("victim", ["mesh.ply", "degenerate"])
 def test_a_killed_process_leaves_what_was_there_or_what_is_new(victim):
     assert kill(4, seed=1, victims=[victim]) is None

@@ -51,7 +51,7 @@ def test_its_links_lead_somewhere():
 
 def test_its_targets_of_make_are_there():
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    targets = re.findall(r"^    make ([a-z]+)", README, re.MULTILINE)
+    targets = re.findall(r"^    make ([a-z-]+)", README, re.MULTILINE)
     assert {"mesh", "test"} <= set(targets)
     for target in targets:
         assert re.search(rf"^{target}:.*## ", makefile, re.MULTILINE), target

@@ -168,4 +168,4 @@ def test_it_imports_no_trimesh_for_a_version(tmp_path):
     loaded = loaded_by(f"from gtb_cli.commands.cli import run; run({arguments!r})", tmp_path)
     assert "trimesh" not in loaded
     assert (tmp_path / "m.json").exists()
-    assert REPOSITORY.name not in (tmp_path / "m.json").read_text()
+    assert str(REPOSITORY) not in (tmp_path / "m.json").read_text()

@@ -44,13 +44,22 @@ def workplace(tmp_path):
     return tmp_path
 
 
+STOPPING = (signal.SIGINT, signal.SIGHUP)
+"""Signals that a shell lets background jobs ignore, and their children with them."""
+
+
 @pytest.fixture
 def start():
-    """Start real processes; what is left of them is ended with the test."""
+    """Start real processes, which ignore no signals at first; what is left of them is ended with the test."""
     children = []
 
-    def started(*arguments: object, **options) -> subprocess.Popen:
-        child = subprocess.Popen(command(*arguments), env=environment(), **options)
+    def started(*arguments: object, preexec_fn=lambda: None, **options) -> subprocess.Popen:
+        def prepare():
+            for number in STOPPING:
+                signal.signal(number, signal.SIG_DFL)
+            preexec_fn()
+
+        child = subprocess.Popen(command(*arguments), env=environment(), preexec_fn=prepare, **options)
         children.append(child)
         return child
 
@@ -254,6 +263,16 @@ def stop_while_writing(start, folder: Path, number: int) -> subprocess.Popen:
     return child
 
 
+@pytest.fixture
+def in_the_background():
+    """Let this process, too, ignore signals as a background job does: tests say the same there."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in STOPPING}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("in_the_background")
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_stopped_process_leaves_no_traces(number, status, start, tmp_path):
     (tmp_path / "x.obj").write_text("old", encoding="utf-8")
