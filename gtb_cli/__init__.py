@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from gtb_cli.theory.decomposition import regular_decomposition
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.knot_limit import merge_knots, move_knots
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 __version__ = "0.1.0"
 
@@ -45,7 +46,7 @@ _ROOMS = {
     "ExportError": "errors",
     "GtbError": "errors",
     "Mesh": "meshes.mesh",
-    "Model": "theory.patch",
+    "Model": "theory.model",
     "Patch": "theory.patch",
     "SpecError": "errors",
     "ToleranceError": "errors",

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 SPECS = Path(__file__).parent.parent / "specs"
 BAD_SPECS = Path(__file__).parent / "bad_specs"

@@ -12,7 +12,8 @@ import pytest
 
 from gtb_cli.spec.loading import dump, load
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.shell import REPOSITORY, gtb
 from tests.specs import GOOD_SPECS
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.specs import GOOD_SPECS, SPECS
 
 ROUNDING = 4e-16

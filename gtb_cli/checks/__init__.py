@@ -11,8 +11,9 @@ import numpy as np
 from gtb_cli.checks import basis, curve, degeneration, lattice, surface
 from gtb_cli.checks.probe import Measure, Outcome, Probe, Status, at_most, not_applicable, number
 from gtb_cli.errors import GtbError, ToleranceError
-from gtb_cli.theory.joints import SAME, SAMPLES, Joints, edge_points, find_joints
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.joints import SAME, SAMPLES, Joints, edge_points
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 __all__ = ["PROPERTIES", "Finding", "ModelReport", "Property", "Report", "check", "check_model", "check_patch"]
 
@@ -175,7 +176,7 @@ def check_model(model: Model) -> ModelReport:
     -------
     ModelReport
     """
-    joints = find_joints(model.patches)
+    joints = model.joints
     return ModelReport(model.name, tuple(map(check_patch, model.patches)), tuple(_joint_findings(model, joints)))
 
 

@@ -21,7 +21,7 @@ from gtb_cli.checks.probe import (
 )
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.basis import partition_of_unity_coefficients
-from gtb_cli.theory.domain import convex_hull
+from gtb_cli.theory.hull import convex_hull
 from gtb_cli.theory.moment import RESIDUAL
 
 THIN = 1e-9

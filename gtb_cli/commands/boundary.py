@@ -26,7 +26,7 @@ def boundary(spec: str, edge: int | None, output: str, spec_format: str | None, 
     their knots. The curve's knots are measured along the edge, from its first corner.
     """
     from gtb_cli.spec.loading import dump
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):

@@ -45,7 +45,7 @@ def coefficients(
 
     from gtb_cli.spec.loading import dump
     from gtb_cli.theory.basis import partition_of_unity_coefficients
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):

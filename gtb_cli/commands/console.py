@@ -14,7 +14,8 @@ from gtb_cli.errors import ExportError, SpecError
 if TYPE_CHECKING:
     from threading import Thread
 
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 STANDARD = "-"
 """As the name of a file: standard input or output."""

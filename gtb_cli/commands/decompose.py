@@ -55,7 +55,7 @@ def decompose(
     With --net: the control net instead, lines between the control points of knots that are neighbours on the border of
     a cell, as OBJ, PLY or GLB, by the suffix of the output.
     """
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     if net and as_json:
         raise click.UsageError("--net writes a mesh, and --json text: give one of them")

@@ -36,7 +36,7 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
     """
     from gtb_cli.spec.loading import dump
     from gtb_cli.theory.elevation import elevate as elevated
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):

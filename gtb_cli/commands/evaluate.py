@@ -66,7 +66,7 @@ def evaluate(
     """
     if spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     if isinstance(loaded, Model):

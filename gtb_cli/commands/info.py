@@ -11,7 +11,8 @@ from gtb_cli.commands.console import Console, read_spec, write_text
 from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
 
 if TYPE_CHECKING:
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 
 @click.command
@@ -29,7 +30,7 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
     Its kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any), knots and
     edges by index from 0, the bounding box of the control points, and how far the parametrisation is from linear.
     """
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     if isinstance(loaded, Model):
@@ -48,9 +49,9 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
 
 
 def _joints(model: Model) -> dict[str, Any]:
-    from gtb_cli.theory.joints import edge_name, find_joints
+    from gtb_cli.theory.joints import edge_name
 
-    joints = find_joints(model.patches)
+    joints = model.joints
     return {
         "closed": joints.closed,
         "shared_edges": len(joints.shared),

@@ -27,7 +27,8 @@ from gtb_cli.errors import GtbError, RequirementError
 if TYPE_CHECKING:
     from gtb_cli.commands.manifests import Manifest
     from gtb_cli.meshes.measures import Measures
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 
 @click.command

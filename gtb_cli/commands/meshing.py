@@ -15,7 +15,8 @@ from gtb_cli.tessellation.recipe import Recipe
 if TYPE_CHECKING:
     from gtb_cli.commands.manifests import Manifest
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 FORMATS = ("obj", "ply", "stl", "glb")
 """As `gtb_cli.formats.export.FORMATS`, which costs an import of numpy."""

@@ -12,7 +12,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import MAX_BYTES, Faults, Format, read
 from gtb_cli.spec.reader import Reader, name_fault
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 
 def load(path: str | os.PathLike[str]) -> Patch | Model:

@@ -16,8 +16,10 @@ from gtb_cli.spec.document import Faults, Path, shown
 from gtb_cli.spec.expression import evaluate_expression
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 from gtb_cli.theory.bezier import binomial_coefficients
-from gtb_cli.theory.domain import Domain, EdgeNormals, convex_hull
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.domain import Domain, EdgeNormals
+from gtb_cli.theory.hull import convex_hull
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 PATCH_KEYS = frozenset(
     ("name", "knots", "weights", "control_points", "coefficients", "lifting", "edge_normals", "edge_scale")

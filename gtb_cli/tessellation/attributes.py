@@ -13,8 +13,9 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from gtb_cli.vocabulary import ATTRIBUTES
 

@@ -16,7 +16,8 @@ from gtb_cli.tessellation.tessellate import COARSEST
 from gtb_cli.tessellation.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.theory.decomposition import RegularDecomposition
 from gtb_cli.theory.degeneration import cells_of
-from gtb_cli.theory.domain import Domain, knot_tolerance
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.joints import EdgeRef, Joint, Joints
 from gtb_cli.theory.patch import Patch
 

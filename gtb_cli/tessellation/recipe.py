@@ -16,8 +16,9 @@ from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray, IntArray
     from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.patch import Patch
 
 BYTES_PER_FACE = 230
 """Memory for a large mesh: measured, 1.17 GB for five million faces."""
@@ -127,7 +128,7 @@ class Recipe:
 
     def _crowding(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """What to know of a model whose coarse mesh has sides with more than two faces."""
-        from gtb_cli.theory.patch import Model
+        from gtb_cli.theory.model import Model
 
         if not isinstance(spec, Model) or self.tolerance is not None or self.resolution > 2 or mesh.is_curve:
             return []
@@ -143,7 +144,7 @@ class Recipe:
         """The tube around the mesh of a curve, and where it folds."""
         from gtb_cli.meshes.tube import folded_segments, tube
         from gtb_cli.tessellation.attributes import curve_tangents
-        from gtb_cli.theory.patch import Model
+        from gtb_cli.theory.model import Model
 
         tangents: FloatArray | None = None
         if mesh.is_curve and not isinstance(spec, Model):
@@ -168,7 +169,7 @@ class Recipe:
 
     def parametrization_for(self, spec: Patch | Model) -> Parametrization:
         """Return the parametrization that was asked for, or else the one that suits."""
-        from gtb_cli.theory.patch import Model
+        from gtb_cli.theory.model import Model
 
         suitable: Parametrization = "linear" if isinstance(spec, Model) or self.tolerance is not None else "toric"
         return self.parametrization or suitable
@@ -176,7 +177,7 @@ class Recipe:
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
         from gtb_cli.tessellation.triangulation import cell_count
-        from gtb_cli.theory.patch import Model
+        from gtb_cli.theory.model import Model
 
         patches = spec.patches if isinstance(spec, Model) else (spec,)
         cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
@@ -239,7 +240,7 @@ def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
     if not count:
         return
     from gtb_cli.theory.joints import edge_name, find_joints, obstacles
-    from gtb_cli.theory.patch import Model
+    from gtb_cli.theory.model import Model
 
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     joints = find_joints(patches)

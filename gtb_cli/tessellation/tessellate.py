@@ -14,8 +14,9 @@ from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.triangulation import cell_count
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, BoolArray, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents, is_corner
-from gtb_cli.theory.domain import Domain, knot_tolerance
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL
 from gtb_cli.theory.parametrization import Parametrization, locations
 from gtb_cli.theory.patch import Patch

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import PARAMETER_ULPS, knot_tolerance
+from gtb_cli.theory.domain import PARAMETER_ULPS
+from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.upper_faces import border_of, depth_in, lifted_knots, upper_faces
 
 

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.decomposition import RegularDecomposition, regular_decomposition
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 LARGEST_LOG = 700.0
 """Weights between exp(-700) and exp(700) are ordinary floats, and so are their products with knots and points."""

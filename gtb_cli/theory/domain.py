@@ -12,17 +12,10 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.hull import convex_hull, knot_tolerance
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
-
-KNOT_TOLERANCE = 1e-12
-"""A knot within this fraction of the hull's size of an edge lies on it: a few thousand roundings of ordinary
-input (sums, square roots, 17-digit decimals), and far below any distance a person would type."""
-
-KNOT_ULPS = 8
-"""Units in the last place of the largest coordinate by which knots meant to be collinear may miss; this is
-what counts for knots far from the origin."""
 
 PARAMETER_ULPS = 4
 """Units in the last place of the data within which a parameter is taken to lie on an edge, inside or outside."""
@@ -307,67 +300,6 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     heights[incidence] = 0.0
     incidence.flags.writeable = False
     return Domain(points, read_only(vertices), read_only(scaled), incidence, read_only(heights))
-
-
-def knot_tolerance(points: FloatArray) -> float:
-    """Distance within which (n, d) knots are taken to be collinear or equal."""
-    size = float(np.ptp(points, axis=0).max())
-    return float(KNOT_TOLERANCE * size + KNOT_ULPS * EPS * np.abs(points).max())
-
-
-def convex_hull(points: FloatArray) -> IntArray:
-    """Indices of the corners of the convex hull of points in the plane.
-
-    Parameters
-    ----------
-    points : (n, 2) float
-
-    Returns
-    -------
-    (r,) int
-        Counter-clockwise from the lowest, then leftmost, corner. Points within `knot_tolerance` of
-        an edge are no corners; of equal points the first is taken.
-
-    Raises
-    ------
-    DomainError
-        All points lie on one line, within the tolerance.
-    """
-    tolerance = knot_tolerance(points)
-    centered = points - points.mean(axis=0)
-    _, first = np.unique(centered, axis=0, return_index=True)  # lexicographic, as the chains need
-    order = first.tolist()
-    x, y = centered[:, 0].tolist(), centered[:, 1].tolist()
-
-    def cross(a: int, b: int, c: int) -> float:
-        return float((x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]))
-
-    def chain(indices: list[int]) -> list[int]:
-        hull: list[int] = []
-        for index in indices:
-            while len(hull) > 1 and cross(hull[-2], hull[-1], index) <= 0:
-                hull.pop()
-            hull.append(index)
-        return hull
-
-    hull = chain(order)[:-1] + chain(order[::-1])[:-1]
-
-    # The strict hull still has corners that stick out by rounding only: drop the flattest while there is one.
-    def flatness(k: int) -> float:
-        a, b, c = hull[k - 1], hull[k], hull[(k + 1) % len(hull)]
-        return abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
-
-    flat = [flatness(k) for k in range(len(hull))]
-    while len(hull) > 2 and min(flat) <= tolerance:
-        thinnest = flat.index(min(flat))
-        del hull[thinnest], flat[thinnest]
-        for k in (thinnest - 1, thinnest % len(hull)):  # only its neighbours have changed
-            flat[k] = flatness(k)
-    if len(hull) < 3:
-        raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat")
-    lowest = min(y[i] for i in hull) + tolerance
-    start = min((i for i in range(len(hull)) if y[hull[i]] <= lowest), key=lambda i: x[hull[i]])
-    return np.array(hull[start:] + hull[:start])
 
 
 def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:

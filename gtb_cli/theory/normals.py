@@ -15,7 +15,8 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import UNDERFLOW, Location, exponents, is_corner
-from gtb_cli.theory.domain import Domain, knot_tolerance
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.hull import knot_tolerance
 
 LAYER = 1e-9
 """Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""

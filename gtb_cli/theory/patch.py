@@ -233,23 +233,3 @@ class Patch:
     @cached_property
     def _normal_field(self) -> NormalField:
         return NormalField(self.domain, self.log_products, self.control_points)
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Several patches that belong together, such as a closed body or a regular control surface.
-
-    Parameters
-    ----------
-    patches : tuple of Patch
-    name : str, optional
-    """
-
-    patches: tuple[Patch, ...]
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        if not self.patches:
-            raise DomainError("patches: a model needs at least one")
-        if len({patch.dimension for patch in self.patches}) > 1:
-            raise DomainError("patches: curves and surfaces cannot be mixed in one model")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, exponents, is_corner
-from gtb_cli.theory.domain import knot_tolerance
+from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
 from gtb_cli.theory.parametrization import Parametrization, locations
 from gtb_cli.theory.patch import Patch

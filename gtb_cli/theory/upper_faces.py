@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import convex_hull, knot_tolerance
+from gtb_cli.theory.hull import convex_hull, knot_tolerance
 from gtb_cli.theory.upper_hull import UpperHull, height, integers, upper_hull
 
 GAP_TOLERANCE = 1e-12

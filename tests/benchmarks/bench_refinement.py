@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model
+from gtb_cli.theory.model import Model
 from tests.benchmarks import Row, paired
 
 SPECS = Path(__file__).parents[2] / "specs"

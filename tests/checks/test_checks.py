@@ -16,7 +16,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.spec.loading import load
 from gtb_cli.theory.bezier import binomial_coefficients
 from gtb_cli.theory.degeneration import regular_control_surface
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.specs import GOOD_SPECS, SPECS
 
 SMALL = 1e-7

@@ -14,7 +14,8 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.shell import SPECS, gtb
 
 TOLERANCE = 0.1

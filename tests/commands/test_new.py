@@ -20,7 +20,7 @@ from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.templates import FEWEST_SIDES, MOST_SIDES, TEMPLATES, template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.patch import Model
+from gtb_cli.theory.model import Model
 from tests.commands.test_cli_check import TWO
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process, shell
 

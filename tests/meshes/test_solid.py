@@ -15,7 +15,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solid import MITRE, folded_faces, thicken
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.shell import CURVE, PENTAGON, gtb
 from tests.specs import SPECS
 from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, torus, volume

@@ -16,7 +16,8 @@ from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from tests import exact
 from tests.shell import CURVE, PENTAGON, gtb

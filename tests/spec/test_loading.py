@@ -17,7 +17,8 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.spec.document import MAX_BYTES, Faults
 from gtb_cli.spec.loading import dump, load, parse
 from gtb_cli.spec.reader import LARGEST
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.specs import ARC, GOOD_SPECS, SPECS, TRIANGLE, arrays
 
 

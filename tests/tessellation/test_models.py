@@ -21,7 +21,8 @@ from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import Joint, edge_points, find_joints
 from gtb_cli.theory.linear import LinearParametrization
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS
 from tests.surfaces import area, assert_closed, product, quartic_octant, volume
 from tests.tiny_meshes import encoded

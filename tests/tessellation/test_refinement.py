@@ -14,7 +14,8 @@ from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.linear import linear_locations
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS
 from tests.surfaces import rim
 

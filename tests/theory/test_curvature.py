@@ -14,8 +14,9 @@ from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import SHOWN, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import locations
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import ATTRIBUTES
 from tests.exact import CONTEXT, Number, basis, numbers, point
 from tests.specs import SPECS
