@@ -27,7 +27,7 @@ DOORS = {"__init__", "__main__"}
 READS_MESHES = {"meshes.mesh", "formats.export", "meshes.compare"}
 """Modules that may import trimesh, inside functions."""
 
-SHELL = {"console", "processes", "meshing", "manifests", "options", "sequences"}
+SHELL = {"console", "streams", "processes", "meshing", "manifest", "options", "sequences"}
 """Modules of `commands` that commands may import."""
 
 RECIPE = "tessellation.recipe"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from gtb_cli.commands.console import Console, read_spec, shown_input, write_text
-from gtb_cli.commands.meshing import about
+from gtb_cli.commands.console import Console
 from gtb_cli.commands.options import console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 

@@ -10,7 +10,7 @@ from importlib import import_module
 import click
 
 from gtb_cli import __version__
-from gtb_cli.commands.console import abandon_stdout, complain, say
+from gtb_cli.commands.console import abandon, complain, say
 from gtb_cli.errors import GtbError, RequirementError
 
 AS_JSON = "gtb_cli.as_json"
@@ -151,12 +151,12 @@ def run(arguments: Sequence[str]) -> int:
         errors += str(error).split("\n")
         status = REFUSED if isinstance(error, RequirementError) else FAILED
     except BrokenPipeError:
-        abandon_stdout()
+        abandon(sys.stdout)
         return DONE
     except MemoryError:
         errors.append("not enough memory for this")
     except OSError as error:
-        abandon_stdout()
+        abandon(sys.stdout)
         errors.append(f"{error.filename or 'cannot write standard output'}: {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 -- the last resort: whatever it is, a person gets a message
         errors.append(

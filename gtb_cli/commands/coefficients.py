@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import click
 
-from gtb_cli.commands.console import Console, read_spec, shown_input, write_text
-from gtb_cli.commands.meshing import about
+from gtb_cli.commands.console import Console
 from gtb_cli.commands.options import (
     console_option,
     numbers_of,
@@ -15,6 +14,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
+from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import click
 
-from gtb_cli.commands.console import Console, write_text
+from gtb_cli.commands.console import Console
 from gtb_cli.commands.options import console_option, output_option
-
-SHELLS = ("bash", "zsh", "fish")
+from gtb_cli.commands.streams import write_text
+from gtb_cli.vocabulary import SHELLS
 
 VARIABLE = "_GTB_COMPLETE"
 """Environment variable by which the shell asks `gtb` for completions."""

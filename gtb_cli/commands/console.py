@@ -1,27 +1,20 @@
-"""Where commands meet the shell: standard streams, messages and progress."""
+"""Messages and progress, on standard error."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, TextIO
-
-from gtb_cli.errors import ExportError, SpecError
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
     from threading import Thread
 
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
 
 STANDARD = "-"
 """As the name of a file: standard input or output."""
-
-STDIN = "<stdin>"
-"""What messages call standard input."""
 
 PATIENCE = 2.0
 """Seconds before a progress bar appears."""
@@ -50,7 +43,7 @@ def say(line: str) -> None:
             sys.stderr.write(f"{line}\n")
             sys.stderr.flush()
         except OSError:
-            _abandon(sys.stderr)
+            abandon(sys.stderr)
 
 
 class Console:
@@ -74,6 +67,14 @@ class Console:
         """Say what the user might not expect."""
         if not self.quiet:
             say(f"gtb: warning: {printable(message)}")
+
+    def report(self, output: str, size: str, warnings: Iterable[str]) -> None:
+        """Say what was written to an output, and what was unusual."""
+        prefix = "" if output == STANDARD else f"{output}: "
+        for warning in warnings:
+            self.warn(f"{prefix}{warning}")
+        if output != STANDARD:
+            self.note(f"{prefix}{size}")
 
     def progress(self, total: float) -> Progress:
         """Return a progress bar for work of some size; it is invisible where no person would see it."""
@@ -151,104 +152,10 @@ class Progress:
             sys.stderr.flush()
 
 
-def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
-    """Read a spec from a file, or from standard input.
-
-    Raises
-    ------
-    SpecError
-        It cannot be read, or is not right: a line for each error.
-    """
-    from gtb_cli.spec.document import MAX_BYTES
-    from gtb_cli.spec.loading import load, parse
-
-    if path == STANDARD:
-        return parse(read_bytes(path, MAX_BYTES + 1), STDIN, spec_format)  # type: ignore[arg-type]
-    if spec_format is not None:
-        return parse(read_bytes(path, MAX_BYTES + 1), path, spec_format)  # type: ignore[arg-type]
-    return load(path)
-
-
-def read_bytes(path: str, limit: int) -> bytes:
-    """Read at most `limit` bytes of a file, or of standard input."""
-    with opened(path) as file:
-        return file.read(limit)
-
-
-@contextmanager
-def opened(path: str) -> Iterator[IO[bytes]]:
-    """Open a file, or standard input, for reading bytes.
-
-    Raises
-    ------
-    SpecError
-        There is none, or reading it fails.
-    """
-    if path == STANDARD and sys.stdin is None:
-        raise SpecError(f"{STDIN}: standard input is closed")
-    try:
-        if path == STANDARD:
-            yield sys.stdin.buffer
-        else:
-            with open(path, "rb") as file:
-                yield file
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise SpecError(f"{shown_input(path)}: {error.strerror or error}") from None
-
-
-def shown_input(path: str) -> str:
-    """Name an input in messages."""
-    return STDIN if path == STANDARD else path or "''"
-
-
-def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
-    """Write bytes to standard output, or to a file that appears whole or not at all.
-
-    Raises
-    ------
-    ExportError
-        They cannot be written.
-    BrokenPipeError
-        The reader of a pipe has gone.
-    """
-    if output != STANDARD:
-        from gtb_cli.files import replace_file
-
-        replace_file(output, blocks)
-        return
-    if sys.stdout is None:
-        raise ExportError("cannot write standard output: it is closed")
-    try:
-        for block in blocks:
-            sys.stdout.buffer.write(block)
-            sys.stdout.buffer.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        abandon_stdout()
-        raise ExportError(f"cannot write standard output: {error.strerror or error}") from None
-
-
-def write_text(output: str, text: str) -> None:
-    """Write text as UTF-8, whatever the locale, as `write_blocks` does."""
-    write_blocks(output, [text.encode("utf-8", "backslashreplace")])
-
-
-def is_terminal(output: str) -> bool:
-    """Whether an output is standard output and that is a terminal."""
-    return output == STANDARD and sys.stdout is not None and sys.stdout.isatty()
-
-
-def abandon_stdout() -> None:
-    """Send what standard output still holds nowhere, so that the end of the process does not fail on it again."""
-    if sys.stdout is not None:
-        _abandon(sys.stdout)
-
-
-def _abandon(stream: TextIO) -> None:
-    with suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
+def abandon(stream: TextIO | None) -> None:
+    """Send what a stream still holds nowhere, so that the end of the process does not fail on it again."""
+    if stream is not None:
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)

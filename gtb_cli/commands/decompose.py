@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.commands.console import Console, read_spec, shown_input, write_blocks, write_text
-from gtb_cli.commands.meshing import MeshOptions, about, report, summary
+from gtb_cli.commands.console import Console
+from gtb_cli.commands.meshing import MeshOptions, summary
 from gtb_cli.commands.options import (
     console_option,
     json_option,
@@ -18,6 +18,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
+from gtb_cli.commands.streams import about, read_spec, shown_input, write_blocks, write_text
 from gtb_cli.errors import SpecError
 from gtb_cli.tessellation.recipe import Recipe
 
@@ -77,7 +78,7 @@ def decompose(
             patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
             mesh = _net(patches, parts, loaded.name)
             write_blocks(output, options.encoded(mesh, kind))
-            return report(console, output, summary(mesh), options.warnings(mesh, kind))
+            return console.report(output, summary(mesh), options.warnings(mesh, kind))
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, complain, read_bytes, shown_input, write_text
-from gtb_cli.commands.meshing import FORMATS, about
+from gtb_cli.commands.console import STANDARD, Console, complain
 from gtb_cli.commands.options import (
     MAX_RESOLUTION,
     console_option,
@@ -21,9 +20,10 @@ from gtb_cli.commands.options import (
     spec_format_option,
     tolerance_of,
 )
+from gtb_cli.commands.streams import about, read_bytes, shown_input, write_text
 from gtb_cli.errors import GtbError
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
+from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 DIFFERENT, TROUBLE = 1, 2
 """Exit statuses, as those of diff(1)."""
-
-SPECS = ("toml", "json")
 
 
 class Side(NamedTuple):
@@ -142,11 +140,11 @@ def _load(side: Side) -> KnownMesh:
 
     path, recipe, spec_format = side
     shown, suffix = shown_input(path), os.path.splitext(path)[1][1:].lower()
-    data = read_bytes(path, (MAX_SPEC_BYTES if suffix in SPECS else MAX_BYTES) + 1)
-    kind = None if suffix in SPECS else format_of(data) or (suffix if suffix in FORMATS else None)
+    data = read_bytes(path, (MAX_SPEC_BYTES if suffix in SPEC_FORMATS else MAX_BYTES) + 1)
+    kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return decode_mesh(data, shown, kind)
-    spec = parse(data, shown, spec_format or (suffix if suffix in SPECS else None))  # type: ignore[arg-type]
+    spec = parse(data, shown, spec_format or (suffix if suffix in SPEC_FORMATS else None))  # type: ignore[arg-type]
     with about(shown):
         recipe.check_size(spec)
         return known_exactly(recipe.mesh(spec)[0])
@@ -218,7 +216,7 @@ def _files(folder: str) -> dict[str, str]:
     for name in _names(folder):
         found[name] = os.path.join(folder, name)
     meshes = {name: path for name, path in found.items() if _suffix(name) in FORMATS}
-    return meshes or {name: path for name, path in found.items() if _suffix(name) in SPECS}
+    return meshes or {name: path for name, path in found.items() if _suffix(name) in SPEC_FORMATS}
 
 
 def _names(folder: str) -> Iterator[str]:
@@ -243,7 +241,7 @@ def _suffix(name: str) -> str:
 
 
 def _hold_specs(files: dict[str, str]) -> bool:
-    return any(_suffix(name) in SPECS for name in files)
+    return any(_suffix(name) in SPEC_FORMATS for name in files)
 
 
 def _by_stem(files: dict[str, str]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, NoReturn
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, opened, read_spec, shown_input, write_blocks
+from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.options import (
     console_option,
     file_names,
@@ -20,6 +20,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
+from gtb_cli.commands.streams import opened, read_spec, shown_input, write_blocks
 from gtb_cli.errors import DomainError, GtbError, SpecError
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, read_bytes, shown_input, write_text
-from gtb_cli.commands.meshing import about, file_stem
+from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.options import console_option, file_names, numbers_of, output_option
+from gtb_cli.commands.streams import about, file_stem, read_bytes, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, shown_input, write_text
-from gtb_cli.commands.meshing import MeshOptions, about
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
 from gtb_cli.commands.sequences import (
     check_kind,
@@ -18,6 +18,7 @@ from gtb_cli.commands.sequences import (
     read_patch,
     write_sequence,
 )
+from gtb_cli.commands.streams import about, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit

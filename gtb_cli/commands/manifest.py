@@ -1,16 +1,23 @@
-"""What was written: sums, sizes and measures of mesh files, and what they were made with."""
+"""`--manifest`: sums, sizes and measures of mesh files and what made them, in a file that appears with them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from gtb_cli import __version__
+from gtb_cli.commands.console import STANDARD
+from gtb_cli.commands.streams import is_device, write_blocks, write_text
+from gtb_cli.errors import ExportError
 
 if TYPE_CHECKING:
+    from gtb_cli.files import StagedFiles
     from gtb_cli.meshes.measures import Measures
 
 PACKAGES = ("numpy", "trimesh")
@@ -50,14 +57,83 @@ class Entry:
         return {**passed, **self.settings, **self.measures.record()}
 
 
-def manifest_text(options: Mapping[str, object], entries: Sequence[Entry]) -> str:
-    """JSON of files, with the options and versions that they were made with; no time and no place."""
-    record = {
-        "versions": versions(PACKAGES),
-        "options": options,
-        "files": [entry.record() for entry in entries],
-    }
-    return json.dumps(record, indent=2, allow_nan=False) + "\n"
+class Manifest:
+    """A manifest that is being made.
+
+    Parameters
+    ----------
+    path : str
+        Where it goes; ``"-"`` is standard output.
+    settings : mapping
+        The options that all files have, as plain data.
+    output : str
+        The file or folder of the meshes.
+    sources : sequence of str
+        Spec files, which it must not replace.
+    """
+
+    def __init__(self, path: str, settings: Mapping[str, object], output: str, sources: Sequence[str]) -> None:
+        if path == output == STANDARD:
+            raise click.UsageError("--manifest -: meshes go to standard output already, -o names another place")
+        for source in sources:
+            if source != STANDARD and path != STANDARD and os.path.exists(path) and os.path.samefile(source, path):
+                raise click.UsageError(f"--manifest {path}: it is the spec, and would be overwritten")
+        self.path = path
+        self._settings = settings
+        self._is_direct = path == STANDARD or is_device(path)
+        self._entries: list[Entry] = []
+        folder = os.path.dirname(path) or os.curdir
+        self._folder = os.curdir if self._is_direct else folder
+        # Before the work is done, and not after it; the folder of the meshes is made if missing.
+        if not self._is_direct and not os.path.isdir(folder) and os.path.abspath(folder) != os.path.abspath(output):
+            raise ExportError(f"cannot write {path}: the folder {folder} does not exist")
+
+    def recorded(
+        self, output: str, measures: Measures, settings: Mapping[str, object], blocks: Iterable[bytes]
+    ) -> Iterator[bytes]:
+        """Yield the blocks of a file, and record it."""
+        self._entries.append(entry := Entry(self._name(output), settings, measures))
+        return entry.over(blocks)
+
+    def write_with(self, output: str, blocks: Iterable[bytes]) -> None:
+        """Write a single mesh, recorded before, and the manifest."""
+        if self._is_direct or output == STANDARD or is_device(output):
+            write_blocks(output, blocks)
+            write_text(self.path, self._text())
+            return
+        from gtb_cli.files import StagedFiles
+
+        with StagedFiles(os.curdir) as files:
+            files.add_path(output, blocks)
+            self.stage(files)
+
+    def stage(self, files: StagedFiles) -> None:
+        """Add the manifest to files that appear together."""
+        if not self._is_direct:
+            files.add_path(self.path, [self._text().encode("utf-8")])
+
+    def finish(self) -> None:
+        """Write it where nothing can be staged, once the files are there."""
+        if self._is_direct:
+            write_text(self.path, self._text())
+
+    def _name(self, output: str) -> str:
+        """Name a file from the manifest's folder on if it is below it, else alone: nothing of this machine."""
+        if output == STANDARD:
+            return output
+        folder = os.path.realpath(os.path.dirname(output) or os.curdir)
+        name = os.path.relpath(os.path.join(folder, os.path.basename(output)), os.path.realpath(self._folder))
+        if name.split(os.sep, 1)[0] == os.pardir or os.path.isabs(name):
+            name = os.path.basename(output)
+        return name.replace(os.sep, "/")
+
+    def _text(self) -> str:
+        record = {
+            "versions": versions(PACKAGES),
+            "options": self._settings,
+            "files": [entry.record() for entry in self._entries],
+        }
+        return json.dumps(record, indent=2, allow_nan=False) + "\n"
 
 
 def versions(packages: Iterable[str]) -> dict[str, str | None]:

@@ -5,27 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, closing
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input
-from gtb_cli.commands.meshing import (
-    FORMATS,
-    MeshOptions,
-    about,
-    expected_bytes,
-    file_stem,
-    is_folder,
-    report,
-    summary,
-)
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.commands.options import console_option, file_names, mesh_options, output_option, spec_format_option
 from gtb_cli.commands.processes import MAX_JOBS, in_processes
+from gtb_cli.commands.streams import about, file_stem, is_folder, read_spec, shown_input
 from gtb_cli.errors import GtbError, RequirementError
+from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
-    from gtb_cli.commands.manifests import Manifest
+    from gtb_cli.commands.manifest import Manifest
     from gtb_cli.meshes.measures import Measures
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
@@ -82,9 +76,11 @@ def mesh(
         raise click.UsageError(f"{output} is the spec, and would be overwritten")
     book = None
     if manifest is not None:
-        from gtb_cli.commands.manifests import Manifest
+        from gtb_cli.commands.manifest import Manifest
 
-        book = Manifest(manifest, options, os.path.join(output, "") if into_folder else output, specs)
+        place = os.path.join(output, "") if into_folder else output
+        settings = replace(options, format=options.format_for(place)).settings
+        book = Manifest(manifest, settings, place, specs)
     if into_folder:
         _write_folder(specs, spec_format, output, options, jobs, console, book)
     else:
@@ -147,7 +143,7 @@ def _write_folder(
     if manifest is not None:
         manifest.finish()
     for output, size, warnings in reports:
-        report(console, output, size, warnings)
+        console.report(output, size, warnings)
     if errors:
         raise _joined(errors)
 

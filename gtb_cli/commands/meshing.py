@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gtb_cli.commands.console import STANDARD, Console, is_terminal, write_blocks
-from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.streams import about, is_device, is_folder, is_terminal, write_blocks
+from gtb_cli.errors import ExportError
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
-    from gtb_cli.commands.manifests import Manifest
+    from gtb_cli.commands.manifest import Manifest
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
-
-FORMATS = ("obj", "ply", "stl", "glb")
-"""As `gtb_cli.formats.export.FORMATS`, which costs an import of numpy."""
-
-UNSAFE = '/\\:*?"<>|'
-"""Characters that some file system does not take in a name."""
-
-MAX_STEM = 200
-"""Longest stem of a file name, in bytes: with a suffix every file system takes it."""
 
 
 @dataclass(frozen=True)
@@ -125,16 +117,7 @@ class MeshOptions:
 
                 blocks = manifest.recorded(output, measure(mesh), self.settings_for(spec), blocks)
                 manifest.write_with(output, blocks)
-        report(console, output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
-
-
-@contextmanager
-def about(source: str) -> Iterator[None]:
-    """Name the spec in errors that are about what it describes."""
-    try:
-        yield
-    except GtbError as error:
-        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).split("\n"))) from error
+        console.report(output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
 
 
 def summary(mesh: Mesh) -> str:
@@ -145,30 +128,3 @@ def summary(mesh: Mesh) -> str:
 def expected_bytes(mesh: Mesh) -> float:
     """Roughly the size of a file, for progress."""
     return 60.0 * max(len(mesh.cells), 1)
-
-
-def report(console: Console, output: str, size: str, warnings: Iterable[str]) -> None:
-    """Say what was written to a file, and what was unusual."""
-    prefix = "" if output == STANDARD else f"{output}: "
-    for warning in warnings:
-        console.warn(f"{prefix}{warning}")
-    if output != STANDARD:
-        console.note(f"{prefix}{size}")
-
-
-def is_folder(output: str) -> bool:
-    """Whether the name of an output means a folder."""
-    return os.path.isdir(output) or output.endswith(("/", os.sep))
-
-
-def is_device(output: str) -> bool:
-    """Whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
-    return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
-
-
-def file_stem(name: str | None) -> str:
-    """Turn any name into that of a file, without suffix: one that stays in its folder and is not hidden."""
-    kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
-    if kept.startswith((".", "-")):
-        kept = "_" + kept[1:]
-    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore") or "patch"

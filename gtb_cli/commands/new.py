@@ -6,11 +6,10 @@ import os
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, write_text
+from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.options import console_option, output_option
-
-TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
-"""As `gtb_cli.spec.templates.TEMPLATES`, which are text enough to be read when they are needed."""
+from gtb_cli.commands.streams import write_text
+from gtb_cli.vocabulary import TEMPLATES
 
 
 @click.command

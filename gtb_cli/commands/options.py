@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import FORMATS, MeshOptions
+from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.errors import SpecError
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, MAX_FACES, RESOLUTION
+from gtb_cli.vocabulary import ATTRIBUTES, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -78,7 +78,7 @@ spec_argument = click.argument("spec", metavar="SPEC", shell_complete=file_names
 
 spec_format_option = click.option(
     "--spec-format",
-    type=click.Choice(["toml", "json"]),
+    type=click.Choice(SPEC_FORMATS),
     help="Read specs as this. Without it the suffix says, or the first character.",
 )
 
@@ -95,7 +95,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON."
 
 parametrization_option = click.option(
     "--parametrization",
-    type=click.Choice(["toric", "linear"]),
+    type=click.Choice(PARAMETRIZATIONS),
     help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear). "
     "Without it: toric, but linear for meshes of models and with --tolerance.",
 )

@@ -9,18 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input, write_blocks
-from gtb_cli.commands.meshing import (
-    FORMATS,
-    MeshOptions,
-    expected_bytes,
-    file_stem,
-    is_device,
-    is_folder,
-    summary,
-)
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.commands.options import file_names
+from gtb_cli.commands.streams import file_stem, is_device, is_folder, read_spec, shown_input, write_blocks
 from gtb_cli.errors import ExportError, SpecError
+from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
     from gtb_cli.tessellation.sequence import MeshSequence

@@ -23,11 +23,10 @@ from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
 from gtb_cli.formats.obj import ROWS, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:  # OBJ, the format of small and quick meshes, does without this room
     from gtb_cli.formats.records import Part
-
-FORMATS = ("obj", "ply", "stl", "glb")
 
 VISIBLE = 1e-5
 """A vertex moved by more than this part of the model's diagonal shows as facets in its shading."""

@@ -14,8 +14,7 @@ from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content
 from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
-
-FORMATS = ("obj", "ply", "stl", "glb")
+from gtb_cli.vocabulary import FORMATS
 
 MAX_BYTES = 1 << 31
 """Larger files are refused."""

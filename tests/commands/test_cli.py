@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtb_cli
-from gtb_cli.commands import console, meshing
+from gtb_cli.commands import console, streams
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
 from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.export import FORMATS
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.vocabulary import FORMATS
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
 TWO = b"""
@@ -177,10 +177,6 @@ def test_too_little_memory_is_an_error(monkeypatch):
 
 
 # --- mesh
-
-
-def test_formats_here_are_those_of_the_exporter():
-    assert meshing.FORMATS == FORMATS
 
 
 def test_mesh_to_standard_output_is_obj():
@@ -402,12 +398,12 @@ def test_a_file_is_no_folder(specs, tmp_path):
 
 @given(st.text(max_size=300))
 def test_file_stems_stay_in_their_folder(name):
-    stem = meshing.file_stem(name)
+    stem = streams.file_stem(name)
     assert stem
     assert stem[0] not in ".- "
     assert not set(stem) & set('/\\:*?"<>|\0\n\r\t')
-    assert len(stem.encode("utf-8")) <= meshing.MAX_STEM
-    assert meshing.file_stem(stem) == stem
+    assert len(stem.encode("utf-8")) <= streams.MAX_STEM
+    assert streams.file_stem(stem) == stem
 
 
 # --- eval
@@ -633,7 +629,7 @@ def test_schema_is_json_schema(tmp_path):
 
 
 def test_errors_name_what_they_are_about():
-    with pytest.raises(GtbError, match=r"a.toml: one\na.toml: two"), meshing.about("a.toml"):
+    with pytest.raises(GtbError, match=r"a.toml: one\na.toml: two"), streams.about("a.toml"):
         raise GtbError("one\ntwo")
 
 

@@ -12,8 +12,8 @@ import tomllib
 import numpy as np
 import pytest
 
+from gtb_cli import vocabulary
 from gtb_cli.checks import check
-from gtb_cli.commands import completion, new
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.loading import load, parse
@@ -86,7 +86,7 @@ def test_the_model_is_a_closed_body():
 
 
 def test_names_here_are_those_of_the_templates():
-    assert tuple(TEMPLATES) == new.TEMPLATES
+    assert tuple(TEMPLATES) == vocabulary.TEMPLATES
 
 
 def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
@@ -135,7 +135,7 @@ def test_new_chains_with_mesh(tmp_path):
 # --- completion
 
 
-@pytest.mark.parametrize("name", completion.SHELLS)
+@pytest.mark.parametrize("name", vocabulary.SHELLS)
 def test_a_completion_script_asks_gtb(name):
     result = gtb("completion", name)
     assert result.status == 0
@@ -143,7 +143,7 @@ def test_a_completion_script_asks_gtb(name):
     assert "gtb" in result.text
 
 
-@pytest.mark.parametrize("name", [name for name in completion.SHELLS if shutil.which(name)])
+@pytest.mark.parametrize("name", [name for name in vocabulary.SHELLS if shutil.which(name)])
 def test_a_shell_understands_its_script(name, tmp_path):
     path = tmp_path / "script"
     path.write_bytes(gtb("completion", name).out)

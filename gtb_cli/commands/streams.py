@@ -1,0 +1,142 @@
+"""Files and standard streams: how commands read specs and other inputs, and write outputs."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import IO, TYPE_CHECKING
+
+from gtb_cli.commands.console import STANDARD, abandon
+from gtb_cli.errors import ExportError, GtbError, SpecError
+
+if TYPE_CHECKING:
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
+
+STDIN = "<stdin>"
+"""What messages call standard input."""
+
+UNSAFE = '/\\:*?"<>|'
+"""Characters that some file system does not take in a name."""
+
+MAX_STEM = 200
+"""Longest stem of a file name, in bytes: with a suffix every file system takes it."""
+
+
+def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
+    """Read a spec from a file, or from standard input.
+
+    Raises
+    ------
+    SpecError
+        It cannot be read, or is not right: a line for each error.
+    """
+    from gtb_cli.spec.document import MAX_BYTES
+    from gtb_cli.spec.loading import load, parse
+
+    if path == STANDARD:
+        return parse(read_bytes(path, MAX_BYTES + 1), STDIN, spec_format)  # type: ignore[arg-type]
+    if spec_format is not None:
+        return parse(read_bytes(path, MAX_BYTES + 1), path, spec_format)  # type: ignore[arg-type]
+    return load(path)
+
+
+def read_bytes(path: str, limit: int) -> bytes:
+    """Read at most `limit` bytes of a file, or of standard input."""
+    with opened(path) as file:
+        return file.read(limit)
+
+
+@contextmanager
+def opened(path: str) -> Iterator[IO[bytes]]:
+    """Open a file, or standard input, for reading bytes.
+
+    Raises
+    ------
+    SpecError
+        There is none, or reading it fails.
+    """
+    if path == STANDARD and sys.stdin is None:
+        raise SpecError(f"{STDIN}: standard input is closed")
+    try:
+        if path == STANDARD:
+            yield sys.stdin.buffer
+        else:
+            with open(path, "rb") as file:
+                yield file
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise SpecError(f"{shown_input(path)}: {error.strerror or error}") from None
+
+
+def shown_input(path: str) -> str:
+    """Name an input in messages."""
+    return STDIN if path == STANDARD else path or "''"
+
+
+def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
+    """Write bytes to standard output, or to a file that appears whole or not at all.
+
+    Raises
+    ------
+    ExportError
+        They cannot be written.
+    BrokenPipeError
+        The reader of a pipe has gone.
+    """
+    if output != STANDARD:
+        from gtb_cli.files import replace_file
+
+        replace_file(output, blocks)
+        return
+    if sys.stdout is None:
+        raise ExportError("cannot write standard output: it is closed")
+    try:
+        for block in blocks:
+            sys.stdout.buffer.write(block)
+            sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        abandon(sys.stdout)
+        raise ExportError(f"cannot write standard output: {error.strerror or error}") from None
+
+
+def write_text(output: str, text: str) -> None:
+    """Write text as UTF-8, whatever the locale, as `write_blocks` does."""
+    write_blocks(output, [text.encode("utf-8", "backslashreplace")])
+
+
+def is_terminal(output: str) -> bool:
+    """Whether an output is standard output and that is a terminal."""
+    return output == STANDARD and sys.stdout is not None and sys.stdout.isatty()
+
+
+@contextmanager
+def about(source: str) -> Iterator[None]:
+    """Name the spec in errors that are about what it describes."""
+    try:
+        yield
+    except GtbError as error:
+        raise type(error)("\n".join(f"{source}: {line}" for line in str(error).split("\n"))) from error
+
+
+def is_folder(output: str) -> bool:
+    """Whether the name of an output means a folder."""
+    return os.path.isdir(output) or output.endswith(("/", os.sep))
+
+
+def is_device(output: str) -> bool:
+    """Whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
+    return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
+
+
+def file_stem(name: str | None) -> str:
+    """Turn any name into that of a file, without suffix: one that stays in its folder and is not hidden."""
+    kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
+    if kept.startswith((".", "-")):
+        kept = "_" + kept[1:]
+    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore") or "patch"
