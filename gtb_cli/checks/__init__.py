@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.checks import basis, curve, degeneration, lattice, surface
 from gtb_cli.checks.probe import Measure, Outcome, Probe, Status, at_most, not_applicable, number
 from gtb_cli.errors import GtbError, ToleranceError
-from gtb_cli.theory.joints import SAME, SAMPLES, Joints, edge_points
+from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, Joints, edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -111,9 +111,9 @@ PROPERTIES = (
 )
 """In the order in which they are reported."""
 
-JOINED = 8 * SAME
+JOINED = 8 * CURVE_TOLERANCE
 """Largest distance between points of edges that are joined, of the model's size: their control points and knots differ
-by `SAME` at most, and their weights by a factor that near 1."""
+by `CURVE_TOLERANCE` at most, and their weights by a factor that near 1."""
 
 
 def check(shape: Patch | Model) -> Report | ModelReport:
@@ -225,7 +225,10 @@ def _joined(model: Model, joints: Joints) -> Outcome:
                 model.patches[i].evaluate(model.patches[i].domain.vertices[[j]]) for i, j in ((p, e), (q, f))
             )
         else:
-            first, second = edge_points(model.patches[p], e, SAMPLES), edge_points(model.patches[q], f, SAMPLES)
+            first, second = (
+                edge_points(model.patches[p], e, EDGE_SAMPLES),
+                edge_points(model.patches[q], f, EDGE_SAMPLES),
+            )
         if joint.opposite:
             second = second[::-1]
         worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))

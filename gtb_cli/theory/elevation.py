@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, IntArray, finite, positive
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.bezier import lattice_of
+from gtb_cli.theory.domain import Domain, domain
 from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.patch import Patch
 
@@ -69,8 +70,9 @@ def multiplier(patch: Patch) -> FloatArray:
     -------
     (m, d) float
         For the lattices of Bézier curves, triangles and tensor product patches one step in each direction. For other
-        curves 0 and the largest gap between knots; for other surfaces the corners of Δ, as no others
-        are sure to add no edges, relative to the first.
+        curves 0 and the largest gap between knots. For other surfaces the corners of Δ relative to the first, as no
+        others are sure to add no edges; where all edges of Δ are divided into k equal steps, a k-th of that, so that
+        edges shared with Bézier patches become the same ones.
     """
     shape = patch.domain
     lattice = lattice_of(shape)
@@ -79,8 +81,17 @@ def multiplier(patch: Patch) -> FloatArray:
         diagonal = [steps.sum(axis=0)] if len(lattice) == 2 else []
         return np.array([np.zeros(shape.dimension), *steps, *diagonal])
     if shape.dimension == 2:
-        return np.asarray(shape.vertices - shape.vertices[0])
+        return np.asarray((shape.vertices - shape.vertices[0]) / _common_steps(shape))
     return np.array([[0.0], [np.diff(np.sort(shape.knots[:, 0])).max()]])
+
+
+def _common_steps(shape: Domain) -> int:
+    """Number of equal steps into which knots divide each edge of a surface's Δ; 1 where there is no such number."""
+    counts = set()
+    for edge in range(len(shape.vertices)):
+        on_edge = lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)])))
+        counts.add(on_edge[0].degree if on_edge else 1)
+    return counts.pop() if len(counts) == 1 else 1
 
 
 def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) -> Patch:

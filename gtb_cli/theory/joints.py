@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -15,15 +16,18 @@ from gtb_cli.theory.patch import Patch
 EdgeRef = tuple[int, int]
 """(patch, edge): edge j of the hull of a patch's knots; for a curve, end j."""
 
-SAME = 1e-9
-"""Largest difference of control points (of the model's size), knots (of the edge's length) and logarithms of weights
-between edges that carry the same curve: rounding of data typed or computed twice, far below what is visible."""
+CURVE_TOLERANCE = 1e-9
+"""Largest difference between edges that carry the same curve: of points in the model's size, of knots in the edge's
+length, and of logarithms of weights. Rounding of data typed or computed twice, far below what is visible."""
 
-ALMOST = 1e-2
-"""Edges whose ends and curves are nearer than this fraction of the model's size, but not the same, are reported."""
+SEAM_GAP = 1e-2
+"""Edges with ends and curves nearer than this fraction of the smaller edge's size, but not the same, are reported."""
 
-SAMPLES = 33
+EDGE_SAMPLES = 33
 """Points on each of two curves between which their distance is measured."""
+
+SLANT = np.array([1.0, 1.618033988749895, 2.414213562373095])
+"""A direction in which different places are hardly ever equally far."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,8 @@ class Joints:
     crowded : tuple of tuple of EdgeRef
         Curves shared by more than two edges: there the model is no manifold.
     almost : tuple of (EdgeRef, EdgeRef, float)
-        Open edges that nearly coincide, with the largest distance between their curves, in model units.
+        Open edges that nearly coincide (see `SEAM_GAP`), with the largest distance between their curves, in model
+        units.
     flipped : tuple of bool
         For each patch, whether its orientation must be reversed to agree with its neighbours'.
     one_sided : tuple of Joint
@@ -71,32 +76,13 @@ class Joints:
         return not (self.open or self.crowded or self.one_sided)
 
 
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """What an edge's curve depends on: knots on [0, 1], log weights up to what leaves it unchanged, points."""
-
-    knots: FloatArray
-    log_weights: FloatArray
-    points: FloatArray
-
-    def reversed(self) -> _Curve:
-        return _Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
-
-    def same_as(self, other: _Curve, tolerance: float) -> bool:
-        return (
-            len(self.knots) == len(other.knots)
-            and bool(np.abs(self.points - other.points).max() <= tolerance)
-            and bool(np.abs(self.knots - other.knots).max() <= SAME)
-            and bool(np.abs(self.log_weights - other.log_weights).max() <= SAME)
-        )
-
-
 def find_joints(patches: Sequence[Patch]) -> Joints:
     """Find the edges of patches that carry the same curve.
 
-    Two boundary curves are the same if their control points are, either way round, if an affine map takes
-    the knots of one edge to those of the other, and if the weights c ω differ by a factor κ e^{σ a} only: such factors
-    leave the curve and its linear parametrisation unchanged.
+    Two boundary curves are the same if, either way round, they have the same points at the same fractions in the linear
+    parametrisation. That is so if their control points agree, if an affine map takes the knots of one edge to those of
+    the other, and if the weights c ω differ by a factor κ e^{σ a} only, as such factors change nothing. Edges with the
+    same ends and other data, such as one of a higher degree, are compared by `EDGE_SAMPLES` points.
 
     Parameters
     ----------
@@ -106,47 +92,38 @@ def find_joints(patches: Sequence[Patch]) -> Joints:
     Returns
     -------
     Joints
+
+    Notes
+    -----
+    n log n for n edges, unless more than a few have the same ends.
     """
-    dimension = {patch.dimension for patch in patches}
-    if len(dimension) != 1:
+    dimensions = {patch.dimension for patch in patches}
+    if len(dimensions) != 1:
         raise DomainError("patches: curves and surfaces cannot be joined")
+    surfaces = dimensions == {2}
     points = np.concatenate([patch.control_points for patch in patches])
-    size = float(np.ptp(points, axis=0).max()) or 1.0
+    tolerance = CURVE_TOLERANCE * (float(np.ptp(points, axis=0).max()) or 1.0)
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
     curves = [_edge_curve(patches[p], e) for p, e in refs]
-    is_collapsed = [
-        len(curve.points) > 1 and bool(np.ptp(curve.points, axis=0).max() <= SAME * size) for curve in curves
-    ]
-    ends = np.array([[curve.points[0], curve.points[-1]] for curve in curves])
-    leader: dict[int, list[tuple[int, bool]]] = {}
-    for i, curve in enumerate(curves):
-        if is_collapsed[i]:
-            continue
-        heads = np.fromiter(leader, dtype=np.int64, count=len(leader))
-        near = heads[:0]
-        if len(heads):
-            straight = np.abs(ends[heads] - ends[i]).max(axis=(1, 2)) <= SAME * size
-            crossed = np.abs(ends[heads] - ends[i][::-1]).max(axis=(1, 2)) <= SAME * size
-            near = heads[straight | crossed]
-        for head in near.tolist():
-            if curve.same_as(curves[head], SAME * size):
-                leader[head].append((i, False))
-                break
-            if curve.reversed().same_as(curves[head], SAME * size):
-                leader[head].append((i, True))
-                break
-        else:
-            leader[i] = []
-    shared = tuple(Joint(refs[head], refs[i], turned) for head, others in leader.items() for i, turned in others)
-    single = [head for head, others in leader.items() if not others]
-    crowded = tuple((refs[head], *(refs[i] for i, _ in others)) for head, others in leader.items() if len(others) > 1)
-    flipped, one_sided = _orientation(len(patches), shared if dimension == {2} else ())
+    collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= tolerance]
+    followers = _same_data(curves, collapsed, tolerance)
+    almost = []
+    for i, j, distance, turned in _near_curves(patches, refs, curves, followers) if surfaces else ():
+        if distance > tolerance:
+            almost.append((i, j, distance))
+        elif i in followers and j in followers:
+            followers[i] += [(j, turned), *((k, turned != also) for k, also in followers.pop(j))]
+            followers[i].sort()
+    shared = tuple(Joint(refs[i], refs[j], turned) for i, others in followers.items() for j, turned in others)
+    crowded = tuple((refs[i], *(refs[j] for j, _ in others)) for i, others in followers.items() if len(others) > 1)
+    flipped, one_sided = _orientation(len(patches), shared if surfaces else ())
+    single = {i for i, others in followers.items() if not others}
     return Joints(
         shared=shared,
-        open=tuple(refs[i] for i in single),
-        collapsed=tuple(ref for ref, flat in zip(refs, is_collapsed, strict=True) if flat),
-        crowded=crowded if dimension == {2} else (),
-        almost=_almost(patches, [refs[i] for i in single], ends[single], size) if dimension == {2} else (),
+        open=tuple(refs[i] for i in followers if i in single),
+        collapsed=tuple(refs[i] for i in collapsed),
+        crowded=crowded if surfaces else (),
+        almost=tuple((refs[i], refs[j], distance) for i, j, distance in almost if {i, j} <= single),
         flipped=flipped,
         one_sided=one_sided,
     )
@@ -176,6 +153,34 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     return lines
 
 
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """What an edge's curve depends on: knots on [0, 1], log weights up to what leaves it unchanged, points."""
+
+    knots: FloatArray
+    log_weights: FloatArray
+    points: FloatArray
+
+    @property
+    def ends(self) -> FloatArray:
+        return self.points[[0, -1]]
+
+    @property
+    def size(self) -> float:
+        return float(np.ptp(self.points, axis=0).max())
+
+    def reversed(self) -> _Curve:
+        return _Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
+
+    def same_as(self, other: _Curve, tolerance: float) -> bool:
+        return (
+            len(self.knots) == len(other.knots)
+            and bool(np.abs(self.points - other.points).max() <= tolerance)
+            and bool(np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE)
+            and bool(np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE)
+        )
+
+
 def _edge_curve(patch: Patch, edge: int) -> _Curve:
     members = patch.domain.edge_knots(edge)
     weights, points = patch.log_products[members], patch.control_points[members]
@@ -185,7 +190,7 @@ def _edge_curve(patch: Patch, edge: int) -> _Curve:
         knots = patch.domain.along(edge, patch.knots[members])
         knots = knots / knots[-1]
     # Copies of a knot act as one (Thm 4.1).
-    first = np.flatnonzero(np.diff(knots, prepend=-1.0) > SAME)
+    first = np.flatnonzero(np.diff(knots, prepend=-1.0) > CURVE_TOLERANCE)
     if len(first) < len(knots):
         share = np.exp(
             weights
@@ -195,6 +200,67 @@ def _edge_curve(patch: Patch, edge: int) -> _Curve:
         points = np.add.reduceat(share[:, None] * points, first) / total[:, None]
         weights, knots = np.maximum.reduceat(weights, first) + np.log(total), knots[first]
     return _Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
+
+
+def _same_data(
+    curves: Sequence[_Curve], collapsed: Sequence[int], tolerance: float
+) -> dict[int, list[tuple[int, bool]]]:
+    """For the first of each kind of curve the later ones with the same data, and whether they run the other way."""
+    followers: dict[int, list[tuple[int, bool]]] = {}
+    heights = _heights(curves) / (2 * tolerance * SLANT.sum())
+    shelves: dict[int, list[int]] = {}
+    for i in sorted(set(range(len(curves))).difference(collapsed)):
+        shelf = int(np.floor(heights[i]))
+        near = sorted(head for k in (shelf - 1, shelf, shelf + 1) for head in shelves.get(k, ()))
+        for turned, curve in ((False, curves[i]), (True, curves[i].reversed())) if near else ():
+            head = next((head for head in near if curve.same_as(curves[head], tolerance)), None)
+            if head is not None:
+                followers[head].append((i, turned))
+                break
+        else:
+            followers[i] = []
+            shelves.setdefault(shelf, []).append(i)
+    return followers
+
+
+def _near_curves(
+    patches: Sequence[Patch],
+    refs: Sequence[EdgeRef],
+    curves: Sequence[_Curve],
+    followers: Mapping[int, Sequence[object]],
+) -> list[tuple[int, int, float, bool]]:
+    """Pairs of curves within `SEAM_GAP`, one of them without followers: distance, and whether one is turned."""
+
+    @cache
+    def sampled(i: int) -> FloatArray:
+        patch, edge = refs[i]
+        return edge_points(patches[patch], edge, EDGE_SAMPLES)
+
+    heads = np.array(list(followers), dtype=np.int64)
+    ends = np.array([curves[i].ends for i in heads])
+    reach = SEAM_GAP * np.array([curves[i].size for i in heads])
+    heights = _heights([curves[i] for i in heads])
+    order = np.argsort(heights, kind="stable")
+    beyond = np.searchsorted(heights[order], (heights + 2 * SLANT.sum() * reach)[order], side="right")
+    found = []
+    for k, row in enumerate(order.tolist()):
+        others = order[k + 1 : beyond[k]]
+        straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
+        least = np.minimum(reach[others], reach[row])
+        for other in others[np.minimum(straight, crossed) <= least].tolist():
+            i, j = sorted((int(heads[row]), int(heads[other])))
+            if followers[i] and followers[j]:
+                continue
+            gaps = [float(np.linalg.norm(sampled(i) - side, axis=1).max()) for side in (sampled(j), sampled(j)[::-1])]
+            if min(gaps) <= min(reach[row], reach[other]):
+                found.append((i, j, min(gaps), gaps[1] < gaps[0]))
+    return sorted(found)
+
+
+def _heights(curves: Sequence[_Curve]) -> FloatArray:
+    """(n,) how far up `SLANT` each curve's ends are, together: alike for curves with the same ends, either way."""
+    ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
+    return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SLANT)
 
 
 def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...], tuple[Joint, ...]]:
@@ -220,22 +286,6 @@ def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...],
     final = tuple(bool(flip) for flip in flipped)
     wrong = tuple(j for j in shared if (final[j.first[0]] != final[j.second[0]]) == j.opposite)
     return final, wrong
-
-
-def _almost(
-    patches: Sequence[Patch], refs: Sequence[EdgeRef], ends: FloatArray, size: float
-) -> tuple[tuple[EdgeRef, EdgeRef, float], ...]:
-    found = []
-    for i, ref in enumerate(refs):
-        gap = np.minimum(
-            np.abs(ends[i + 1 :] - ends[i]).max(axis=(1, 2)), np.abs(ends[i + 1 :] - ends[i][::-1]).max(axis=(1, 2))
-        )
-        for k in (np.flatnonzero(gap <= ALMOST * size) + i + 1).tolist():
-            mine, theirs = (edge_points(patches[p], e, SAMPLES) for p, e in (ref, refs[k]))
-            distance = min(float(np.linalg.norm(mine - side, axis=1).max()) for side in (theirs, theirs[::-1]))
-            if distance <= ALMOST * size:
-                found.append((ref, refs[k], distance))
-    return tuple(found)
 
 
 def edge_points(patch: Patch, edge: int, count: int) -> FloatArray:

@@ -1,0 +1,70 @@
+"""Joints of models: whichever way edges are represented, and however many there are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtb_cli.spec.loading import load
+from gtb_cli.theory import joints as room
+from gtb_cli.theory.elevation import elevate
+from gtb_cli.theory.joints import edge_points, find_joints
+from gtb_cli.theory.patch import Patch
+from tests.specs import SPECS
+
+SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+
+
+def squares(count: int, step: float) -> list[Patch]:
+    """Unit squares in a row."""
+    return [Patch(SQUARE, SQUARE + np.array([k * step, 0.0])) for k in range(count)]
+
+
+def test_an_edge_is_joined_with_the_same_curve_of_a_higher_degree():
+    one, other = squares(2, 1.0)
+    joints = find_joints([one, elevate(other, 2)])
+    ((first, second, opposite),) = [(j.first, j.second, j.opposite) for j in joints.shared]
+    assert (first, second, opposite) == ((0, 1), (1, 3), True)
+    assert not joints.almost
+
+
+def test_a_straight_edge_is_joined_with_one_of_more_knots():
+    one, other = squares(2, 1.0)
+    refined = Patch([*SQUARE, (0, 0.3)], [*other.control_points, (1.0, 0.3, 0.0)], [1, 1, 1, 1, 5])
+    assert len(find_joints([one, refined]).shared) == 1
+
+
+def test_a_straight_edge_with_its_point_elsewhere_is_only_almost_the_same():
+    one, other = squares(2, 1.0)
+    bent = Patch([*SQUARE, (0, 0.3)], [*other.control_points, (1.0, 0.301, 0.0)], [1, 1, 1, 1, 5])
+    joints = find_joints([one, bent])
+    assert not joints.shared
+    assert len(joints.almost) == 1
+
+
+def test_three_representations_of_one_edge_are_crowded():
+    across = np.array([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0)])
+    fan = [Patch(SQUARE, np.outer(SQUARE[:, 1], (0, 1, 0)) + np.outer(SQUARE[:, 0], way)) for way in across]
+    joints = find_joints([fan[0], elevate(fan[1]), elevate(fan[2], 2)])
+    assert joints.crowded == (((0, 3), (1, 3), (2, 3)),)
+    assert not any(joint.opposite for joint in joints.shared)
+
+
+@pytest.mark.parametrize("name", ["box-corner", "teapot"])
+def test_elevated_models_have_the_same_joints(name):
+    model = load(SPECS / f"{name}.toml")
+    before = find_joints(model.patches)
+    after = find_joints([elevate(patch) for patch in model.patches])
+    assert (after.shared, after.open, after.almost) == (before.shared, before.open, ())
+
+
+def test_far_edges_of_small_patches_in_a_long_row_are_not_almost_the_same():
+    assert not find_joints(squares(300, 1.5)).almost
+
+
+def test_edges_are_evaluated_for_those_with_near_ends_only(monkeypatch):
+    counted = []
+    monkeypatch.setattr(room, "edge_points", lambda *args: counted.append(args) or edge_points(*args))
+    patches = [*squares(60, 1.0), Patch(SQUARE, SQUARE + np.array([0.0, 1.001]))]
+    assert len(find_joints(patches).almost) == 1
+    assert len(counted) == 2
