@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import glob
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -84,3 +88,33 @@ def shell(line: str, folder: Path, **variables: str) -> Result:
         check=False,
     )
     return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"))
+
+
+def script(text: str, folder: Path) -> Result:
+    """Run lines of a shell up to the first that fails, with `gtb` in this process, where all it takes is pipes.
+
+    It shows the same as `shell` in a fraction of the time; a line with a redirection is left to that.
+    """
+    result = Result(0, b"", "")
+    for line in re.sub(r"\s# .*$", "", text, flags=re.MULTILINE).replace("&&", "\n").strip().splitlines():
+        done = shell(line, folder) if ">" in line else pipeline(line.split("|"), folder)
+        result = Result(done.status, result.out + done.out, result.err + done.err)
+        if done.status:
+            break
+    return result
+
+
+def pipeline(stages: list[str], folder: Path) -> Result:
+    """One after the other; its status is the first that is not 0."""
+    status, out, err = 0, b"", ""
+    with contextlib.chdir(folder):
+        for stage in stages:
+            name, *words = shlex.split(stage)
+            if name == "gtb":
+                arguments = [path for word in words for path in (sorted(glob.glob(word)) or [word])]
+                done = gtb(*arguments, stdin=out)
+            else:
+                other = subprocess.run(["bash", "-c", stage], input=out, capture_output=True, check=False)
+                done = Result(other.returncode, other.stdout, other.stderr.decode("utf-8"))
+            status, out, err = status or done.status, done.out, err + done.err
+    return Result(status, out, err)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.formats.meshfiles import read_mesh
+from tests.marks import long, mostly_long
 from tests.shell import REPOSITORY, SPECS, Result, shell
 
 SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
@@ -78,7 +79,7 @@ def assert_as_shown(text: str) -> None:
     assert np.allclose(found, shown, rtol=0.02, atol=0)
 
 
-@pytest.mark.parametrize("variables", ELSEWHERE, ids=lambda variables: next(iter(variables)))
+@pytest.mark.parametrize("variables", mostly_long(ELSEWHERE), ids=lambda variables: next(iter(variables)))
 def test_it_passes_where_nothing_changed(checkout, variables):
     result = job(checkout, **variables)
     assert result.status == 0, result.text + result.err
@@ -99,6 +100,7 @@ def test_a_moved_control_point_fails_it_and_it_says_what_differs_where(checkout)
     assert_as_shown(result.text)
 
 
+@long
 def test_missing_and_extra_meshes_fail_it(checkout):
     (checkout / "golden" / "pentagon.obj").unlink()
     (checkout / "specs" / "box-corner.toml").unlink()
@@ -108,6 +110,7 @@ def test_missing_and_extra_meshes_fail_it(checkout):
     assert "extra: out/pentagon.obj is not in golden\n" in result.text
 
 
+@long
 def test_a_broken_spec_fails_it(checkout):
     (checkout / "specs" / "pentagon.toml").write_text("knots = [\n", encoding="utf-8")
     result = job(checkout)
@@ -115,6 +118,7 @@ def test_a_broken_spec_fails_it(checkout):
     assert "specs/pentagon.toml:" in result.err
 
 
+@long
 def test_the_lines_for_make_do_the_same(checkout):
     assert shell("make -s check", checkout).text.startswith(f"{len(CHOSEN)} same")
     nudge(checkout)

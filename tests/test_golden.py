@@ -14,6 +14,7 @@ from gtb_cli.spec.loading import dump, load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.shell import REPOSITORY, gtb
 from tests.specs import GOOD_SPECS
 
@@ -58,7 +59,7 @@ def nudged(spec: Patch | Model) -> Patch | Model:
     return Model(tuple(patches), name=spec.name) if isinstance(spec, Model) else patches[0]
 
 
-@pytest.mark.parametrize("kind", ["obj", "ply"])
+@pytest.mark.parametrize("kind", mostly_long(["obj", "ply"]))
 def test_a_control_point_that_moves_by_a_millionth_shows_in_every_spec(kind, tmp_path):
     folders = {name: tmp_path / name for name in ("specs", "golden", "out")}
     folders["specs"].mkdir()

@@ -5,7 +5,8 @@ import re
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
-from tests.shell import REPOSITORY, SPECS, process, shell
+from tests.marks import long
+from tests.shell import REPOSITORY, SPECS, gtb, script
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 
@@ -31,9 +32,15 @@ def test_every_command_has_a_section(name):
     assert f"gtb {name} " in section[1]
 
 
-@pytest.mark.parametrize("block", blocks("sh"))
+SEQUENCES = re.compile("gtb (degenerate|knot-limit) ")
+"""Commands that measure distances for many seconds."""
+
+
+@pytest.mark.parametrize(
+    "block", [pytest.param(block, marks=long if SEQUENCES.search(block) else ()) for block in blocks("sh")]
+)
 def test_its_commands_run(block, workplace):
-    result = shell(f"set -e\n{block}", workplace)
+    result = script(block, workplace)
     assert result.status == 0, result.err
     assert "error" not in result.err
 
@@ -58,4 +65,4 @@ def test_its_targets_of_make_are_there():
 
 
 def test_its_first_spec_has_five_sides(workplace):
-    assert '"hull_vertices": [[0.0, 0.0], [2.0, 0.0]' in process("info", "dome.toml", "--json", folder=workplace).text
+    assert '"hull_vertices": [[0.0, 0.0], [2.0, 0.0]' in gtb("info", workplace / "dome.toml", "--json").text

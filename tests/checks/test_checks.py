@@ -18,6 +18,7 @@ from gtb_cli.theory.bezier import binomial_coefficients
 from gtb_cli.theory.degeneration import regular_control_surface
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS
 
 SMALL = 1e-7
@@ -86,7 +87,7 @@ SCALES = [
 ]
 
 
-@pytest.mark.parametrize(("index", "name"), list(enumerate(PATCHES)))
+@pytest.mark.parametrize(("index", "name"), mostly_long(enumerate(PATCHES), 6))
 def test_they_hold_at_any_size_and_place(index, name):
     """Each spec at one of the sizes with the knots small, and one with them large or far away."""
     patch = spec(name)

@@ -11,6 +11,7 @@ import trimesh
 import gtb_cli.tessellation.sequence as sequence_room
 from gtb_cli.spec.loading import parse
 from gtb_cli.theory.knot_limit import merge_knots
+from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, SPECS, gtb, process
 from tests.theory.test_limits import spec
 
@@ -47,10 +48,11 @@ def refusal(result) -> str:
 # --- degenerate
 
 
-def test_the_sequence_of_example_44(tmp_path):
+@pytest.mark.parametrize("n", mostly_long([3, 6]))
+def test_the_sequence_of_example_44(n, tmp_path):
     out = tmp_path / "new" / "folder"
     values = ["5", "100", "600", "1e6", "1e30"]
-    result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", "6", "-o", out)
+    result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", n, "-o", out)
     assert result.status == 0
     assert result.out == b""
     files = [f"example-4.4-x{x}.obj" for x in values] + ["example-4.4-limit.obj"]
@@ -65,13 +67,14 @@ def test_the_sequence_of_example_44(tmp_path):
     assert distances[-2] < 1e-5
     assert distances[-1] == 0
     faces = lines(out / files[0], "f")
-    assert len(faces) == (2 * 2 + 3) * 36
+    assert len(faces) == (2 * 2 + 3) * n**2
     for entry in record["meshes"]:
         assert lines(out / entry["file"], "f") == faces
         assert (entry["faces"], entry["vertices"]) == (len(faces), len(lines(out / entry["file"], "v")))
         assert f"{out / entry['file']}: {entry['vertices']} vertices, {len(faces)} faces" in result.err
 
 
+@long
 def test_the_same_bytes_in_another_process(tmp_path):
     arguments = ["degenerate", LINE, "-x", "2", "-x", "1e30", "-n", "5"]
     for name, settings in (("one", {}), ("two", {"PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "2", "LC_ALL": "C"})):
@@ -142,7 +145,7 @@ def test_liftings(tmp_path, lifting, segments):
     assert len(lines(tmp_path / "example-3.1-limit.obj", "l")) == segments
 
 
-@pytest.mark.parametrize("format", ["ply", "stl", "glb"])
+@pytest.mark.parametrize("format", mostly_long(["ply", "stl", "glb"]))
 def test_formats(tmp_path, format):
     assert gtb("degenerate", SURFACE, "-x9", "-n2", "-f", format, "--normals", "-o", tmp_path).status == 0
     files = [f"example-4.4-x9.{format}", f"example-4.4-limit.{format}"]
@@ -280,7 +283,7 @@ def test_options_that_a_sequence_refuses(tmp_path, command, options, message):
 
 
 @pytest.mark.parametrize("name", ["../../up", "/tmp/up", "a/../../b", "..", "~/x", "-o", "a\\\\b"])
-@pytest.mark.parametrize("arguments", [["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]])
+@pytest.mark.parametrize("arguments", mostly_long([["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]]))
 def test_a_name_stays_in_the_folder(name, arguments, tmp_path):
     text = f'name = "{name}"\nknots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\nlifting = [0, 1, 0]\n'
     out = tmp_path / "deep" / "out"

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from gtb_cli.meshes.mesh import Mesh
+from tests.marks import mostly_long
 from tests.shell import gtb
 
 SPECS = Path(__file__).parents[2] / "specs"
 TEAPOT, CLOSED = SPECS / "teapot.toml", SPECS / "hebesphenorotunda.toml"
 
 
-@pytest.mark.parametrize("size", [("-n", "5"), ("--tolerance", "1%")])
+@pytest.mark.parametrize("size", mostly_long([("-n", "5"), ("--tolerance", "1%")]))
 def test_a_closed_model_passes(size, tmp_path):
     target = tmp_path / "closed.stl"
     result = gtb("mesh", str(CLOSED), *size, "--require", "watertight", "-o", str(target))

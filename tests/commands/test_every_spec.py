@@ -16,6 +16,7 @@ from gtb_cli.spec.loading import load, parse
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.shell import SPECS, gtb
 
 TOLERANCE = 0.1
@@ -67,7 +68,7 @@ OUT_OF_REACH = {("cubic-bezier", "knots 1e-9"), ("pentagon", "knots 1e9")}
 """Knots are exponents: so small or large, they make a toric parameter jump from end to end of the surface."""
 
 
-@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("options", mostly_long(OPTIONS, 2), ids=str)
 @pytest.mark.parametrize("move", MOVES)
 @pytest.mark.parametrize("name", ["cubic-bezier", "bezier-triangle", "pentagon", "repeated-knot"])
 def test_patches_may_be_tiny_huge_or_far_away(name, move, options):
@@ -129,7 +130,7 @@ SHAPES = (["-n", "4"], ["-n", "3", "--parametrization", "linear"], ["--tolerance
 TEXTS = COLLAPSED | {name: (SPECS / f"{name}.toml").read_text("utf-8") for name in ("teapot", "repeated-knot")}
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", mostly_long(TEXTS, len(COLLAPSED)))
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command does: what overflows must not come out
 def test_no_file_has_a_number_that_is_none(name):
     text = TEXTS[name].encode()

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
+from tests.marks import long, mostly_long
 from tests.shell import (
     BICUBIC,
     PENTAGON,
@@ -27,6 +28,7 @@ from tests.shell import (
     environment,
     gtb,
     process,
+    script,
     shell,
 )
 
@@ -118,9 +120,11 @@ def example_of(name: str) -> str:
     return re.search(r"^  Example: (.*)$", gtb(name, "--help").text, re.MULTILINE)[1]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=long if name in ("degenerate", "knot-limit") else ()) for name in COMMANDS]
+)
 def test_the_example_in_the_help_runs(name, workplace):
-    result = shell(example_of(name), workplace)
+    result = script(example_of(name), workplace)
     assert result.status == 0
     assert "error" not in result.err
 
@@ -153,14 +157,17 @@ def test_the_entry_point_is_the_module():
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "gtb mesh specs/pentagon.toml -n 100 | head -n 1",
-        "gtb mesh specs/pentagon.toml -n 100 -f ply | head -c 10",
-        "gtb mesh specs/pentagon.toml -n 100 -o /dev/stdout | head -n 1",
-        "gtb eval specs/pentagon.toml parameters.txt | head -n 1",
-        "gtb schema | head -n 0",
-        "gtb mesh --help | head -n 0",
-    ],
+    mostly_long(
+        [
+            "gtb mesh specs/pentagon.toml -n 100 | head -n 1",
+            "gtb eval specs/pentagon.toml parameters.txt | head -n 1",
+            "gtb mesh --help | head -n 0",
+            "gtb mesh specs/pentagon.toml -n 100 -f ply | head -c 10",
+            "gtb mesh specs/pentagon.toml -n 100 -o /dev/stdout | head -n 1",
+            "gtb schema | head -n 0",
+        ],
+        quick=3,
+    ),
 )
 def test_a_closed_pipe_ends_silently(line, workplace):
     (workplace / "parameters.txt").write_text("1 1\n" * 20_000, encoding="utf-8")
@@ -229,6 +236,7 @@ def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
     assert ("f 1 " in shown) != refused
 
 
+@long
 def test_a_bar_appears_when_work_takes_long(on_terminal):
     child, terminal = on_terminal("mesh", PENTAGON, "-n", 100, keep_stdout=True)
     shown = b""
@@ -242,7 +250,7 @@ def test_a_bar_appears_when_work_takes_long(on_terminal):
     assert shown.endswith(b" \r")
 
 
-@pytest.mark.parametrize("options", [["-n", "4"], ["-n", "100", "-q"]])
+@pytest.mark.parametrize("options", mostly_long([["-n", "4"], ["-n", "100", "-q"]]))
 def test_no_bar_when_work_is_short_or_nobody_wants_it(options, on_terminal):
     child, terminal = on_terminal("mesh", PENTAGON, *options, keep_stdout=True)
     if "-q" in options:
@@ -318,7 +326,7 @@ def start_batch(start, folder: Path) -> subprocess.Popen:
     return child
 
 
-@pytest.mark.parametrize("whole_group", [False, True])
+@pytest.mark.parametrize("whole_group", mostly_long([True, False]))
 def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
     (tmp_path / "out").mkdir()
     child = start_batch(start, tmp_path / "out")
@@ -330,6 +338,7 @@ def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
     assert names(tmp_path / "out") == []
 
 
+@long
 def test_workers_do_not_outlive_their_parent(start, tmp_path):
     (tmp_path / "out").mkdir()
     child = start_batch(start, tmp_path / "out")
@@ -338,6 +347,7 @@ def test_workers_do_not_outlive_their_parent(start, tmp_path):
     wait_for(lambda: group_is_gone(child.pid), "the end of the workers")
 
 
+@long
 def test_a_killed_worker_is_an_error(start, tmp_path):
     (tmp_path / "out").mkdir()
     child = start_batch(start, tmp_path / "out")
@@ -396,7 +406,7 @@ def test_where_nothing_can_be_written(output, message, tmp_path):
     assert names(tmp_path) == ["there"]
 
 
-@pytest.mark.parametrize("jobs", [[], [BICUBIC, "-j", "2"]])
+@pytest.mark.parametrize("jobs", mostly_long([[BICUBIC, "-j", "2"], []]))
 def test_a_disk_that_fills_up_leaves_the_old_file(jobs, start, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
@@ -425,7 +435,7 @@ SEQUENCES = [
 
 
 @pytest.mark.parametrize("there", [True, False])
-@pytest.mark.parametrize("arguments", SEQUENCES, ids=lambda arguments: arguments[0])
+@pytest.mark.parametrize("arguments", mostly_long(reversed(SEQUENCES)), ids=lambda arguments: arguments[0])
 def test_a_disk_that_fills_up_leaves_the_old_sequence(arguments, there, start, tmp_path):
     out = tmp_path / "deep" / "out"
     if there:
@@ -449,10 +459,8 @@ def without_power_over_files():
     ("arguments", "output"),
     [
         (["mesh", PENTAGON], "x.obj"),
-        (["mesh", PENTAGON, BICUBIC], "."),
         (["mesh", PENTAGON, BICUBIC], "new"),
-        (SEQUENCES[0], "new"),
-        (["elevate", PENTAGON], "x.toml"),
+        *mostly_long([(["mesh", PENTAGON, BICUBIC], "."), (SEQUENCES[0], "new"), (["elevate", PENTAGON], "x.toml")], 0),
     ],
 )
 def test_a_folder_without_permission(arguments, output, start, tmp_path):
@@ -492,6 +500,7 @@ def test_refusing_is_quick_and_needs_no_memory(start):
     assert b"makes 50000000000000000 faces" in error
 
 
+@long
 def test_memory_that_runs_out_is_an_error(start, tmp_path):
     child = start(
         "mesh",
@@ -521,9 +530,9 @@ def reference() -> dict[str, str]:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["check", SPECS / "trapezoid.toml", "--json"],
-        ["diff", PENTAGON, BICUBIC, "-n", "6", "--json"],
         ["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"],
+        pytest.param(["check", SPECS / "trapezoid.toml", "--json"], marks=long),
+        pytest.param(["diff", PENTAGON, BICUBIC, "-n", "6", "--json"], marks=long),
     ],
     ids=lambda arguments: arguments[0],
 )
@@ -542,12 +551,14 @@ def digest(data: bytes) -> str:
 
 @pytest.mark.parametrize(
     "variables",
-    [
-        {"PYTHONHASHSEED": "1"},
-        {"LC_ALL": "C", "PYTHONHASHSEED": "2"},
-        {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "0", "TZ": "Asia/Tokyo"},
-        {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"},
-    ],
+    mostly_long(
+        [
+            {"LC_ALL": "C", "PYTHONHASHSEED": "2", "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"},
+            {"PYTHONHASHSEED": "1"},
+            {"LC_ALL": "C.UTF-8", "PYTHONUTF8": "0", "TZ": "Asia/Tokyo"},
+            {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "4"},
+        ]
+    ),
 )
 def test_the_same_bytes_in_any_environment(variables, reference, tmp_path):
     for kind, expected in reference.items():
@@ -555,6 +566,7 @@ def test_the_same_bytes_in_any_environment(variables, reference, tmp_path):
         assert digest(found.out) == expected
 
 
+@long
 def test_the_same_bytes_from_any_place_and_any_number_of_processes(reference, workplace):
     options = ["--uv", "--normals", "-q"]
     specs = ["specs/pentagon.toml", "specs/hexagon.toml", "specs/cubic-bezier.toml"]

@@ -21,6 +21,7 @@ import trimesh
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.export import FORMATS, encode_mesh, warnings_for, write_mesh
 from gtb_cli.meshes.mesh import Mesh
+from tests.marks import mostly_long
 from tests.tiny_meshes import curve, encoded, lines, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.
@@ -159,7 +160,7 @@ for format in FORMATS:
 """
 
 
-@pytest.mark.parametrize("seed", ["0", "1"])
+@pytest.mark.parametrize("seed", mostly_long(["0", "1"]))
 def test_a_fresh_process_writes_the_same_bytes(seed):
     root = Path(__file__).parents[2]
     result = subprocess.run(

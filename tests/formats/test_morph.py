@@ -15,6 +15,7 @@ import gtb_cli.tessellation.sequence as sequence_room
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.morph import MOST, animated_glb
 from gtb_cli.meshes.mesh import Mesh
+from tests.marks import long
 from tests.shell import SPECS, gtb, process
 from tests.tiny_meshes import curve, model, surface
 
@@ -196,7 +197,7 @@ def test_meshes_that_cannot_be_morphed():
         (DEGENERATE, 4, ["x=5", "x=100", "x=1e30", "limit"]),
         (DEGENERATE_LINE, 1, ["x=1", "x=3", "x=1e300", "limit"]),
         (["degenerate", LINE, "-x0.5", "-x1e-9", "-n5"], 1, ["x=0.5", "x=1e-9", "limit"]),
-        (MERGE, 4, ["step=0", "step=0.4", "step=0.8", "limit"]),
+        pytest.param(MERGE, 4, ["step=0", "step=0.4", "step=0.8", "limit"], marks=long),
     ],
 )
 def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path):
@@ -255,6 +256,7 @@ def test_the_same_bytes_to_a_file_and_to_standard_output(tmp_path):
     assert gtb(*MERGE, "-f", "glb").out == gtb(*MERGE, "-f", "glb", "-q").out
 
 
+@long
 def test_the_same_bytes_in_another_process(tmp_path):
     for name, settings in (("one.glb", {}), ("two.glb", {"PYTHONHASHSEED": "7", "LC_ALL": "C"})):
         assert process(*DEGENERATE_LINE, "--uv", "-o", tmp_path / name, **settings).status == 0

@@ -14,6 +14,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.shell import SPECS
 from tests.tiny_meshes import curve, surface
 
@@ -116,7 +117,7 @@ def pairs() -> dict[str, tuple[Mesh, Mesh]]:
     }
 
 
-@pytest.mark.parametrize("name", pairs())
+@pytest.mark.parametrize("name", mostly_long(pairs(), 2))
 def test_distance_as_by_dense_sampling(name):
     a, b = pairs()[name]
     found = surface_distance(a, b)
@@ -125,7 +126,7 @@ def test_distance_as_by_dense_sampling(name):
     assert found.value <= found.bound <= found.value * (1 + RELATIVE) + ROUNDING
 
 
-@pytest.mark.parametrize("name", pairs())
+@pytest.mark.parametrize("name", mostly_long(pairs(), 2))
 def test_distance_is_the_same_both_ways_round(name):
     a, b = pairs()[name]
     found, other = surface_distance(a, b), surface_distance(b, a)
@@ -133,7 +134,7 @@ def test_distance_is_the_same_both_ways_round(name):
     assert (found.forward_at, found.backward_at) == (other.backward_at, other.forward_at)
 
 
-@pytest.mark.parametrize("name", pairs())
+@pytest.mark.parametrize("name", mostly_long(pairs(), 2))
 def test_an_accuracy_is_kept_and_saves_work(name):
     a, b = pairs()[name]
     exact = surface_distance(a, b)

@@ -23,6 +23,7 @@ from gtb_cli.theory.joints import Joint, edge_points, find_joints
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import long, mostly_long
 from tests.specs import SPECS
 from tests.surfaces import area, assert_closed, product, quartic_octant, volume
 from tests.tiny_meshes import encoded
@@ -85,7 +86,7 @@ def test_the_teapot_is_welded_but_for_its_true_openings():
     assert open_edges("teapot") == rings
 
 
-@pytest.mark.parametrize("options", [{"resolution": 6}, {"tolerance": 0.02}], ids=str)
+@pytest.mark.parametrize("options", mostly_long([{"resolution": 6}, {"tolerance": 0.02}]), ids=str)
 def test_the_teapot_has_four_parts_and_six_rings(options):
     mesh = tessellate(MODELS["teapot"], **options)
     rim = boundary(mesh)
@@ -155,9 +156,16 @@ def test_smooth_models_have_the_same_normals_on_both_sides_of_an_edge(name, degr
 # Meshes of them
 
 OPTIONS = (
-    *({"resolution": n} for n in (2, 3, 7)),
-    *({"tolerance": t} for t in (0.1, 0.015)),
-    {"resolution": 4, "parametrization": "toric"},
+    {"resolution": 2},
+    {"tolerance": 0.1},
+    *mostly_long(
+        [
+            {"resolution": 4, "parametrization": "toric"},
+            {"resolution": 3},
+            {"resolution": 7},
+            {"tolerance": 0.015},
+        ],
+    ),
 )
 
 
@@ -193,6 +201,7 @@ def extrapolated(model: Model, measure, n: int, **options) -> float:
     return (4 * fine - coarse) / 3
 
 
+@long
 def test_the_volume_of_the_closed_solid_does_not_depend_on_how_it_is_meshed():
     linear, finer = (extrapolated(SOLID, volume, n) for n in (6, 9))
     assert linear == pytest.approx(finer, rel=EXTRAPOLATED)
@@ -220,6 +229,7 @@ def test_files_of_the_closed_solid_are_solids_to_another_program():
         assert read.volume == pytest.approx(volume(mesh), rel=1e-5)  # float32
 
 
+@long
 def test_the_teapot_as_stl_is_consistent_to_another_program():
     mesh = tessellate(MODELS["teapot"], tolerance=0.03)
     read = trimesh.load(BytesIO(encoded(mesh, "stl")), file_type="stl")
@@ -264,7 +274,7 @@ def farthest(a: np.ndarray, b: np.ndarray) -> float:
     return float(max(cKDTree(b).query(a)[0].max(), cKDTree(a).query(b)[0].max()))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", mostly_long(reversed(NAMES), quick=2))
 def test_other_words_give_the_same_surface(name):
     rng = np.random.default_rng(sum(map(ord, name)))
     model, other = MODELS[name], in_other_words(MODELS[name], rng)
@@ -287,8 +297,8 @@ def test_other_words_give_the_same_surface(name):
         assert volume(theirs) == pytest.approx(volume(mesh), rel=2e-3)
 
 
-@pytest.mark.parametrize("scale", [2.0**-30, 2.0**30])
-@pytest.mark.parametrize("options", [{"resolution": 5}, {"tolerance": 0.06}], ids=str)
+@pytest.mark.parametrize("scale", mostly_long([2.0**-30, 2.0**30]))
+@pytest.mark.parametrize("options", mostly_long([{"resolution": 5}, {"tolerance": 0.06}]), ids=str)
 def test_a_power_of_two_scales_every_vertex_exactly(scale, options):
     mesh = tessellate(SOLID, **options)
     scaled = {key: value * scale if key == "tolerance" else value for key, value in options.items()}
@@ -298,7 +308,7 @@ def test_a_power_of_two_scales_every_vertex_exactly(scale, options):
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", mostly_long(reversed(NAMES)))
 def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
     model, other = MODELS[name], moved(MODELS[name], scale=scale, shift=shift)
     rounding = DIGITS * scale * size(model) + 4e-16 * abs(shift)
@@ -310,7 +320,7 @@ def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
         assert_closed(tessellate(other, tolerance=0.1 * scale))
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)]))
 def test_knots_may_be_tiny_huge_or_far_away(scale, shift):
     model = MODELS["box-corner"]
     other = moved(model, knot_scale=scale, knot_shift=shift)
@@ -382,7 +392,7 @@ def gap(model: Model, joint: Joint, count: int = 17) -> float:
     return float(np.abs(one - (other[::-1] if joint.opposite else other)).max())
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", mostly_long(range(10)))
 def test_a_hundred_random_closed_pairs_have_no_crack(seed):
     """Of all the cells; of some the mesh, and that each patch alone has the same points on its edges."""
     rng = np.random.default_rng(seed)

@@ -16,6 +16,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.linear import linear_locations
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import long, mostly_long
 from tests.specs import SPECS
 from tests.surfaces import rim
 
@@ -112,7 +113,7 @@ def assert_conforming(mesh: Mesh, boundary: int | None = None) -> None:
 
 
 @pytest.mark.parametrize("name", HARD)
-@pytest.mark.parametrize("part", [1e-2, 2e-3])
+@pytest.mark.parametrize("part", mostly_long([1e-2, 2e-3]))
 def test_the_surface_is_within_the_tolerance(name, part):
     shape = HARD[name]
     tolerance = part * diagonal(shape)
@@ -138,7 +139,7 @@ def test_toric_parametrisation_keeps_the_promise_too():
     assert_conforming(mesh)
 
 
-@pytest.mark.parametrize("scale", [0.3, 0.1])
+@pytest.mark.parametrize("scale", mostly_long([0.3, 0.1]))
 def test_toric_meshes_reach_points_that_toric_parameters_hardly_reach(scale):
     """With small knots, exponents are: half of the surface is nearer to an edge of Δ than 1e-3 of its size."""
     shape = patch(knots=PENTAGON * scale)
@@ -149,6 +150,7 @@ def test_toric_meshes_reach_points_that_toric_parameters_hardly_reach(scale):
     assert_conforming(mesh)
 
 
+@long
 @pytest.mark.parametrize("scale", [0.05, 0.03])
 def test_where_toric_parameters_cannot_be_told_apart_the_error_says_so(scale):
     with pytest.raises(ToleranceError, match=r"; linear parameters take \d+ faces"):
@@ -186,7 +188,7 @@ def concave(inner: tuple[float, float]) -> Patch:
 
 
 @pytest.mark.parametrize("inner", [(-3, -3), (1, 1)], ids=["one to one", "folding"])
-@pytest.mark.parametrize("tolerance", [0.06, 0.006])
+@pytest.mark.parametrize("tolerance", mostly_long([0.06, 0.006]))
 def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
     """By the nearest triangles; where the surface itself folds over its boundary, too."""
     shape = concave(inner)
@@ -224,7 +226,7 @@ def test_an_eighth_of_example_4_4_beats_any_uniform_mesh():
             assert largest_distance(shape, uniform) > reached
 
 
-@pytest.mark.parametrize("part", [1e-2, 3e-3, 1e-3])
+@pytest.mark.parametrize("part", mostly_long([1e-2, 3e-3, 1e-3]))
 def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
     shape = bicubic()
     mesh = tessellate(shape, tolerance=part * diagonal(shape))
@@ -233,7 +235,7 @@ def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
     assert largest_distance(shape, tessellate(shape, n, parametrization="linear")) > reached * (1 - NOISE)
 
 
-@pytest.mark.parametrize("name", ["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"])
+@pytest.mark.parametrize("name", mostly_long(["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"], 2))
 def test_few_triangles_are_thin(name):
     """Longest side over height: 1.15 for an equilateral triangle; the README says what was measured."""
     shape = load(SPECS / f"{name}.toml")

@@ -12,6 +12,7 @@ from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import long, mostly_long
 
 HALF = math.sqrt(0.5)
 TRIANGLE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [0, 2]]
@@ -65,8 +66,18 @@ def assert_closed(mesh) -> None:
 @pytest.mark.parametrize("make", [ball, globe])
 @pytest.mark.parametrize(
     "options",
-    [{"resolution": 2}, {"resolution": 7}, {"resolution": 5, "parametrization": "toric"}]
-    + [{"tolerance": part} for part in (0.2, 0.03, 0.005)],
+    [
+        {"resolution": 2},
+        {"tolerance": 0.2},
+        *mostly_long(
+            [
+                {"resolution": 5, "parametrization": "toric"},
+                {"resolution": 7},
+                {"tolerance": 0.03},
+                {"tolerance": 0.005},
+            ]
+        ),
+    ],
     ids=str,
 )
 def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
@@ -86,6 +97,7 @@ def test_the_globe_is_a_sphere_to_rounding_and_its_volume_converges():
     assert rates == pytest.approx([2, 2], abs=0.05)
 
 
+@long
 def test_tolerance_on_the_globe_is_the_distance_from_the_sphere():
     for tolerance in (0.1, 0.01, 0.001):
         mesh = tessellate(globe(), tolerance=tolerance)
@@ -120,7 +132,7 @@ def test_order_direction_and_orientation_of_patches_do_not_matter():
     assert np.abs(one - two).max() < 2e-9
 
 
-@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)]))
 def test_models_may_be_small_large_or_far_away(scale, shift):
     moved = Model(
         tuple(Patch(p.knots, scale * p.control_points + shift, p.weights, p.coefficients) for p in ball().patches)

@@ -17,6 +17,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.spec.loading import load
 from gtb_cli.theory.elevation import MAX_KNOTS, elevate, multiplier, product
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS
 
 ROUNDING = 1e-13
@@ -96,7 +97,7 @@ def test_a_tensor_product_patch_is_elevated_in_both_directions():
     np.testing.assert_allclose(elevated.evaluate(u * 4 / 3), spec("bicubic").evaluate(u), atol=1e-14)
 
 
-@pytest.mark.parametrize("name", PATCHES)
+@pytest.mark.parametrize("name", mostly_long(PATCHES, 6))
 def test_the_image_stays(name):
     patch = spec(name)
     elevated = elevate(patch)

@@ -21,6 +21,7 @@ from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.theory.linear import linear_locations
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve
 from tests.shell import SPECS
 
@@ -67,7 +68,7 @@ def test_ordinary_weights_stay_floats():
         assert (getattr(found, name) == getattr(patch, name)).all()
 
 
-@pytest.mark.parametrize("x", [0.02, 3.0, 37.0])
+@pytest.mark.parametrize("x", mostly_long([0.02, 3.0, 37.0]))
 def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     """The meshes evaluate each cell with a lifting of its own; the gaps of these are not 0 and 1 only."""
     patch = dataclasses.replace(spec("example-4.4"), lifting=spec("example-4.4").lifting * 1.7)
@@ -470,7 +471,7 @@ def torus_points(patch: Patch, count: int, rng: np.random.Generator) -> np.ndarr
     return (e.T @ patch.control_points) / e.sum(axis=0)[:, None]
 
 
-@pytest.mark.parametrize(("patch", "moves"), FILMS)
+@pytest.mark.parametrize(("patch", "moves"), mostly_long(FILMS, 3))
 def test_the_limit_as_a_set_is_the_merged_patch_with_its_films(patch, moves):
     """Scattered points of patches near the end are near it, the nearer the nearer to the end, and not near less."""
     limit = knot_limit(patch, moves)

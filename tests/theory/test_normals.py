@@ -11,6 +11,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import inner_parameters, rounding
+from tests.marks import mostly_long
 from tests.patches import SURFACES, bicubic, collapsed_edge, named, pentagon
 
 NORMAL_ERROR = 1e-11
@@ -28,7 +29,7 @@ def unit(vector):
     return np.asarray(vector) / np.linalg.norm(vector)
 
 
-@pytest.mark.parametrize("name", FEW_KNOTS)
+@pytest.mark.parametrize("name", mostly_long(FEW_KNOTS, 6))
 def test_normals_keep_their_digits_everywhere_inside(name):
     # From the middle to 1e-12 of the size from each edge, also where one knot holds all but 1e-300 of T.
     patch = named(name)

@@ -16,7 +16,7 @@ def test_a_named_patch_obeys(name, law):
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
-@settings(max_examples=15)
+@settings(max_examples=settings.default.max_examples // 3)
 @given(patch=any_patch())
 def test_any_patch_obeys(law, patch):
     law(patch)
