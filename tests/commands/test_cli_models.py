@@ -16,7 +16,7 @@ SPECS = Path(__file__).parents[2] / "specs"
 TEAPOT, CLOSED = SPECS / "teapot.toml", SPECS / "hebesphenorotunda.toml"
 
 
-@pytest.mark.parametrize("size", mostly_long([("-n", "5"), ("--tolerance", "1%")]))
+@pytest.mark.parametrize("size", mostly_long([["-n", "5"], ["--tolerance", "1%"]]))
 def test_a_closed_model_passes(size, tmp_path):
     target = tmp_path / "closed.stl"
     result = gtb("mesh", str(CLOSED), *size, "--require", "watertight", "-o", str(target))

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.decomposition import control_net, lifting_of_knot, regular_decomposition
+from tests.marks import mostly_long
 
 # Knots Ã of Examples 4.1 and 4.4, and the lifting of mathematics.md section 7.
 PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
@@ -71,10 +72,10 @@ def random_case(rng, d):
     return exact_knots, exact_lifting
 
 
-def random_cases(seed, d):
+def random_cases(seed, d, count):
     rng = np.random.default_rng(seed)
     found = 0
-    while found < CASES:
+    while found < count:
         knots, lifting = random_case(rng, d)
         centered = np.array(knots, dtype=float) - np.array(knots[0], dtype=float)
         if np.linalg.matrix_rank(centered) == d:
@@ -296,8 +297,9 @@ def test_integers_are_taken_at_their_word():
 
 
 @pytest.mark.parametrize("d", [1, 2])
-def test_brute_force_in_fractions(d):
-    for knots, lifting, _ in random_cases(20 + d, d):
+@pytest.mark.parametrize("count", mostly_long([CASES // 10, CASES]))
+def test_brute_force_in_fractions(count, d):
+    for knots, lifting, _ in random_cases(20 + d, d, count):
         decomposition = regular_decomposition(np.array(knots, dtype=float), np.array(lifting, dtype=float))
         assert (decomposition.cells, decomposition.absent) == brute_force(knots, lifting)
         assert_planes(decomposition)
@@ -306,9 +308,10 @@ def test_brute_force_in_fractions(d):
 
 
 @pytest.mark.parametrize("d", [1, 2])
-def test_brute_force_after_maps_that_round(d):
+@pytest.mark.parametrize("count", mostly_long([CASES // 10, CASES]))
+def test_brute_force_after_maps_that_round(count, d):
     """Scaled, rotated, shifted knots and tilted liftings are coplanar up to rounding only."""
-    for knots, lifting, rng in random_cases(40 + d, d):
+    for knots, lifting, rng in random_cases(40 + d, d, count):
         points, heights = np.array(knots, dtype=float), np.array(lifting, dtype=float)
         angle = rng.uniform(0, 2 * pi)
         rotation = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])[:d, :d] if d == 2 else np.eye(1)
