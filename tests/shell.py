@@ -45,6 +45,11 @@ def gtb(*arguments: object, stdin: bytes = b"") -> Result:
         return Result(status, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))
 
 
+def example_of(name: str) -> str:
+    """The command line that the help of a command opens with."""
+    return re.search(r"^  Example: (.*)$", gtb(name, "--help").text, re.MULTILINE)[1]
+
+
 def environment(**variables: str) -> dict[str, str]:
     """This process's environment, without what would hide how streams are buffered."""
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}

@@ -26,7 +26,7 @@ from tests.shell import (
     TIMEOUT,
     command,
     environment,
-    gtb,
+    example_of,
     process,
     script,
     shell,
@@ -114,10 +114,6 @@ def names(folder: Path) -> list[str]:
 
 
 # --- commands
-
-
-def example_of(name: str) -> str:
-    return re.search(r"^  Example: (.*)$", gtb(name, "--help").text, re.MULTILINE)[1]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,114 @@
+"""What others install: the source archive has all that tests need, a wheel made of it all that commands need."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gtb_cli import __version__
+from gtb_cli.commands.cli import COMMANDS
+from tests.marks import long
+from tests.shell import REPOSITORY, SPECS, environment, example_of, shell
+
+pytestmark = long
+
+PACKED = ("gtb_cli", "tests", "specs")
+"""Folders of the source archive."""
+
+
+def python(*arguments: object, folder: Path, path: Path = REPOSITORY) -> str:
+    """What a process of Python prints that works in a folder and imports from another one."""
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=folder,
+        env=environment(PYTHONPATH=str(path)),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def wheel(source: Path, folder: Path) -> Path:
+    """Made without a network: what builds it is among what tests need."""
+    offline = ("--quiet", "--no-deps", "--no-build-isolation", "--disable-pip-version-check")
+    python("-m", "pip", "wheel", *offline, "--wheel-dir", folder, source, folder=source)
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory) -> Path:
+    """The source archive, unpacked."""
+    folder = tmp_path_factory.mktemp("source")
+    name = python(
+        "-c", f"from flit_core import buildapi; print(buildapi.build_sdist({str(folder)!r}))", folder=REPOSITORY
+    )
+    with tarfile.open(folder / name.strip()) as archive:
+        archive.extractall(folder, filter="data")
+    return folder / f"gtb_cli-{__version__}"
+
+
+@pytest.fixture(scope="module")
+def installed(unpacked, tmp_path_factory) -> Path:
+    """A folder of packages with nothing in it but what the wheel holds."""
+    folder = tmp_path_factory.mktemp("installed")
+    path = wheel(unpacked, tmp_path_factory.mktemp("wheel"))
+    options = ("--quiet", "--no-deps", "--no-index", "--disable-pip-version-check", "--target", folder)
+    python("-m", "pip", "install", *options, path, folder=unpacked)
+    return folder
+
+
+def files(root: Path) -> set[Path]:
+    return {
+        path.relative_to(root)
+        for name in PACKED
+        for path in (root / name).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def test_the_source_archive_has_every_file(unpacked):
+    assert files(unpacked) == files(REPOSITORY)
+    for name in ("LICENSE", "Makefile", "README.md", "pyproject.toml"):
+        assert (unpacked / name).read_bytes() == (REPOSITORY / name).read_bytes()
+
+
+def test_tests_run_in_the_source_archive(unpacked):
+    places = python(
+        "-c", "import gtb_cli, tests; print(gtb_cli.__file__, tests.__file__)", folder=unpacked, path=unpacked
+    )
+    assert places.split() == [str(unpacked / name / "__init__.py") for name in ("gtb_cli", "tests")]
+    some = ("tests/test_golden.py", "tests/spec/test_bad_specs.py", "tests/theory/test_examples.py")
+    assert "[100%]" in python("-m", "pytest", "-m", "not long", *some, folder=unpacked, path=unpacked)
+
+
+def test_the_wheel_of_the_checkout_is_that_of_the_archive(unpacked, tmp_path):
+    one, other = (wheel(source, tmp_path / source.name) for source in (REPOSITORY, unpacked))
+    with zipfile.ZipFile(one) as first, zipfile.ZipFile(other) as second:
+        assert sorted(first.namelist()) == sorted(second.namelist())
+        assert not [name for name in first.namelist() if not name.startswith("gtb_cli")]
+
+
+def test_it_says_its_version_elsewhere(installed, tmp_path):
+    assert python("-c", "import gtb_cli; print(gtb_cli.__path__[0])", folder=tmp_path, path=installed).strip() == str(
+        installed / "gtb_cli"
+    )
+    version = python(installed / "bin" / "gtb", "--version", folder=tmp_path, path=installed)
+    assert version.strip().endswith(__version__)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_works_elsewhere(name, installed, tmp_path):
+    """As its help shows it, in processes of its own and a folder that has specs and nothing else."""
+    shutil.copytree(SPECS, tmp_path / "specs")
+    result = shell(example_of(name), tmp_path, PYTHONPATH=str(installed))
+    assert result.status == 0, result.err
+    assert "error" not in result.err
