@@ -156,7 +156,12 @@ class StagedFiles:
             self._staged[target] = temporary
             if os.path.basename(path) == self._record:
                 self._old_record = target
-            _stage(temporary, target, blocks)
+            try:
+                _stage(temporary, target, blocks)
+            except BaseException:
+                del self._staged[target]  # the others may still appear
+                _discard(temporary)
+                raise
         except OSError as error:
             raise _refusal(path, error) from error
 

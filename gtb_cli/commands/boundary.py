@@ -5,14 +5,14 @@ from __future__ import annotations
 import click
 
 from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.commands.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
 from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 
 @click.command
 @spec_argument
-@click.argument("edge", metavar="[EDGE]", type=int, required=False)
+@click.argument("edge", metavar="[EDGE]", type=WholeNumber(), required=False)
 @output_option
 @spec_format_option
 @console_option

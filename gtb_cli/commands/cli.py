@@ -10,11 +10,14 @@ from importlib import import_module
 import click
 
 from gtb_cli import __version__
-from gtb_cli.commands.console import abandon, complain, say
-from gtb_cli.errors import GtbError, RequirementError
+from gtb_cli.commands.console import abandon, complain, lines_about, say
+from gtb_cli.errors import RequirementError
 
 AS_JSON = "gtb_cli.as_json"
 """Key of what the context of `gtb` knows: whether --json is among its own options."""
+
+COMPLETE = "_GTB_COMPLETE"
+"""Variable of the environment by which a shell asks for completions."""
 
 DONE, REFUSED, FAILED = 0, 1, 2
 """Exit statuses; a comparison that says no ends with `click.exceptions.Exit`, a requirement with its error."""
@@ -34,6 +37,7 @@ COMMANDS = {
     "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
     "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
     "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
+    "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
     "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
 }
 """Each command's name, where it is (imported only when it is called), and what it does in a line."""
@@ -132,8 +136,8 @@ def run(arguments: Sequence[str]) -> int:
     errors: list[str] = []
     status = FAILED
     try:
-        if "_GTB_COMPLETE" in os.environ:
-            gtb.main(list(arguments), prog_name="gtb", complete_var="_GTB_COMPLETE", standalone_mode=False)
+        if COMPLETE in os.environ:
+            _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
             gtb.invoke(context)
         if sys.stdout is not None:
@@ -147,36 +151,38 @@ def run(arguments: Sequence[str]) -> int:
         errors.append(_usage_text(error))
     except click.ClickException as error:
         errors.append(error.format_message())
-    except GtbError as error:
-        errors += str(error).split("\n")
-        status = REFUSED if isinstance(error, RequirementError) else FAILED
     except BrokenPipeError:
         abandon(sys.stdout)
         return DONE
-    except MemoryError:
-        errors.append("not enough memory for this")
-    except OSError as error:
-        abandon(sys.stdout)
-        errors.append(f"{error.filename or 'cannot write standard output'}: {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 -- the last resort: whatever it is, a person gets a message
-        errors.append(
-            f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"
-        )
-        if os.environ.get("GTB_TRACEBACK"):
-            import traceback
-
-            say(traceback.format_exc().rstrip())
+        if isinstance(error, OSError):
+            abandon(sys.stdout)
+        errors += lines_about(error)
+        status = REFUSED if isinstance(error, RequirementError) else FAILED
     if "--json" in arguments and errors:
         import json
 
-        say(json.dumps({"errors": errors, "status": status}, ensure_ascii=False))
+        say(json.dumps({"errors": errors, "status": status}))
     else:
         for line in errors:
             complain(line)
     return status
 
 
+def _complete(arguments: Sequence[str]) -> None:
+    """Answer the shell, which asks by variables of the environment."""
+    try:
+        gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETE, standalone_mode=False)
+    except (KeyError, ValueError):
+        raise click.UsageError(f"{COMPLETE} is for shells, which set COMP_WORDS and COMP_CWORD, too") from None
+
+
 def _usage_text(error: click.UsageError) -> str:
+    if isinstance(error, click.NoSuchOption) and error.ctx is not None:
+        known = [name for param in error.ctx.command.params for name in param.opts]
+        begun = [name for name in known if name.startswith(error.option_name)]
+        if begun:
+            return f"No such option '{error.option_name}'. Did you mean {' or '.join(begun)}?"
     text = " ".join(error.format_message().split())
     if text.endswith("?") or error.ctx is None:
         return text

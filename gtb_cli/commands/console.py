@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
+
+from gtb_cli.errors import GtbError
 
 if TYPE_CHECKING:
     from threading import Thread
@@ -19,6 +22,15 @@ STANDARD = "-"
 PATIENCE = 2.0
 """Seconds before a progress bar appears."""
 
+SYSTEM_LIMITS = {
+    errno.EMFILE: "too many open files: the system allows this process no more",
+    errno.ENFILE: "too many open files: the system allows no more",
+    errno.EAGAIN: "no more processes or threads: the system allows no more",
+    errno.ENOMEM: "not enough memory for this",
+    errno.ENOENT: "the working folder is gone",
+}
+"""Errors of the system that are about no file and no stream."""
+
 BETWEEN = 0.1
 """Seconds between two pictures of a progress bar."""
 
@@ -29,6 +41,26 @@ BAR = 30
 def complain(message: str) -> None:
     """Say what went wrong, in one line on standard error."""
     say(f"gtb: error: {printable(message)}")
+
+
+def lines_about(error: Exception) -> list[str]:
+    """Lines that tell a person of any error; GTB_TRACEBACK=1 shows where an internal one comes from."""
+    match error:
+        case GtbError():
+            return str(error).split("\n")
+        case MemoryError():
+            return ["not enough memory for this"]
+        case OSError(filename=str() | bytes() as name):
+            return [f"{os.fsdecode(name)}: {error.strerror}"]
+        case OSError(errno=number) if number in SYSTEM_LIMITS:
+            return [SYSTEM_LIMITS[number]]
+        case OSError():
+            return [f"cannot write standard output: {error.strerror or error}"]
+    if os.environ.get("GTB_TRACEBACK"):
+        import traceback
+
+        say("".join(traceback.format_exception(error)).rstrip())
+    return [f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"]
 
 
 def printable(text: str) -> str:
@@ -119,8 +151,10 @@ class Progress:
             import threading
 
             self._over = threading.Event()
-            self._thread = threading.Thread(target=self._draw, daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._draw, daemon=True)
+            with suppress(RuntimeError):  # no more threads: the work is done without a bar
+                thread.start()
+                self._thread = thread
         return self
 
     def __exit__(

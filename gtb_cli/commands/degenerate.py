@@ -9,7 +9,14 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.meshing import MeshOptions
-from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
+from gtb_cli.commands.options import (
+    WholeNumber,
+    console_option,
+    mesh_options,
+    numbers_of,
+    spec_argument,
+    spec_format_option,
+)
 from gtb_cli.commands.sequences import (
     SHORT,
     check_kind,
@@ -76,7 +83,7 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
 @click.option("--to", "last", callback=x_of, metavar="X", help="Sweep: the last x.")
 @click.option(
     "--count",
-    type=click.IntRange(2, MOST),
+    type=WholeNumber(2, MOST),
     metavar="N",
     help="Sweep: how many x from --from to --to, in equal ratios, rounded to six digits.",
 )
@@ -115,7 +122,7 @@ def degenerate(
     others are morph targets, and an animation goes through them, a second for each.
     """
     output = output or STANDARD
-    animation = is_animation(options, output, spec)
+    animation = is_animation(options, output)
     xs = (*values, *_sweep(first, last, count))
     check_length(animation, xs)
     patch = read_patch(spec, spec_format)

@@ -11,16 +11,17 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console, complain
 from gtb_cli.commands.options import (
+    INPUT,
     MAX_RESOLUTION,
+    WholeNumber,
     console_option,
-    file_names,
     json_option,
     output_option,
     parametrization_option,
     spec_format_option,
     tolerance_of,
 )
-from gtb_cli.commands.streams import about, read_bytes, shown_input, write_text
+from gtb_cli.commands.streams import about, read_bytes, refuse_overwriting, shown_input, write_text
 from gtb_cli.errors import GtbError
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
@@ -43,8 +44,8 @@ class Side(NamedTuple):
 
 
 @click.command
-@click.argument("a", metavar="A", shell_complete=file_names)
-@click.argument("b", metavar="B", shell_complete=file_names)
+@click.argument("a", metavar="A", type=INPUT)
+@click.argument("b", metavar="B", type=INPUT)
 @click.option(
     "--tolerance",
     callback=tolerance_of,
@@ -54,7 +55,7 @@ class Side(NamedTuple):
 @click.option(
     "-n",
     "--resolution",
-    type=click.IntRange(1, MAX_RESOLUTION),
+    type=WholeNumber(1, MAX_RESOLUTION),
     metavar="N",
     help=f"Mesh a spec with N segments along each edge of the domain; {RESOLUTION} without this option.",
 )
@@ -67,7 +68,7 @@ class Side(NamedTuple):
 @parametrization_option
 @click.option(
     "--max-faces",
-    type=click.IntRange(min=1),
+    type=WholeNumber(min=1),
     metavar="N",
     default=MAX_FACES,
     help=f"Refuse to make more faces than this of a spec; {MAX_FACES} without this option.",
@@ -165,6 +166,7 @@ def _diff_folders(
     a: str, b: str, side: Side, tolerance: float | str | None, as_json: bool, output: str, console: Console
 ) -> None:
     pairs = _pairs(a, b)
+    refuse_overwriting((path for pair in pairs for path in pair[1:] if path is not None), [output])
     results: list[tuple[str, tuple[str, str], Difference]] = []
     missing: list[str] = []
     extra: list[str] = []

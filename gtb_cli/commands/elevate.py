@@ -7,7 +7,7 @@ from dataclasses import replace
 import click
 
 from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.commands.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
 from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 
 MAX_TIMES = 1000
@@ -17,7 +17,7 @@ MAX_TIMES = 1000
 @spec_argument
 @click.option(
     "--by",
-    type=click.IntRange(0, MAX_TIMES),
+    type=WholeNumber(0, MAX_TIMES),
     metavar="D",
     default=1,
     help="How often to elevate, for Bézier patches by how many degrees; 1 without this option.",

@@ -12,8 +12,8 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.options import (
+    INPUT,
     console_option,
-    file_names,
     json_option,
     output_option,
     parametrization_option,
@@ -39,7 +39,7 @@ MAX_LINE = 10_000
 
 @click.command("eval")
 @spec_argument
-@click.argument("params", metavar="[PARAMS]", default=STANDARD, shell_complete=file_names)
+@click.argument("params", metavar="[PARAMS]", default=STANDARD, type=INPUT)
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
 @parametrization_option
 @json_option

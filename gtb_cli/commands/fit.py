@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import console_option, file_names, numbers_of, output_option
+from gtb_cli.commands.options import INPUT, console_option, numbers_of, output_option
 from gtb_cli.commands.streams import about, file_stem, read_bytes, shown_input, write_text
 from gtb_cli.errors import SpecError
 
@@ -21,7 +21,7 @@ MAX_BYTES = 1_000_000
 
 
 @click.command
-@click.argument("points", metavar="[POINTS]", default=STANDARD, shell_complete=file_names)
+@click.argument("points", metavar="[POINTS]", default=STANDARD, type=INPUT)
 @click.option(
     "--knots",
     callback=numbers_of,

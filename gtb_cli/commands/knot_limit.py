@@ -91,7 +91,7 @@ def knot_limit(
         raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
     meshes = output is not None or not emit_spec
     output = output or STANDARD
-    animation = meshes and is_animation(options, output, spec)
+    animation = meshes and is_animation(options, output)
     check_length(animation, steps)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -68,16 +68,11 @@ class Manifest:
         The options that all files have, as plain data.
     output : str
         The file or folder of the meshes.
-    sources : sequence of str
-        Spec files, which it must not replace.
     """
 
-    def __init__(self, path: str, settings: Mapping[str, object], output: str, sources: Sequence[str]) -> None:
+    def __init__(self, path: str, settings: Mapping[str, object], output: str) -> None:
         if path == output == STANDARD:
             raise click.UsageError("--manifest -: meshes go to standard output already, -o names another place")
-        for source in sources:
-            if source != STANDARD and path != STANDARD and os.path.exists(path) and os.path.samefile(source, path):
-                raise click.UsageError(f"--manifest {path}: it is the spec, and would be overwritten")
         self.path = path
         self._settings = settings
         self._is_direct = path == STANDARD or is_device(path)
@@ -91,9 +86,10 @@ class Manifest:
     def recorded(
         self, output: str, measures: Measures, settings: Mapping[str, object], blocks: Iterable[bytes]
     ) -> Iterator[bytes]:
-        """Yield the blocks of a file, and record it."""
-        self._entries.append(entry := Entry(self._name(output), settings, measures))
-        return entry.over(blocks)
+        """Yield the blocks of a file, and record it once all have passed."""
+        entry = Entry(self._name(output), settings, measures)
+        yield from entry.over(blocks)
+        self._entries.append(entry)
 
     def write_with(self, output: str, blocks: Iterable[bytes]) -> None:
         """Write a single mesh, recorded before, and the manifest."""

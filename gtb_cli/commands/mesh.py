@@ -10,12 +10,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.console import STANDARD, Console, lines_about
 from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
-from gtb_cli.commands.options import console_option, file_names, mesh_options, output_option, spec_format_option
+from gtb_cli.commands.options import (
+    INPUT,
+    OUTPUT,
+    WholeNumber,
+    check_outputs,
+    console_option,
+    mesh_options,
+    output_option,
+    spec_format_option,
+)
 from gtb_cli.commands.processes import MAX_JOBS, in_processes
-from gtb_cli.commands.streams import about, file_stem, is_folder, read_spec, shown_input
-from gtb_cli.errors import GtbError, RequirementError
+from gtb_cli.commands.streams import about, file_stem, is_folder, is_terminal, read_spec, shown_input, write_blocks
+from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
@@ -25,14 +34,18 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 
+SCREEN = 1000
+"""Most lines of a mesh that go to a terminal."""
+
+
 @click.command
-@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=file_names)
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 @output_option
 @mesh_options
 @click.option(
     "-j",
     "--jobs",
-    type=click.IntRange(1, MAX_JOBS),
+    type=WholeNumber(1, MAX_JOBS),
     metavar="JOBS",
     default=1,
     help="Processes that share the work on several specs; 1 without this option. Any number makes the same files.",
@@ -40,7 +53,7 @@ if TYPE_CHECKING:
 @click.option(
     "--manifest",
     metavar="FILE",
-    shell_complete=file_names,
+    type=OUTPUT,
     help="Write a JSON object with the versions and options used, and for each mesh file its name, sha256, bytes, "
     "vertices, faces, area, volume (null where open) and bounds. With -, to standard output.",
 )
@@ -72,19 +85,38 @@ def mesh(
         if os.path.splitext(output)[1][1:].lower() in FORMATS:
             raise click.UsageError(f"{len(specs)} specs need a folder for their meshes, and {output} names a file")
         into_folder = True
-    if not into_folder and specs[0] != STANDARD and os.path.exists(output) and os.path.samefile(specs[0], output):
-        raise click.UsageError(f"{output} is the spec, and would be overwritten")
     book = None
     if manifest is not None:
         from gtb_cli.commands.manifest import Manifest
 
         place = os.path.join(output, "") if into_folder else output
         settings = replace(options, format=options.format_for(place)).settings
-        book = Manifest(manifest, settings, place, specs)
+        book = Manifest(manifest, settings, place)
     if into_folder:
         _write_folder(specs, spec_format, output, options, jobs, console, book)
     else:
-        options.write(read_spec(specs[0], spec_format), shown_input(specs[0]), output, console, book)
+        spec, kind = read_spec(specs[0], spec_format), options.format_for(output)
+        _write_file(Task(spec, specs[0], options, kind, book is not None), output, console, book)
+
+
+def _write_file(task: Task, output: str, console: Console, manifest: Manifest | None) -> None:
+    """Write one mesh to a file or to standard output."""
+    faces = task.options.recipe.faces(task.spec)
+    with console.progress(2 * faces) as progress:
+        progress.label = shown_input(task.path)
+        with about(progress.label):
+            task.options.recipe.check_size(task.spec)
+        made = _encoded(task)
+        progress.advance(faces)
+        if is_terminal(output) and made.lines > SCREEN:
+            raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
+        blocks: Iterable[bytes] = progress.over(made.blocks, faces, made.expected_bytes)
+        if manifest is None or made.measures is None:
+            write_blocks(output, blocks)
+        else:
+            blocks = manifest.recorded(output, made.measures, task.options.settings_for(task.spec), blocks)
+            manifest.write_with(output, blocks)
+    console.report(output, made.size, made.warnings)
 
 
 def _write_folder(
@@ -108,18 +140,19 @@ def _write_folder(
             with about(shown_input(path)):
                 options.recipe.check_size(spec)
             tasks.append(Task(spec, path, options, kind, manifest is not None))
-        except GtbError as error:
-            errors.append(error)
+        except Exception as error:  # noqa: BLE001 -- what is wrong with one spec does not take the others along
+            errors.append(_fault(path, error))
     if not tasks:
         raise _joined(errors)
     names = _file_names(tasks)
+    check_outputs(*(os.path.join(folder, name) for name in names))
     jobs = min(jobs, len(tasks))
     reports = []
     with ExitStack() as stack:
         files = stack.enter_context(StagedFiles(folder))
-        encoded: Generator[Encoded | GtbError] = (_encoded(task) for task in tasks)
+        encoded: Generator[Encoded | GtbError] = (_attempted(task) for task in tasks)
         if jobs > 1:
-            encoded = in_processes(_encoded_whole, tasks, jobs)
+            encoded = in_processes(_attempted_whole, tasks, jobs)
         stack.enter_context(closing(encoded))
         sizes = [options.recipe.faces(task.spec) for task in tasks]
         progress = stack.enter_context(console.progress(2 * sum(sizes)))
@@ -134,7 +167,13 @@ def _write_folder(
             target = os.path.join(folder, name)
             if manifest is not None and result.measures is not None:
                 blocks = manifest.recorded(target, result.measures, options.settings_for(task.spec), blocks)
-            files.add(name, blocks)
+            try:
+                files.add(name, blocks)
+            except (GtbError, OSError):
+                raise
+            except Exception as error:  # noqa: BLE001 -- likewise
+                errors.append(_fault(task.path, error))
+                continue
             reports.append((target, result.size, result.warnings))
         if not reports:  # then a folder made for them goes, too
             raise _joined(errors)
@@ -171,28 +210,46 @@ class Encoded(NamedTuple):
     warnings: list[str]
     expected_bytes: float
     measures: Measures | None
+    lines: int
 
 
-def _encoded(task: Task) -> Encoded | GtbError:
+def _encoded(task: Task) -> Encoded:
+    """Make a mesh, and the bytes of its file."""
     spec, path, options, kind, measured = task
+    with about(shown_input(path)):
+        mesh, remarks = options.recipe.mesh(spec)
+        blocks = options.encoded(mesh, kind)
     measures = None
-    try:
-        with about(shown_input(path)):
-            mesh, remarks = options.recipe.mesh(spec)
-            blocks = options.encoded(mesh, kind)
-            if measured:
-                from gtb_cli.meshes.measures import measure
+    if measured:
+        from gtb_cli.meshes.measures import measure
 
-                measures = measure(mesh)
-    except GtbError as error:
-        return error
+        measures = measure(mesh)
+    lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
     warnings = [*remarks, *options.warnings(mesh, kind)]
-    return Encoded(blocks, summary(mesh), warnings, expected_bytes(mesh), measures)
+    return Encoded(blocks, summary(mesh), warnings, expected_bytes(mesh), measures, lines)
 
 
-def _encoded_whole(task: Task) -> Encoded | GtbError:
-    encoded = _encoded(task)
-    return encoded if isinstance(encoded, GtbError) else encoded._replace(blocks=[b"".join(encoded.blocks)])
+def _attempted(task: Task) -> Encoded | GtbError:
+    """The same, or what is wrong with it."""
+    try:
+        return _encoded(task)
+    except Exception as error:  # noqa: BLE001 -- likewise
+        return _fault(task.path, error)
+
+
+def _attempted_whole(task: Task) -> Encoded | GtbError:
+    try:
+        encoded = _encoded(task)
+        return encoded._replace(blocks=[b"".join(encoded.blocks)])
+    except Exception as error:  # noqa: BLE001 -- likewise
+        return _fault(task.path, error)
+
+
+def _fault(path: str, error: Exception) -> GtbError:
+    """What went wrong with one of several specs, with its name."""
+    if isinstance(error, GtbError):
+        return error
+    return GtbError("\n".join(f"{shown_input(path)}: {line}" for line in lines_about(error)))
 
 
 def _file_names(tasks: list[Task]) -> list[str]:

@@ -7,14 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.streams import about, is_device, is_folder, is_terminal, write_blocks
+from gtb_cli.commands.console import STANDARD
+from gtb_cli.commands.streams import is_device, is_folder, is_terminal
 from gtb_cli.errors import ExportError
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
-    from gtb_cli.commands.manifest import Manifest
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
@@ -95,29 +94,6 @@ class MeshOptions:
             way_out = "-o FILE" if kind == "glb" else "-o FILE or --ascii"
             raise ExportError(f"{kind.upper()} is binary, and standard output a terminal: give {way_out}")
         return kind
-
-    def write(
-        self, spec: Patch | Model, source: str, output: str, console: Console, manifest: Manifest | None = None
-    ) -> None:
-        """Make the mesh of a spec, which was read from `source`, and write it to a file or to standard output."""
-        kind = self.format_for(output)
-        faces = self.recipe.faces(spec)
-        with console.progress(2 * faces) as progress:
-            progress.label = source
-            with about(source):
-                self.recipe.check_size(spec)
-                mesh, remarks = self.recipe.mesh(spec)
-                blocks = self.encoded(mesh, kind)
-            progress.advance(faces)
-            blocks = progress.over(blocks, faces, expected_bytes(mesh))
-            if manifest is None:
-                write_blocks(output, blocks)
-            else:
-                from gtb_cli.meshes.measures import measure
-
-                blocks = manifest.recorded(output, measure(mesh), self.settings_for(spec), blocks)
-                manifest.write_with(output, blocks)
-        console.report(output, summary(mesh), [*remarks, *self.warnings(mesh, kind)])
 
 
 def summary(mesh: Mesh) -> str:

@@ -7,14 +7,14 @@ import os
 import click
 
 from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import console_option, output_option
+from gtb_cli.commands.options import WholeNumber, console_option, output_option
 from gtb_cli.commands.streams import write_text
 from gtb_cli.vocabulary import TEMPLATES
 
 
 @click.command
 @click.argument("template", metavar="TEMPLATE", type=click.Choice(TEMPLATES))
-@click.argument("sides", metavar="[N]", type=int, required=False)
+@click.argument("sides", metavar="[N]", type=WholeNumber(), required=False)
 @output_option
 @console_option
 def new(template: str, sides: int | None, output: str, console: Console) -> None:

@@ -11,6 +11,7 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.meshing import MeshOptions
+from gtb_cli.commands.streams import refuse_overwriting
 from gtb_cli.errors import SpecError
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import ATTRIBUTES, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
@@ -67,14 +68,48 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return number
 
 
-def file_names(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Let the shell complete names of files."""
-    from click.shell_completion import CompletionItem
+class FileName(click.ParamType):  # type: ignore[type-arg]
+    """Name of a file, or - for a standard stream, that a command reads, or writes: `INPUT` or `OUTPUT`."""
 
-    return [CompletionItem(incomplete, type="file")]
+    name = "file"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Let the shell complete names of files."""
+        from click.shell_completion import CompletionItem
+
+        return [CompletionItem(incomplete, type="file")]
 
 
-spec_argument = click.argument("spec", metavar="SPEC", shell_complete=file_names)
+INPUT, OUTPUT = FileName(), FileName()
+
+
+class WholeNumber(click.IntRange):
+    """A whole number within limits."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read one, or say what is expected."""
+        try:
+            int(value)
+        except ValueError:
+            limits = "" if self.min is None else f" from {self.min}"
+            limits += "" if self.max is None else f" to {self.max}"
+            self.fail(f"expected a whole number{limits}, got {str(value)[:60]!r}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+def named_files(kind: FileName) -> list[str]:
+    """Inputs or outputs that the running command was given."""
+    context = click.get_current_context()
+    given = [context.params.get(param.name or "") for param in context.command.params if param.type is kind]
+    return [path for value in given if value is not None for path in ((value,) if isinstance(value, str) else value)]
+
+
+def check_outputs(*outputs: str) -> None:
+    """Refuse outputs that are inputs of the running command, before anything is written."""
+    refuse_overwriting(named_files(INPUT), outputs)
+
+
+spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
 spec_format_option = click.option(
     "--spec-format",
@@ -87,7 +122,7 @@ output_option = click.option(
     "--output",
     metavar="OUT",
     default=STANDARD,
-    shell_complete=file_names,
+    type=OUTPUT,
     help="Write to this file. Without it, or with -, to standard output.",
 )
 
@@ -109,11 +144,12 @@ lifting_option = click.option(
 
 
 def console_option(function: Function) -> Function:
-    """Add ``-q/--quiet``; the command gets a `console`."""
+    """Add ``-q/--quiet``; the command gets a `console`, and is not called where it would overwrite what it reads."""
 
     @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
     @functools.wraps(function)
     def command(*args: Any, quiet: bool, **values: Any) -> object:
+        check_outputs(*named_files(OUTPUT))
         return function(*args, console=Console(quiet), **values)
 
     return command
@@ -125,7 +161,7 @@ def mesh_options(function: Function) -> Function:
     @click.option(
         "-n",
         "--resolution",
-        type=click.IntRange(1, MAX_RESOLUTION),
+        type=WholeNumber(1, MAX_RESOLUTION),
         metavar="N",
         help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
     )
@@ -147,7 +183,7 @@ def mesh_options(function: Function) -> Function:
     @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
     @click.option(
         "--max-faces",
-        type=click.IntRange(min=1),
+        type=WholeNumber(min=1),
         metavar="N",
         default=MAX_FACES,
         help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",

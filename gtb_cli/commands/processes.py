@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 from gtb_cli.errors import GtbError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -54,7 +54,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     try:
         for task in tasks:
             with _signals_later():  # this may start processes
-                waiting.append(executor.submit(function, task))
+                waiting.append(_submitted(executor, function, task))
             if len(waiting) > jobs:
                 yield waiting.popleft().result()
         while waiting:
@@ -70,6 +70,15 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
         if writer is not None:
             writer.close()
         executor.shutdown(cancel_futures=True)
+
+
+def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: T) -> Future[R]:
+    try:
+        return executor.submit(function, task)
+    except (OSError, RuntimeError) as error:
+        if "process pool" in str(error):  # a worker was killed
+            raise
+        raise GtbError(f"cannot start a process: {error} (-j 1 needs none)") from None
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import click
 
 from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
-from gtb_cli.commands.options import file_names
+from gtb_cli.commands.options import OUTPUT, check_outputs
 from gtb_cli.commands.streams import file_stem, is_device, is_folder, read_spec, shown_input, write_blocks
 from gtb_cli.errors import ExportError, SpecError
 from gtb_cli.vocabulary import FORMATS
@@ -35,7 +35,7 @@ output_option = click.option(
     "-o",
     "--output",
     metavar="DIR|FILE.glb",
-    shell_complete=file_names,
+    type=OUTPUT,
     help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
 )
 
@@ -50,12 +50,10 @@ def read_patch(path: str, spec_format: str | None) -> Patch:
     return spec
 
 
-def is_animation(options: MeshOptions, output: str, spec: str) -> bool:
+def is_animation(options: MeshOptions, output: str) -> bool:
     """Tell whether an output is one file with an animation, not a folder; refuse what a sequence cannot be."""
     animation = not is_folder(output) and _is_animated_file(options, output)
     if animation:
-        if os.path.exists(spec) and os.path.exists(output) and os.path.samefile(spec, output):
-            raise click.UsageError(f"{output} is the spec, and would be overwritten")
         if options.ascii:
             raise click.UsageError("--ascii: an animation is a GLB file, and GLB has no text form")
         options.format_for(output)
@@ -131,8 +129,9 @@ def write_sequence(
     else:
         stem, kind = file_stem(sequence.name), options.format or "obj"
         names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
-        warnings = _write_folder(sequence, names, kind, output, options, console)
         places = [os.path.join(output, name) for name in names]
+        check_outputs(*places, os.path.join(output, RECORD))
+        warnings = _write_folder(sequence, names, kind, output, options, console)
     for value, reason in sequence.doubts:
         console.warn(f"{sequence.key} {value:g}: the distance is between coarse meshes: {reason}")
     for warning in warnings:

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
+import click
+
 from gtb_cli.commands.console import STANDARD, abandon
 from gtb_cli.errors import ExportError, GtbError, SpecError
 
@@ -75,6 +77,27 @@ def opened(path: str) -> Iterator[IO[bytes]]:
 def shown_input(path: str) -> str:
     """Name an input in messages."""
     return STDIN if path == STANDARD else path or "''"
+
+
+def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
+    """Raise a usage error for an output that is one of the inputs, by whatever name.
+
+    What is no regular file, such as a terminal, may be both.
+    """
+    read = [status for path in inputs if (status := _status(path)) is not None]
+    for output in outputs:
+        if output != STANDARD and os.path.isfile(output):
+            status = os.stat(output)
+            if any(os.path.samestat(status, other) for other in read):
+                raise click.UsageError(f"{output} is read by this command, and would be overwritten")
+
+
+def _status(path: str) -> os.stat_result | None:
+    """What the system knows of an input, or None where there is none."""
+    try:
+        return os.stat(path) if path != STANDARD else os.fstat(sys.stdin.fileno())
+    except (OSError, ValueError, AttributeError):
+        return None
 
 
 def write_blocks(output: str, blocks: Iterable[bytes]) -> None:

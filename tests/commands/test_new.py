@@ -109,7 +109,7 @@ def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
         (["n-gon"], "n-gon: expected a number of sides, such as n-gon 7"),
         (["n-gon", "2"], f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got 2"),
         (["n-gon", "101"], "got 101"),
-        (["n-gon", "seven"], "'seven' is not a valid integer"),
+        (["n-gon", "seven"], "expected a whole number, got 'seven'"),
         (["curve", "7"], "curve: expected no number of sides, got 7; n-gon takes one"),
         (["octagon"], "'octagon' is not one of 'curve', 'triangle'"),
         ([], "Missing argument 'TEMPLATE'"),

@@ -1,0 +1,182 @@
+"""Inputs stay what they are: no command overwrites what it reads, under any name."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gtb_cli.commands.meshing import MeshOptions
+from gtb_cli.tessellation.recipe import Recipe
+from tests.shell import PENTAGON, command, environment, gtb, process
+
+SPEC = Path(PENTAGON).read_bytes()
+OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+COMMANDS = [
+    "info s.toml -o s.toml",
+    "info s.toml -o ./s.toml",
+    "info s.toml -o linked.toml",
+    "check s.toml -o s.toml",
+    "decompose s.toml -o s.toml",
+    "boundary s.toml 0 -o s.toml",
+    "coefficients s.toml -o s.toml",
+    "elevate s.toml -o s.toml",
+    "eval s.toml p.txt -o s.toml",
+    "eval s.toml p.txt -o p.txt",
+    "fit p.txt -o p.txt",
+    "diff a.obj b.obj -o a.obj",
+    "diff a.obj b.obj -o b.obj",
+    "diff meshes meshes -o meshes/a.obj",
+    "mesh s.toml -f obj -o s.toml",
+    "mesh s.toml -o x.obj --manifest s.toml",
+    "mesh s.toml w.obj -o ./",
+    "mesh w.obj -o ./",
+    "degenerate s.toml -f glb -o s.glb -x 2 -n 1",
+    "degenerate sequence.json -o ./ -x 2 -n 1",
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Inputs of all kinds, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("s.toml", "w.obj"):
+        Path(name).write_bytes(SPEC)
+    Path("s.glb").symlink_to("s.toml")
+    Path("linked.toml").symlink_to("s.toml")
+    triangle = {"knots": [[0, 0], [1, 0], [0, 1]], "control_points": [[0, 0], [1, 0], [0, 1]], "lifting": [0, 1, 0]}
+    Path("sequence.json").write_text(json.dumps(triangle), encoding="utf-8")
+    Path("p.txt").write_bytes(b"0.5 1.5\n0.6 1.4\n")
+    Path("meshes").mkdir()
+    for name in ("a.obj", "b.obj", "meshes/a.obj"):
+        Path(name).write_bytes(OBJ)
+    return tmp_path
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_an_input_is_not_overwritten(line, folder):
+    before = contents(folder)
+    result = gtb(*line.split())
+    assert result.status == 2
+    assert "would be overwritten" in result.err
+    assert contents(folder) == before
+
+
+def test_an_input_that_comes_by_a_redirection_is_not_overwritten(folder):
+    arguments = command("info", "-", "-o", "s.toml")
+    with Path("s.toml").open("rb") as file:
+        done = subprocess.run(arguments, stdin=file, env=environment(), capture_output=True, check=False)
+    assert done.returncode == 2
+    assert b"would be overwritten" in done.stderr
+    assert Path("s.toml").read_bytes() == SPEC
+
+
+def test_another_file_is_overwritten(folder):
+    shutil.copy("s.toml", "t.toml")
+    assert gtb("info", "s.toml", "-o", "t.toml").status == 0
+    assert Path("s.toml").read_bytes() == SPEC
+    assert Path("t.toml").read_bytes() != SPEC
+
+
+# --- one of several specs
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_internal_error_of_one_spec_leaves_the_others(jobs, folder, monkeypatch):
+    mesh = Recipe.mesh
+
+    def broken(self, spec):
+        if spec.name == "bad":
+            raise IndexError("row 3")
+        return mesh(self, spec)
+
+    monkeypatch.setattr(Recipe, "mesh", broken)
+    Path("bad.toml").write_bytes(SPEC.replace(b'name = "pentagon"', b'name = "bad"'))
+    result = gtb("mesh", "s.toml", "bad.toml", "linked.toml", "-n", "2", "-j", jobs, "-o", "out")
+    assert result.status == 2
+    assert "bad.toml: internal error, please report it: IndexError: row 3" in result.err
+    assert sorted(os.listdir("out")) == ["linked.obj", "s.obj"]
+
+
+def test_an_internal_error_in_the_middle_of_a_file_leaves_the_others(folder, monkeypatch):
+    encoded = MeshOptions.encoded
+
+    def broken(self, mesh, kind):
+        yield from encoded(self, mesh, kind)
+        if mesh.name == "bad":
+            raise IndexError("row 3")
+
+    monkeypatch.setattr(MeshOptions, "encoded", broken)
+    Path("bad.toml").write_bytes(SPEC.replace(b'name = "pentagon"', b'name = "bad"'))
+    result = gtb("mesh", "bad.toml", "s.toml", "-n", "2", "-o", "out", "--manifest", "m.json")
+    assert result.status == 2
+    assert "bad.toml: internal error" in result.err
+    assert os.listdir("out") == ["s.obj"]
+    assert [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]] == ["out/s.obj"]
+
+
+# --- words
+
+
+def test_errors_are_json_where_standard_error_is_not_utf_8(folder):
+    result = process("info", "--json", "größe.toml", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert json.loads(result.err)["errors"] == ["größe.toml: No such file or directory"]
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(24, "Too many open files"), "too many open files"),
+        (BlockingIOError(11, "Resource temporarily unavailable"), "no more processes or threads"),
+        (FileNotFoundError(2, "No such file or directory"), "the working folder is gone"),
+        (OSError(28, "No space left on device"), "cannot write standard output: No space left on device"),
+        (OSError(13, "Permission denied", "x.toml"), "x.toml: Permission denied"),
+    ],
+)
+def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, words, monkeypatch):
+    def broken(*arguments):
+        raise error
+
+    monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
+    monkeypatch.setattr("gtb_cli.commands.cli.abandon", lambda stream: None)
+    result = gtb("info", PENTAGON)
+    assert result.status == 2
+    assert result.err.startswith(f"gtb: error: {words}")
+
+
+@pytest.mark.parametrize("variables", [{}, {"COMP_WORDS": "gtb", "COMP_CWORD": "x"}])
+def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
+    monkeypatch.setenv("_GTB_COMPLETE", "bash_complete")
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    result = gtb()
+    assert result.status == 2
+    assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which set COMP_WORDS and COMP_CWORD, too\n"
+
+
+def test_the_beginning_of_an_option_suggests_it():
+    assert "--resolution" in gtb("mesh", PENTAGON, "--res", "4").err
+
+
+def test_help_is_a_command_too():
+    assert gtb("help", "mesh").text == gtb("mesh", "--help").text
+    assert gtb("help").text == gtb("--help").text
+    result = gtb("help", "mash")
+    assert result.status == 2
+    assert "Did you mean mesh?" in result.err
+
+
+def test_a_terminal_gets_no_thousands_of_lines(monkeypatch):
+    monkeypatch.setattr("gtb_cli.commands.mesh.is_terminal", lambda output: output == "-")
+    assert gtb("mesh", PENTAGON, "-n", "2").out.startswith(b"v ")
+    result = gtb("mesh", PENTAGON)
+    assert result.status == 2
+    assert result.out == b""
+    assert "lines, and standard output is a terminal: give -o FILE" in result.err
