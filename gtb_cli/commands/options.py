@@ -132,7 +132,7 @@ parametrization_option = click.option(
     "--parametrization",
     type=click.Choice(PARAMETRIZATIONS),
     help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear). "
-    "Without it: toric, but linear for meshes of models and with --tolerance.",
+    "Without it: toric, but linear for meshes of models and, always, with --tolerance.",
 )
 
 lifting_option = click.option(

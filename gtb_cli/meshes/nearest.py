@@ -186,9 +186,3 @@ def _spread(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[t
 
 def _ranges(count: int, length: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + length, count)) for begin in range(0, count, length)]
-
-
-def are_near(points: FloatArray, cells: FloatArray, tolerance: float) -> bool:
-    """Whether (m, 3) points are within a distance of the nearest of (k, d + 1, 3) cells."""
-    nearest = NearestCells(cells)
-    return bool(nearest.search(points, *nearest.start(points))[0].max() <= tolerance)

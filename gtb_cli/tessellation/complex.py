@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
 
@@ -54,20 +54,6 @@ class Complex:
     corners: FloatArray
     collapsed: IntArray
     sides: int = 0
-
-    def part(self, rows: slice) -> Complex:
-        """Some of the cells, and their vertices."""
-        used, cells = np.unique(self.cells[rows], return_inverse=True)
-        return replace(
-            self,
-            patch=self.patch[used],
-            parameters=self.parameters[used],
-            face=self.face[used],
-            cells=cells.reshape(-1, self.cells.shape[1]),
-            cell_patch=self.cell_patch[rows],
-            corners=self.corners[rows],
-            collapsed=self.collapsed[:0],
-        )
 
     @property
     def is_simplicial(self) -> bool:

@@ -76,6 +76,8 @@ class Recipe:
     def __post_init__(self) -> None:
         if isinstance(self.tolerance, str):
             percentage(self.tolerance)
+        if self.tolerance is not None and self.parametrization == "toric":
+            raise DomainError("--tolerance chooses the parameters itself: leave out --parametrization toric")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: makes a tube of a curve, and thickness a solid of a surface, not both")
         if self.require not in (None, "watertight"):

@@ -15,7 +15,6 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
-from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
@@ -31,9 +30,8 @@ SHORTEST = 1e-13
 MARGIN = 0.9
 """Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
 
-SLIM = {"linear": 0.01, "toric": 1e-12}
-"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin. In
-toric parameters triangles along edges of Δ have to be."""
+SLIM = 0.01
+"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin."""
 
 ROUGH = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
@@ -61,13 +59,8 @@ KNOWN = 1000
 SURE = 4.0
 """How many times the cells that are allowed they must be, so that it is given up."""
 
-FEW_OF = 16
-"""Of so many cells one is sampled first, where most complexes are not good enough."""
 
-
-def refine(
-    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, witnesses: FloatArray | None = None
-) -> tuple[Complex, FloatArray]:
+def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
     """Refine a complex until every sample of the surface is within a distance of its cell.
 
     Parameters
@@ -75,11 +68,11 @@ def refine(
     start : Complex
         Simplicial.
     sampler : Sampler
+        Of linear parameters: toric ones are too close to tell apart where exponents are small, so that points of the
+        surface would be left out.
     tolerance : float
         Largest distance from the surface to the mesh, in model units.
     max_cells : int
-    witnesses : (m, 3) float, optional
-        Points of the surface, known otherwise, that must be as near to the mesh.
 
     Returns
     -------
@@ -99,25 +92,9 @@ def refine(
     samples.
     """
     work = _Refinement(start, sampler, tolerance, max_cells)
-    while work.step() or (witnesses is not None and work.step_towards(witnesses)):
-        pass
+    while (marked := work.marks()).any():
+        work.advance(marked)
     return work.mesh.result(), work.mesh.points
-
-
-def sampled(start: Complex, sampler: Sampler, tolerance: float) -> tuple[FloatArray, float, bool]:
-    """(v, 3) vertices of a complex, the surface's largest distance from its cells, and whether `refine` would stop.
-
-    Sampled like `refine` does; where edges alone, or some of the cells, are beyond the tolerance already, no further.
-    """
-    if len(start.cells) > FEW_OF * LATTICE:
-        few = _Refinement(start.part(slice(None, None, FEW_OF)), sampler, tolerance, len(start.cells))
-        if float(few.error.max()) > few.tolerance:
-            return few.mesh.points, float(few.error.max()) / MARGIN, False
-    work = _Refinement(start, sampler, tolerance, len(start.cells))
-    # Cells that bulge, or do not cover a flat patch, fail though no sample may be far from its own cell.
-    holds = not work.marks().any()
-    distance = max(work.worst, float(work.error.max()))
-    return work.mesh.points, distance / MARGIN, holds and distance <= work.tolerance
 
 
 class _Refinement:
@@ -133,13 +110,13 @@ class _Refinement:
                 f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
                 f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
             )
-        self.mesh = Subdivision(start, points, sampler.patches, SLIM[sampler.parametrization])
+        self.mesh = Subdivision(start, points, sampler.patches, SLIM)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is no error of the mesh.
         self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.patches])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
-        self.nearby, self.worst, self.estimated = 0.0, 0.0, 0
+        self.nearby, self.estimated = 0.0, 0
         self.verified = np.zeros(len(start.cells), dtype=bool)
         # Of edges: their curves' middles, how far these are from them, the farthest sample (0 where the edge is split
         # and gone), and how far samples are from a parabola's.
@@ -169,26 +146,6 @@ class _Refinement:
         distance = to_segments(sample, *self.mesh.ends(rows))
         return sample.reshape(-1, len(fractions), 3), distance.reshape(-1, len(fractions))
 
-    def step(self) -> bool:
-        """Split what is too far from the surface; False when nothing is."""
-        marked = self.marks()
-        if not marked.any():
-            return False
-        self.advance(marked)
-        return True
-
-    def step_towards(self, witnesses: FloatArray) -> bool:
-        """Split the cells that are nearest to points that are too far from all; False when none is."""
-        nearest = NearestCells(self.mesh.points[self.mesh.cells.cells])
-        distance, cell = nearest.search(witnesses, *nearest.start(witnesses))
-        failing = np.unique(cell[distance > self.tolerance])
-        if not len(failing):
-            return False
-        marked = np.zeros(len(self.error), dtype=bool)
-        self.mark_worst(marked, failing)
-        self.advance(marked)
-        return True
-
     def advance(self, marked: BoolArray) -> None:
         """Split edges and sample what is new."""
         self.mesh.mark_thin(marked)
@@ -217,7 +174,7 @@ class _Refinement:
         elif needed > SURE * self.max_cells:
             why = f"needs about {needed:.1g} faces, more than {self.max_cells}"
         elif (edges.widths < SHORTEST * self.sizes.take(edges.patch)).any():
-            why = f"is not reached where {self.sampler.parametrization} parameters are too close to tell apart"
+            why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(
                 f"tolerance: {self.asked:g} {why}; with {len(self.mesh)} the distance is still {self.error.max():.3g}"
@@ -417,9 +374,7 @@ class _Refinement:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
         inside = np.zeros(len(cell), dtype=np.int64)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inside, self.nearby)
-        distance = to_triangles(sample, *self.mesh.corners(cell))
-        self.worst = max(self.worst, float(distance.max(initial=0.0)))
-        return distance
+        return to_triangles(sample, *self.mesh.corners(cell))
 
 
 def cells_needed(errors: FloatArray) -> float:

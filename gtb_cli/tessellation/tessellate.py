@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -22,16 +21,6 @@ from gtb_cli.vocabulary import MAX_FACES
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
-
-UNIFORM_TRIALS = 2
-"""Uniform complexes tried in place of a refined one."""
-
-WITNESSES = 48
-"""Segments of each edge of an even mesh in the linear parametrisation, whose vertices a toric one must be near to."""
-
-TORIC_LEAST, TORIC_MOST = 20_000, 100
-"""A toric mesh of more cells than this, and as many for each of the linear one, is given up: where parameters near the
-edges of Δ are too close to tell apart, more do not help."""
 
 COARSEST = (1, 2, 3, 4)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
@@ -58,7 +47,8 @@ def tessellate(
     tolerance : float, optional
         Largest distance from the surface to the mesh, in model units; verified by sampling.
     parametrization : {"toric", "linear"}, optional
-        Where vertices are put. Default: toric, the paper's, for a patch without tolerance, else linear.
+        Where vertices are put. Default: toric, the paper's, for a patch without tolerance, else linear; with a
+        tolerance always linear.
     normals : bool
         Whether a surface's mesh gets its unit normals, which take longer than its points.
     max_faces : int
@@ -90,8 +80,8 @@ def tessellate(
         joints = find_joints(patches)
     if parametrization is None:
         parametrization = "linear" if isinstance(shape, Model) or tolerance is not None else "toric"
-    if isinstance(shape, Model) and tolerance is not None and parametrization == "toric":
-        raise DomainError("parametrization: a model is meshed to a tolerance in the linear one only")
+    if tolerance is not None and parametrization == "toric":
+        raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
     sampler = Sampler(patches, parametrization, isinstance(shape, Model), joints.flipped if joints else ())
     if tolerance is None:
         refuse_too_many(sum(cell_count(patch.domain, resolution) for patch in patches), max_faces)
@@ -100,7 +90,7 @@ def tessellate(
         refuse_too_many(len(mosaic.cells), max_faces)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
-        mosaic, points = fewest_cells(patches, joints, sampler, float(tolerance), max_faces)
+        mosaic, points = refined(patches, joints, sampler, float(tolerance), max_faces)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
 
 
@@ -110,77 +100,20 @@ def refuse_too_many(cells: int, max_faces: int) -> None:
         raise ToleranceError(f"the mesh would have {cells} faces, more than {max_faces}: lower -n or raise --max-faces")
 
 
-def fewest_cells(
+def refined(
     patches: Sequence[Patch], joints: Joints | None, sampler: Sampler, tolerance: float, max_faces: int
 ) -> tuple[Complex, FloatArray]:
-    """The refined complex, or a uniform one that holds the tolerance with fewer cells.
-
-    Refinement halves; on a gentle surface a number of cells between its steps can be enough.
-    """
-    from gtb_cli.meshes.nearest import are_near
-    from gtb_cli.tessellation.refinement import refine, sampled
+    """The coarsest complex that serves, refined until it holds a tolerance, and the points of its vertices."""
+    from gtb_cli.tessellation.refinement import refine
 
     for coarsest in COARSEST:
         start = joined_complex(patches, joints, coarsest)
         if not start.is_simplicial and coarsest < COARSEST[-1]:
             continue
-        witnesses = None
-        if sampler.parametrization == "toric":
-            refined, witnesses = refined_in_toric(start, sampler, tolerance, max_faces)
-        else:
-            refined = refine(start, sampler, tolerance, max_faces)
-        found = refined
-        if refined[0].is_whole:
+        mosaic, points = refine(start, sampler, tolerance, max_faces)
+        if mosaic.is_whole:
             break
-
-    # The largest number with fewer cells than were found. Where refinement went to less than half its cells' width, it
-    # cannot hold: only what is too wide is halved. From there down by the square law of chord errors.
-    unit = sum(cell_count(patch.domain, 1) for patch in patches)
-    n = int(((len(found[0].cells) - 1) / unit) ** (1 / patches[0].dimension))
-    if 2.1 * n < coarsest * narrowest(start, patches) / narrowest(found[0], patches):
-        return found
-    low, high = coarsest - 1, n + 1
-    for _ in range(UNIFORM_TRIALS):
-        if not low < n < high:
-            break
-        candidate = joined_complex(patches, joints, n)
-        points, distance, holds = sampled(candidate, sampler, tolerance)
-        holds &= candidate.is_whole
-        if holds and (witnesses is None or are_near(witnesses, points[candidate.cells], tolerance)):
-            found, high = (candidate, points), n
-        elif found is refined:
-            break
-        else:
-            low = n
-        n = min(max(math.ceil(n * math.sqrt(distance / tolerance)), low + 1), high - 1)
-    return found
-
-
-def refined_in_toric(
-    start: Complex, sampler: Sampler, tolerance: float, max_faces: int
-) -> tuple[tuple[Complex, FloatArray], FloatArray]:
-    """Refine a complex in toric parameters, until it is near to points of linear ones, too; and these points.
-
-    Where exponents are small, much of the surface is nearer to an edge of Δ than toric parameters tell apart.
-    """
-    from gtb_cli.tessellation.refinement import refine
-
-    linear = Sampler(sampler.patches, "linear", False)
-    even = joined_complex(sampler.patches, None, WITNESSES)
-    simple, points = refine(start, linear, tolerance, max_faces)
-    witnesses = np.concatenate([points, linear.points(even.patch, even.parameters, even.face)])
-    count = len(simple.cells)
-    try:
-        refined = refine(start, sampler, tolerance, min(max_faces, TORIC_LEAST + TORIC_MOST * count), witnesses)
-    except ToleranceError as error:
-        raise ToleranceError(f"{error}; linear parameters take {count} faces") from None
-    return refined, witnesses
-
-
-def narrowest(mosaic: Complex, patches: Sequence[Patch]) -> float:
-    """Width of the narrowest cell of a complex, as a fraction of its patch's domain."""
-    sides = np.abs(mosaic.corners - np.roll(mosaic.corners, 1, axis=1)).max(axis=(1, 2))
-    return float((sides / np.array([patch.domain.size for patch in patches])[mosaic.cell_patch]).min())
+    return mosaic, points
 
 
 def _mesh(
@@ -203,7 +136,7 @@ def _mesh(
     normals = None
     inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
-        inward = inside_out(vertices, cells, cell_patch)
+        inward = inside_out(vertices, cells, cell_patch, len(sampler.patches))
         cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
     if with_normals and cells.shape[1] == 3:
         normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
@@ -225,9 +158,8 @@ def _mesh(
     )
 
 
-def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray) -> BoolArray:
-    """(patches,) whether a patch belongs to a closed body whose faces look inwards."""
-    count = int(face_patch.max()) + 1
+def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray, count: int) -> BoolArray:
+    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces look inwards."""
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(face_patch, 3)
     order = np.lexsort(sides.T)

@@ -10,7 +10,7 @@ from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
-from tests.shell import SPECS, gtb
+from tests.shell import PENTAGON, SPECS, gtb
 
 CASES = [
     ("pentagon", Recipe(4, thickness=-0.1), ["-n", "4", "--thickness=-0.1"]),
@@ -57,6 +57,17 @@ def test_a_tolerance_that_is_not_a_percentage_is_refused(text):
 def test_what_makes_no_sense_is_refused(options):
     with pytest.raises(DomainError):
         Recipe(**options)
+
+
+def test_a_tolerance_in_toric_parameters_is_refused_with_the_way_out(tmp_path):
+    message = "--tolerance chooses the parameters itself: leave out --parametrization toric"
+    with pytest.raises(DomainError, match=message):
+        Recipe(tolerance="1%", parametrization="toric")
+    target = tmp_path / "out.obj"
+    result = gtb("mesh", PENTAGON, "--tolerance", "1%", "--parametrization", "toric", "-o", target)
+    assert result.status == 2
+    assert message in result.err
+    assert not target.exists()
 
 
 def test_an_open_mesh_is_refused_where_it_must_be_watertight():

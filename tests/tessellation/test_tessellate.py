@@ -216,8 +216,22 @@ def test_numbers_that_make_no_sense_are_refused():
         tessellate(octant(1, 1, 1), 2, parametrization="polar")
     with pytest.raises(ToleranceError, match=r"would have 100000000000000 faces, more than 5000000"):
         tessellate(octant(1, 1, 1), 10**7)
-    with pytest.raises(DomainError, match="linear one only"):
-        tessellate(ball(), tolerance=0.1, parametrization="toric")
+
+
+@pytest.mark.parametrize("shape", [octant(1, 1, 1), ball()], ids=["patch", "model"])
+def test_a_tolerance_in_toric_parameters_is_refused(shape):
+    with pytest.raises(DomainError, match="parametrization: a tolerance chooses the parameters itself: leave out"):
+        tessellate(shape, tolerance=0.1, parametrization="toric")
+
+
+@pytest.mark.parametrize("resolution", [1, 2, 3])
+def test_the_last_patch_may_lose_all_its_faces(resolution):
+    knots = [(0, 0), (1, 0), (0, 1)]
+    point = (0.0, 0.0, 0.0)
+    corners = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    sides = [Patch(knots, [point, corners[k], corners[k - 2]]) for k in (0, 1)]
+    mesh = tessellate(Model((*sides, Patch(knots, [point] * 3))), resolution)
+    assert [stop - start for _, start, stop in mesh.groups] == [resolution**2, resolution**2, 0]
 
 
 def test_missing_normals_are_the_mean_of_adjacent_faces():
