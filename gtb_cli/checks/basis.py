@@ -8,17 +8,8 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.description import description
-from gtb_cli.checks.probe import (
-    ROUNDINGS,
-    Outcome,
-    Probe,
-    at_most,
-    largest,
-    not_applicable,
-    number,
-    principal_axes,
-    within_rounding,
-)
+from gtb_cli.checks.probe import ROUNDINGS, Probe, largest, principal_axes
+from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 from gtb_cli.theory.hull import convex_hull

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray
-from gtb_cli.checks.probe import Outcome, Probe, not_applicable, within_rounding
+from gtb_cli.checks.probe import Probe
+from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.bezier import binomial_coefficients, lattice_of
 

@@ -1,4 +1,4 @@
-"""What checks measure with: outcomes, sample parameters of a patch, and how far rounding may reach on it."""
+"""What checks measure with: sample parameters of a patch, and how far rounding may reach on it."""
 
 from __future__ import annotations
 
@@ -6,27 +6,23 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.checks.report import Outcome
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
-Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
-
 ROUNDINGS = 64
 """Roundings of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient."""
 
 EXPONENT_ROUNDINGS = 8
 """Roundings of an exponent, each of the size of its terms: a logarithm and two short sums of products."""
-
-VACUOUS = 0.01
-"""A bound of rounding above this fraction of sizes shows nothing."""
 
 MAX_SAMPLES = 1500
 """Roughly the most parameters at which a patch is sampled."""
@@ -44,59 +40,6 @@ NEAR_BOUNDARY = (2.0**-8, 2.0**-16, 2.0**-30)
 
 FEWEST = 16
 """Sample parameters of the largest patches."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a check found.
-
-    Attributes
-    ----------
-    status : {"holds", "fails", "not applicable", "measured"}
-        "measured" where the number is no verdict.
-    value : float or None
-        The largest violation that was measured, or the number.
-    bound : float or None
-        The largest value with which the property holds: what rounding may do.
-    reason : str
-        What was measured, or the condition that the patch does not fulfil.
-    """
-
-    status: Status
-    value: float | None
-    bound: float | None
-    reason: str
-
-
-def at_most(value: float, bound: float, reason: str) -> Outcome:
-    """A property holds if its largest violation is within a bound; a NaN is not."""
-    return Outcome("holds" if value <= bound else "fails", value, bound, reason)
-
-
-def within_rounding(value: float, bound: float, reason: str) -> Outcome:
-    """A property holds if its largest violation, as a fraction of sizes, is within what rounding may do.
-
-    Where rounding may do anything, nothing can be told.
-    """
-    if value <= bound and bound > VACUOUS:
-        return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
-    return at_most(value, bound, reason)
-
-
-def number(value: float | None, reason: str) -> Outcome:
-    """A measurement without a verdict."""
-    return Outcome("measured", value, None, reason)
-
-
-def not_applicable(condition: str) -> Outcome:
-    """A property that is not claimed for this patch."""
-    return Outcome("not applicable", None, None, condition)
-
-
-def largest(values: FloatArray) -> float:
-    """The largest of some violations: 0 of none, infinite if one is not a number."""
-    worst = float(values.max(initial=0.0))
-    return math.inf if math.isnan(worst) else worst
 
 
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
@@ -239,3 +182,9 @@ def evenly(count: int, dimension: int) -> FloatArray:
         root = (1.0 + root) ** (1.0 / (dimension + 1))
     steps = root ** -np.arange(1.0, dimension + 1)
     return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)
+
+
+def largest(values: FloatArray) -> float:
+    """The largest of some violations: 0 of none, infinite if one is not a number."""
+    worst = float(values.max(initial=0.0))
+    return math.inf if math.isnan(worst) else worst

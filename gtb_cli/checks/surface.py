@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.checks.probe import Outcome, Probe, largest, not_applicable, points_at_torus, within_rounding
+from gtb_cli.checks.probe import Probe, largest, points_at_torus
+from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.patch import Patch
 

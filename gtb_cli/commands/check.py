@@ -15,7 +15,7 @@ from gtb_cli.commands.options import console_option, json_option, output_option,
 from gtb_cli.commands.streams import about, is_terminal, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
-    from gtb_cli.checks import Finding, ModelReport, Report
+    from gtb_cli.checks.report import Finding, ModelReport, Report
 
 FAILED = 1
 """Exit status of a check that says no."""
@@ -43,8 +43,8 @@ def check(spec: str, as_json: bool, output: str, spec_format: str | None, consol
     they are not fulfilled, and a number without a verdict is "measured". Of a model each patch is checked, and the
     joints between patches; what fails is listed, and --json has the rest. Exit status 1 if a property fails.
     """
-    from gtb_cli.checks import Report
-    from gtb_cli.checks import check as measure
+    from gtb_cli.checks.check import check as measure
+    from gtb_cli.checks.report import Report
 
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):

@@ -9,9 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtb_cli.checks import PROPERTIES, check, check_model, check_patch
+from gtb_cli.checks.check import check, check_model, check_patch
 from gtb_cli.checks.lattice import bernstein
-from gtb_cli.checks.probe import Outcome, Probe, evenly
+from gtb_cli.checks.probe import Probe, evenly
+from gtb_cli.checks.properties import PROPERTIES
+from gtb_cli.checks.report import Outcome
 from gtb_cli.errors import DomainError
 from gtb_cli.spec.loading import load
 from gtb_cli.theory.bezier import binomial_coefficients

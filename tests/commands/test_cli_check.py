@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gtb_cli import checks
-from gtb_cli.checks import PROPERTIES
-from gtb_cli.checks.probe import Outcome
+from gtb_cli.checks import check as room
+from gtb_cli.checks.properties import PROPERTIES
+from gtb_cli.checks.report import Outcome
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process
 
 TWO = b"""
@@ -37,7 +37,7 @@ def failing(monkeypatch):
             return prop._replace(measure=lambda probe: Outcome("fails", float("inf"), 0.0, "not a number"))
         return prop
 
-    monkeypatch.setattr(checks, "PROPERTIES", tuple(map(replaced, PROPERTIES)))
+    monkeypatch.setattr(room, "PROPERTIES", tuple(map(replaced, PROPERTIES)))
 
 
 def test_a_table_with_a_line_for_each_property():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gtb_cli import vocabulary
-from gtb_cli.checks import check
+from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.loading import load, parse

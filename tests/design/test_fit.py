@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.checks import check_patch
+from gtb_cli.checks.check import check_patch
 from gtb_cli.design.fit import MAX_POINTS, REACHED, fit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.spec.loading import parse

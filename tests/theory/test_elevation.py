@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtb_cli.checks import check_patch
+from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.probe import points_at_torus
 from gtb_cli.errors import DomainError
 from gtb_cli.spec.loading import load

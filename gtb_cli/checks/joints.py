@@ -1,0 +1,59 @@
+"""How the patches of a model fit together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
+from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+STATED = "Thm 4.0"
+"""Where the paper says that an edge is the curve of its own knots."""
+
+JOINED = 8 * CURVE_TOLERANCE
+"""Largest distance between points of edges that are joined, of the model's size: their control points and knots differ
+by `CURVE_TOLERANCE` at most, and their weights by a factor that near 1."""
+
+
+def joint_findings(model: Model) -> tuple[Finding, ...]:
+    """How patches fit together: that joined edges are one curve, and what a closed body would not have."""
+    joints = model.joints
+    what = "edges" if model.dimension == 2 else "ends"
+    gap = max((distance for _, _, distance in joints.almost), default=0.0) / _size(model)
+    outcomes = {
+        "joined edges": _joined(model),
+        "open edges": number(len(joints.open), f"number of {what} with no neighbour"),
+        "crowded edges": number(len(joints.crowded), f"number of curves that more than two {what} share"),
+        "orientation": number(len(joints.one_sided), "number of joints at which orientations cannot agree"),
+        "almost joined edges": number(
+            gap, f"largest gap of the {len(joints.almost)} pairs of edges that nearly coincide, of the model's size"
+        ),
+    }
+    return tuple(outcome.of(name, STATED) for name, outcome in outcomes.items())
+
+
+def _joined(model: Model) -> Outcome:
+    shared = model.joints.shared
+    if not shared:
+        return not_applicable("no two edges carry the same curve")
+    worst = 0.0
+    for joint in shared:
+        first, second = (_points(model.patches[index], edge) for index, edge in (joint.first, joint.second))
+        offsets = first - (second[::-1] if joint.opposite else second)
+        worst = max(worst, float(np.sqrt((offsets**2).sum(axis=1)).max()))
+    reason = f"largest distance at {len(shared)} joints, of the model's size"
+    return at_most(worst / _size(model), JOINED, reason)
+
+
+def _points(patch: Patch, edge: int) -> FloatArray:
+    """(m, 3) points of an edge; the one point of a curve's end."""
+    if patch.dimension == 1:
+        return patch.evaluate(patch.domain.vertices[[edge]])
+    return edge_points(patch, edge, EDGE_SAMPLES)
+
+
+def _size(model: Model) -> float:
+    return float(np.ptp(np.concatenate([patch.control_points for patch in model]), axis=0).max()) or 1.0

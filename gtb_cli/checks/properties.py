@@ -1,0 +1,46 @@
+"""The properties that the paper proves: where it states them, and what measures them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from gtb_cli.checks import basis, curve, degeneration, lattice, surface
+from gtb_cli.checks.probe import Measure
+
+
+class Property(NamedTuple):
+    """A property of the paper: where it is stated for curves and for surfaces, if it is, and what measures it."""
+
+    name: str
+    of_curves: str | None
+    of_surfaces: str | None
+    measure: Measure
+
+
+PROPERTIES = (
+    Property("definition", "Def. 3.1", "Def. 4.1", basis.definition),
+    Property("nonnegativity", "Thm 2.1 (a)", "Thm 2.3 (a)", basis.nonnegativity),
+    Property("partition of unity", "Thm 2.1 (b)", "Thm 2.3 (b)", basis.partition_of_unity),
+    Property("corners", "Thm 2.1 (d), Sec. 3 (b)", "Thm 2.3 (d), Sec. 4 (c)", basis.corners),
+    Property("boundary curves", None, "Thm 2.3 (c), Thm 4.0", surface.boundaries),
+    Property("convex hull", "Sec. 3 (a)", "Sec. 4 (a)", basis.hull),
+    Property("affine invariance", "Sec. 3 (a)", "Sec. 4 (a)", basis.affine_invariance),
+    Property("weights times coefficients", "eq. 202", "eq. 205", basis.products),
+    Property("edge scale", "Remark 3.1", "Remark 3.1", basis.edge_scale),
+    Property("classical Bézier", "Thm 2.1 (e), Sec. 3 (d)", "Thm 2.3 (e), Sec. 4 (b)", lattice.classical_bezier),
+    Property("total positivity", "Thm 2.1 (c)", None, curve.total_positivity),
+    Property("strict total positivity", "Thm 2.2", None, curve.strict_total_positivity),
+    Property("progressive iteration", "Sec. 3 (c)", None, curve.progressive_iteration),
+    Property("variation diminishing", "Thm 3.3", None, curve.variation_diminishing),
+    Property("convexity", "Sec. 3 (i)", None, curve.convexity),
+    Property("end tangents", "Sec. 3 (e)", None, curve.end_tangents),
+    Property("end tangent lengths", "eq. 302", None, curve.end_tangent_lengths),
+    Property("one weight to infinity", "Sec. 3 (g)", None, curve.one_weight),
+    Property("isoparametric curves", None, "Sec. 4 (d)", surface.isoparametric_curves),
+    Property("multiple knots", "Thm 3.1, Cor. 3.1", "Thm 4.1", degeneration.multiple_knots),
+    Property("toric degeneration", "Thm 3.2", "Thm 4.2", degeneration.toric_degeneration),
+    Property("linear precision", "Ex. 4.1", "Ex. 4.1", basis.linear_precision),
+    Property("linear precision, linear parametrization", "Ex. 4.1", "Ex. 4.1", basis.linear_precision_of_linear),
+    Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity),
+)
+"""In the order in which they are reported."""

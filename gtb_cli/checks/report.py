@@ -1,0 +1,112 @@
+"""What checks say: outcomes of measurements, findings about properties, and reports of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
+
+VACUOUS = 0.01
+"""A bound of rounding above this fraction of sizes shows nothing."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a check found.
+
+    Attributes
+    ----------
+    status : {"holds", "fails", "not applicable", "measured"}
+        "measured" where the number is not a verdict.
+    value : float or None
+        The largest violation, or the number; relative to sizes, without unit. Infinite or not a number where a patch
+        is broken.
+    bound : float or None
+        The property holds where ``value <= bound``: what rounding may do to this patch.
+    reason : str
+        What was measured, or the condition that the patch does not fulfil.
+    """
+
+    status: Status
+    value: float | None
+    bound: float | None
+    reason: str
+
+    def of(self, name: str, reference: str) -> Finding:
+        """Return the finding about a property."""
+        return Finding(name, reference, self.status, self.value, self.bound, self.reason)
+
+
+def at_most(value: float, bound: float, reason: str) -> Outcome:
+    """A property holds if its largest violation is within a bound; a NaN is not."""
+    return Outcome("holds" if value <= bound else "fails", value, bound, reason)
+
+
+def within_rounding(value: float, bound: float, reason: str) -> Outcome:
+    """A property holds if its largest violation, as a fraction of sizes, is within what rounding may do.
+
+    Where rounding may do anything, nothing can be told.
+    """
+    if value <= bound and bound > VACUOUS:
+        return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
+    return at_most(value, bound, reason)
+
+
+def number(value: float | None, reason: str) -> Outcome:
+    """A measurement without a verdict."""
+    return Outcome("measured", value, None, reason)
+
+
+def not_applicable(condition: str) -> Outcome:
+    """A property that is not claimed for this patch."""
+    return Outcome("not applicable", None, None, condition)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A property, and what was measured of it.
+
+    Attributes
+    ----------
+    name : str
+        Of the property; the same in every version, for scripts.
+    reference : str
+        Where the paper states it.
+    status, value, bound, reason
+        As in `Outcome`.
+    """
+
+    name: str
+    reference: str
+    status: Status
+    value: float | None
+    bound: float | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """Findings about one patch, in the order of `PROPERTIES`."""
+
+    name: str | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no property fails."""
+        return all(finding.status != "fails" for finding in self.findings)
+
+
+@dataclass(frozen=True)
+class ModelReport:
+    """Findings about the patches of a model, and about their joints."""
+
+    name: str | None
+    patches: tuple[Report, ...]
+    joints: tuple[Finding, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no property of a patch or joint fails."""
+        return all(part.holds for part in (*self.patches, Report(self.name, self.joints)))
