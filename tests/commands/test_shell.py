@@ -173,7 +173,7 @@ def test_a_closed_pipe_ends_silently(line, workplace):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["mesh", PENTAGON], ["--help"], ["mesh", "--help"], ["info", PENTAGON], ["schema"]]
+    "arguments", mostly_long([["mesh", PENTAGON], ["--help"], ["mesh", "--help"], ["info", PENTAGON], ["schema"]], 2)
 )
 def test_a_full_disk_under_standard_output(arguments, tmp_path):
     result = shell(f"gtb {' '.join(arguments)} > /dev/full", tmp_path)
@@ -430,7 +430,7 @@ SEQUENCES = [
 ]
 
 
-@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize("there", mostly_long([True, False]))
 @pytest.mark.parametrize("arguments", mostly_long(reversed(SEQUENCES)), ids=lambda arguments: arguments[0])
 def test_a_disk_that_fills_up_leaves_the_old_sequence(arguments, there, start, tmp_path):
     out = tmp_path / "deep" / "out"
@@ -472,7 +472,8 @@ def test_a_folder_without_permission(arguments, output, start, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "arguments", [["-n", "99999"], ["--lifting", "1"], ["-f", "glb", "--ascii"], ["--tolerance", "1e-300"]]
+    "arguments",
+    mostly_long([["-n", "99999"], ["-f", "glb", "--ascii"], ["--lifting", "1"], ["--tolerance", "1e-300"]], 2),
 )
 def test_a_failing_run_leaves_the_old_file(arguments, tmp_path):
     path = tmp_path / "x.obj"
@@ -526,7 +527,7 @@ def reference() -> dict[str, str]:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"],
+        pytest.param(["mesh", PENTAGON, "--tolerance", "2%", "-f", "ply"], marks=long),
         pytest.param(["check", SPECS / "trapezoid.toml", "--json"], marks=long),
         pytest.param(["diff", PENTAGON, BICUBIC, "-n", "6", "--json"], marks=long),
     ],
@@ -577,7 +578,7 @@ def test_the_same_bytes_from_any_place_and_any_number_of_processes(reference, wo
 
 
 @pytest.mark.parametrize(
-    "variables", [{"LC_ALL": "C"}, {"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+    "variables", mostly_long([{"LC_ALL": "POSIX", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "C"}])
 )
 def test_any_locale_will_do(variables, tmp_path):
     spec = 'name = "Fläche ∆"\nknots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]\n'.encode()

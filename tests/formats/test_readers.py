@@ -16,6 +16,11 @@ LIGHT = [reader for reader in LIBRARIES if reader.key in ("trimesh", "meshio", "
 pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered in scalar multiply:RuntimeWarning:meshio")
 
 
+def asked(kind: Kind, name: str) -> object:
+    """An option of the recipe for a mesh, or of the file that it is written to."""
+    return getattr(kind.options.recipe if hasattr(kind.options.recipe, name) else kind.options, name)
+
+
 def kind(name: str) -> Kind:
     return next(kind for kind in KINDS if kind.name == name)
 
@@ -35,10 +40,10 @@ def test_light_readers_find_what_is_in_the_file(reader, kind, tmp_path, capsys):
         return
     kept = agreement(kind, read(str(path)))
     for name in ("normals", "uv"):
-        if getattr(kind.options, name):
+        if asked(kind, name):
             assert name in kept
-    if kind.options.attributes and reader.key != "trimesh":  # trimesh has them among what it does not interpret
-        count = len(kind.options.attributes) + 1  # and the first again, as quality
+    if asked(kind, "attributes") and reader.key != "trimesh":  # trimesh has them among what it does not interpret
+        count = len(kind.options.recipe.attributes) + 1  # and the first again, as quality
         assert f"{count} of {count} attributes" in kept
 
 
@@ -47,7 +52,7 @@ def test_every_option_is_tried_in_every_format_that_has_it():
         (kind.format, name)
         for kind in KINDS
         for name in ("normals", "uv", "ascii", "radius", "thickness", "attributes")
-        if getattr(kind.options, name)
+        if asked(kind, name)
     }
     tried |= {(kind.format, "curve") for kind in KINDS if kind.mesh.is_curve}
     tried |= {(kind.format, "model") for kind in KINDS if kind.mesh.groups}

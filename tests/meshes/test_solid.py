@@ -17,6 +17,7 @@ from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
 from tests.shell import CURVE, PENTAGON, gtb
 from tests.specs import SPECS
 from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, torus, volume
@@ -131,7 +132,7 @@ def test_a_closed_body_gets_a_second_shell():
         assert len(solid.groups) == 8
 
 
-@pytest.mark.parametrize("path", SURFACES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", mostly_long(SURFACES, 8), ids=lambda path: path.stem)
 def test_every_surface_becomes_a_solid(path):
     """Of about its area times the thickness, where that is small."""
     surface = meshed(path, 12)
