@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeAlias
 
 import numpy as np
@@ -79,3 +80,9 @@ def unit(vectors: FloatArray) -> FloatArray:
     """(m, d) vectors of length 1 along given ones; 0 stays."""
     length = np.sqrt(dot(vectors, vectors))[:, None]
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
+def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Each of (m,) small numbers from 0 that occurs, ascending, and where."""
+    for number in np.flatnonzero(np.bincount(numbers)).tolist():
+        yield number, np.flatnonzero(numbers == number)

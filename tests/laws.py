@@ -7,13 +7,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, torus_coordinates
-from gtb_cli.theory.linear import linear_locations
+from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 
 EPS = float(np.finfo(np.float64).eps)
@@ -95,7 +94,7 @@ def parameters(patch: Patch) -> np.ndarray:
 
 def linear_points(patch: Patch, p: np.ndarray) -> np.ndarray:
     """(m, 3) points in the linear parametrisation."""
-    return patch.points_at(linear_locations(patch.domain, patch.log_products, p), len(p))
+    return patch.evaluate(p, "linear")
 
 
 def close(actual: np.ndarray, expected: np.ndarray, tolerance: float) -> None:
@@ -179,7 +178,7 @@ def points_are_combinations_of_control_points(patch: Patch) -> None:
 def affine_maps_commute(patch: Patch) -> None:
     """Property (a), affine invariance."""
     matrix, shift = np.array([[2, 1, 0], [0, -1, 3], [1, 0, 0.5]]), size(patch) * np.array([1, -2, 3])
-    moved = replace(patch, control_points=patch.control_points @ matrix.T + shift)
+    moved = patch.replace(control_points=patch.control_points @ matrix.T + shift)
     u = parameters(patch)
     close(moved.evaluate(u), patch.evaluate(u) @ matrix.T + shift, error_of_points(moved))
 
@@ -188,7 +187,7 @@ def weights_and_coefficients_act_as_a_product(patch: Patch) -> None:
     """Mathematics, section 1, consequence (1); a common factor does nothing."""
     factor = 2.0 ** np.arange(len(patch.knots)) / 8
     log_weights = patch.log_products - np.log(factor) + 5
-    other = replace(patch, coefficients=factor, log_weights=log_weights)
+    other = patch.replace(coefficients=factor, log_weights=log_weights)
     u = parameters(patch)
     # Logarithms that are rounded differently: each as often as its size says.
     tolerance = error_of_points(patch) + 8 * EPS * np.abs(log_weights).max() * size(patch)
@@ -198,9 +197,17 @@ def weights_and_coefficients_act_as_a_product(patch: Patch) -> None:
 def edge_scale_changes_no_image(patch: Patch) -> None:
     """Consequence (2): another scale of the edge functions reparametrises and does nothing more."""
     scale = 1 + np.arange(len(patch.domain.vertices)) / 4
-    other = replace(patch, edge_normals="unit", edge_scale=scale)
+    other = patch.replace(edge_normals="unit", edge_scale=scale)
     u = inner_parameters(patch)
-    where = [Location(slice(0, len(u)), 0, centred(patch), same_torus_coordinates(patch, u), np.empty((0, len(u))))]
+    where = [
+        Location(
+            slice(0, len(u)),
+            patch.domain.faces[INTERIOR],
+            centred(patch),
+            same_torus_coordinates(patch, u),
+            np.empty((0, len(u))),
+        )
+    ]
     assert (other.points_at(where, len(u)) == patch.points_at(where, len(u))).all()
     p = clipped(patch, other.basis(u) @ patch.knots)
     close(linear_points(patch, p), other.evaluate(u), error_of_linear_points(patch))
@@ -209,12 +216,12 @@ def edge_scale_changes_no_image(patch: Patch) -> None:
 def affine_liftings_translate(patch: Patch) -> None:
     """Consequence (3): x^λ on the weights, λ affine, is a translation of s and leaves the image as it was."""
     slope = np.array([1.5, -0.5])[: patch.dimension] / patch.domain.size
-    lifted = replace(patch, log_weights=patch.log_products + centred(patch) @ slope + 2, coefficients=None)
+    lifted = patch.replace(log_weights=patch.log_products + centred(patch) @ slope + 2, coefficients=None)
     u = inner_parameters(patch)
     s = same_torus_coordinates(patch, u)
     rows = slice(0, len(u))
-    here = Location(rows, 0, centred(patch), s, np.empty((0, len(u))))
-    there = Location(rows, 0, centred(patch), s - slope[:, None], np.empty((0, len(u))))
+    here = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s, np.empty((0, len(u))))
+    there = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s - slope[:, None], np.empty((0, len(u))))
     close(lifted.points_at([there], len(u)), patch.points_at([here], len(u)), error_of_points(patch))
     p = parameters(patch)
     close(linear_points(lifted, p), linear_points(patch, p), error_of_linear_points(patch))
@@ -227,13 +234,13 @@ def linear_parametrization_is_linear(patch: Patch) -> None:
     p = parameters(patch)
     v = patch.domain.vertices
     tolerance = RESIDUAL * patch.domain.size + 16 * EPS * np.abs(v).max()
-    close(linear_points(replace(patch, control_points=control_points), p)[:, : patch.dimension], p, tolerance)
+    close(linear_points(patch.replace(control_points=control_points), p)[:, : patch.dimension], p, tolerance)
 
 
 def linear_parametrization_is_affine_in_the_domain(patch: Patch) -> None:
     """An affine image of the knots, with parameters carried along, gives the same points."""
     matrix = np.array([[2.0, 1.0], [-0.5, 1.0]])[: patch.dimension, : patch.dimension]
-    moved = replace(patch, knots=centred(patch) @ matrix.T, edge_normals="auto", edge_scale=1.0)
+    moved = patch.replace(knots=centred(patch) @ matrix.T, edge_normals="auto", edge_scale=1.0)
     u = parameters(patch)
     p = clipped(moved, (u - patch.domain.center) @ matrix.T)
     close(linear_points(moved, p), linear_points(patch, u), error_of_linear_points(patch))
@@ -242,8 +249,7 @@ def linear_parametrization_is_affine_in_the_domain(patch: Patch) -> None:
 def order_of_knots_is_free(patch: Patch) -> None:
     """A permutation of the knots permutes the basis; points differ by rounding."""
     order = np.random.default_rng(2).permutation(len(patch.knots))
-    other = replace(
-        patch,
+    other = patch.replace(
         knots=patch.knots[order],
         control_points=patch.control_points[order],
         coefficients=np.ones(len(order)),
@@ -262,8 +268,7 @@ def coincident_knots_merge(patch: Patch) -> None:
     share[[len(patch.knots) - 1, -1]] = np.log([0.6, 0.4])
     step = np.zeros((len(copies), 3))
     step[0], step[-2] = [3, 0, 0], [-1, 0, 0]
-    split = replace(
-        patch,
+    split = patch.replace(
         knots=patch.knots[copies],
         control_points=patch.control_points[copies] + step * size(patch),
         coefficients=np.ones(len(copies)),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
@@ -77,7 +75,7 @@ def partition_of_unity(probe: Probe) -> Outcome:
 def corners(probe: Probe) -> Outcome:
     """At a corner its knot has the whole of T; copies of it share that in proportion c ω."""
     patch, domain = probe.patch, probe.patch.domain
-    members = domain.faces[-len(domain.vertices) :]
+    members = domain.faces.knots[domain.faces.corners]
     logs = np.where(members, patch.log_products, -np.inf)
     shares = np.exp(logs - logs.max(axis=1, keepdims=True))
     shares /= shares.sum(axis=1, keepdims=True)
@@ -120,7 +118,7 @@ def hull(probe: Probe) -> Outcome:
 def affine_invariance(probe: Probe) -> Outcome:
     """The image of the patch under an affine map against the patch of the control points' images."""
     shift = AFFINE_SHIFT * probe.extent
-    mapped = replace(probe.patch, control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
+    mapped = probe.patch.replace(control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
     value = probe.distance(mapped.evaluate(probe.u), probe.points @ AFFINE_MAP.T + shift)
     return within_rounding(
         value, AFFINE_GAIN * probe.distance_rounding, "largest distance after a sheared map, of the extent"
@@ -135,16 +133,10 @@ def products(probe: Probe) -> Outcome:
         weights, coefficients = patch.weights * factor, patch.coefficients / factor
     if not (np.isfinite(coefficients) & (coefficients > 0)).all():
         return not_applicable("coefficients are at the end of the range of floats")
-    if patch.log_weights is None and (np.isfinite(weights) & (weights > 0)).all():
-        moved = replace(patch, weights=weights, coefficients=coefficients)
+    if (np.isfinite(weights) & (weights > 0)).all():
+        moved = patch.replace(weights=weights, coefficients=coefficients)
     else:
-        logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
-        moved = replace(
-            patch,
-            weights=None,  # type: ignore[arg-type]
-            log_weights=logs + np.log(factor),
-            coefficients=coefficients,
-        )
+        moved = patch.replace(log_weights=patch.log_weights + np.log(factor), coefficients=coefficients)
     value = probe.distance(moved.evaluate(probe.u), probe.points)
     return within_rounding(
         value, probe.distance_rounding, "largest distance with factors moved from c to ω, of the extent"
@@ -155,7 +147,7 @@ def edge_scale(probe: Probe) -> Outcome:
     """With other scales, every point is the point of the patch with the same moments μ = Σ T_i a_i."""
     patch, domain = probe.patch, probe.patch.domain
     factors = np.resize(SCALES, len(domain.vertices)) * np.asarray(patch.edge_scale)
-    scaled = replace(patch, edge_scale=factors)
+    scaled = patch.replace(edge_scale=factors)
     u = linear_samples(probe, probe.inside)
     shares = scaled.basis(u)
     moments = domain.center + shares @ (domain.knots - domain.center)
@@ -208,7 +200,7 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
     knots[:, : domain.dimension] = (domain.knots - domain.center) / domain.size
     p = linear_samples(probe, np.arange(len(probe.u)))
     try:
-        images = replace(patch, control_points=knots).points_at(probe.linear.locations(p), len(p))
+        images = patch.replace(control_points=knots).points_at(probe.linear.locations(p), len(p))
     except ToleranceError as error:
         return Outcome("fails", None, None, str(error))
     expected = np.zeros_like(images)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -243,7 +242,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     neglected = float(np.exp(np.clip(fading - away * sigma, -DEEPEST, DEEPEST)).sum())
     if neglected > UNDECIDED:
         return not_applicable("the knots after the next one are so near to it that the limit is beyond floats")
-    moved = replace(probe.merged, control_points=end.vectors)
+    moved = probe.merged.replace(control_points=end.vectors)
     vector = points_at_torus(moved, np.array([[-end.sign * sigma]]))[0]
     if not np.isfinite(vector).all() or not vector.any():
         return at_most(math.inf, 0.0, "the curve does not leave its end")
@@ -265,7 +264,7 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
     worst = Outcome("holds", 0.0, 0.0, "")
     for end, near, far in ((ends[0], k[0], k[1]), (ends[1], k[1], k[0])):
         length = end.places[-1]
-        moved = replace(probe.merged, control_points=end.vectors, edge_scale=np.array(k))
+        moved = probe.merged.replace(control_points=end.vectors, edge_scale=np.array(k))
         log_length = end.logs[1] - end.logs[0] + np.log(near) - far / near * np.log(far * length)
         best, step = _smallest_error(end, moved, near, far)
         if best > UNDECIDED or abs(log_length) > DEEPEST:

@@ -11,7 +11,6 @@ from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
 from gtb_cli.theory.decomposition import regular_decomposition
 from gtb_cli.theory.degeneration import cells_of, degenerate
-from gtb_cli.theory.linear import LinearParametrization
 
 FADED = 30 * math.log(10)
 """Logarithm of what is left of the nearest knot under a cell's plane: a factor 1e-30."""
@@ -70,11 +69,9 @@ def toric_degeneration(probe: Probe) -> Outcome:
         finest = math.isqrt(2 * CELL_SAMPLES // cell_count(cell.domain, 1)) if cell.dimension == 2 else CELL_SAMPLES
         places = triangulation(cell.domain, max(2, finest)).parameters
         p.append(cell.domain.center + SHRUNK * (places - cell.domain.center))
-        there = LinearParametrization(cell.domain, cell.log_products).locations(p[-1])
-        expected.append(cell.points_at(there, len(places)))
+        expected.append(cell.evaluate(p[-1], "linear"))
     places = np.concatenate(p)
-    there = LinearParametrization(far.domain, far.log_products).locations(places)
-    value = probe.distance(far.points_at(there, len(places)), np.concatenate(expected))
+    value = probe.distance(far.evaluate(places, "linear"), np.concatenate(expected))
     what = "curve" if patch.dimension == 1 else "surface"
     power = f"x^λ, log x = {exponent:.3g}"
     bound = CONVERGED + probe.distance_rounding

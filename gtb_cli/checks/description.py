@@ -11,7 +11,6 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
-from gtb_cli.theory.basis import blend, toric_locations
 from gtb_cli.theory.bezier import lattice_of
 from gtb_cli.theory.domain import EdgeNormals, domain
 from gtb_cli.theory.patch import Patch
@@ -123,7 +122,7 @@ def _linear_precision_error(patch: Patch) -> float:
     resolution = max(2, min(SAMPLING, math.isqrt(2 * MAX_SAMPLES // cell_count(shape, 1))))
     u = triangulation(shape, resolution).parameters
     centred = patch.knots - shape.center
-    images = blend(shape, patch.log_products, centred, toric_locations(shape, u), len(u))
+    images = patch.rational_basis.blend(centred, patch.rational_basis.locations(u), len(u))
     offsets = images - (u - shape.center)
     return float(np.sqrt((offsets**2).sum(axis=1)).max())
 

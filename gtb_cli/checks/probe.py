@@ -14,6 +14,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.report import Outcome
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
+from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
@@ -140,7 +141,7 @@ class Probe:
     @cached_property
     def linear(self) -> LinearParametrization:
         """The linear parametrisation of the patch."""
-        return LinearParametrization(self.patch.domain, self.patch.log_products)
+        return self.patch.rational_basis.linear()
 
     @cached_property
     def merged(self) -> Patch:
@@ -160,7 +161,9 @@ def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     """(m, 3) points of a patch at (d, m) torus coordinates."""
     count = s.shape[1]
     shape = patch.domain
-    where = Location(slice(0, count), 0, shape.knots - shape.center, s, np.ones((len(shape.vertices), count)))
+    where = Location(
+        slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s, np.ones((len(shape.vertices), count))
+    )
     return patch.points_at([where], count)
 
 

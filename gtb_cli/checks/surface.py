@@ -33,7 +33,7 @@ def boundaries(probe: Probe) -> Outcome:
         start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
         u = start + fractions * (end - start)
         worst = max(worst, largest(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]])))
-        heights = domain.heights_of_columns(u, 0, np.full(len(u), 1 + edge))
+        heights = domain.heights_of_columns(u, 0, np.full(len(u), domain.faces.edge(edge).number))
         heights[edge] = 1.0
         sigma = (domain.direction(edge) @ torus_coordinates(domain, heights))[None]
         curve = patch.boundary(edge)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain
 from typing import IO, TYPE_CHECKING, NoReturn
 
@@ -72,25 +73,10 @@ def evaluate(
     loaded = read_spec(spec, spec_format)
     if isinstance(loaded, Model):
         raise SpecError(f"{shown_input(spec)}: is a model of {len(loaded.patches)} patches, and eval is for one")
-    values = _values(loaded, parametrization == "linear", basis)
+    evaluated = loaded.basis if basis else loaded.evaluate
+    values = partial(evaluated, parametrization="linear" if parametrization == "linear" else "toric")
     batches = _batches(loaded, params, values)
     write_blocks(output, _json(batches, "basis" if basis else "points") if as_json else map(_rows, batches))
-
-
-def _values(patch: Patch, linear: bool, basis: bool) -> Callable[[FloatArray], FloatArray]:
-    """Return what is evaluated, as a function of (m, d) parameters."""
-    from gtb_cli.theory.basis import rational_basis, toric_locations
-    from gtb_cli.theory.linear import LinearParametrization
-
-    locate = LinearParametrization(patch.domain, patch.log_products).locations
-
-    def values(u: FloatArray) -> FloatArray:
-        where = locate(u) if linear else toric_locations(patch.domain, u)
-        if basis:
-            return rational_basis(patch.domain, patch.log_products, where, len(u))
-        return patch.points_at(where, len(u))
-
-    return values
 
 
 def _batches(

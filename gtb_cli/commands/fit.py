@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -48,7 +47,7 @@ def fit(points: str, knots: tuple[float, ...] | None, output: str, console: Cons
     name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
     from gtb_cli.spec.loading import dump
 
-    write_text(output, dump(replace(found.curve, name=name)))
+    write_text(output, dump(found.curve.replace(name=name)))
     console.note(f"{len(places)} points, {found.rounds} rounds, {found.distance:.2g} left")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,7 +109,7 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         missing = target - matrix @ control
         distance = float(np.sqrt((missing**2).sum(axis=1)).max())
         if distance <= REACHED * size:
-            return Fit(replace(curve, control_points=control), parameters, rounds, distance)
+            return Fit(curve.replace(control_points=control), parameters, rounds, distance)
         control += missing
     raise ToleranceError(
         f"the curve still misses a point by {distance:.3g} after {MAX_ROUNDS} rounds: take other knots"

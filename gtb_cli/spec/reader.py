@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Any, TypeAlias, cast, get_args
 
 import numpy as np
@@ -122,18 +121,11 @@ class Reader:
                 np.ones(len(knots)) if weights is None else weights,
                 np.ones(len(knots)) if coefficients is None else coefficients,
                 edge_normals=cast(EdgeNormals, normals or "auto"),
-                edge_scale=scale if isinstance(scale, float) else 1.0,
+                edge_scale=1.0 if scale is None else scale,
                 lifting=lifting,
                 name=title,
             )
-            if isinstance(scale, np.ndarray):
-                edges = len(patch.domain.vertices)
-                if len(scale) != edges:
-                    expected = f"must be one number or {edges}, one for each edge"
-                    self.faults.add((*path, "edge_scale"), f"{expected}, got {len(scale)}")
-                    return None
-                patch = replace(patch, edge_scale=scale)
-            return patch if named is None else replace(patch, coefficients=_coefficients(patch.domain, named))
+            return patch if named is None else patch.replace(coefficients=_coefficients(patch.domain, named))
         except DomainError as error:
             self.domain_fault(path, error)
             return None

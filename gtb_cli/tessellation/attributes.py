@@ -80,7 +80,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     sampler = Sampler(shape.patches, parametrization, shared_edges=True)
     for index in np.unique(mesh.origin.patch).tolist():
         patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
-        face = patch.domain.face_of(patch.domain.heights_of_columns(u[rows]))
+        face = patch.domain.faces.at(patch.domain.heights_of_columns(u[rows]))
         gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
         found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
     return found

@@ -13,13 +13,13 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.triangulation import Triangulation, central_triangulation, triangulation
-from gtb_cli.theory.basis import Location, toric_locations
-from gtb_cli.theory.parametrization import Parametrization
+from gtb_cli.theory.basis import Location
+from gtb_cli.theory.face import INTERIOR
+from gtb_cli.theory.parametrization import Locator, Parametrization
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
-    from gtb_cli.theory.linear import LinearParametrization
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Complex:
     parameters : (v, d) float
         In that patch's domain.
     face : (v,) int
-        Row of that domain's `faces`.
+        Number among that domain's faces.
     cells : (k, d + 1) int
     cell_patch : (k,) int
     corners : (k, d + 1, d) float
@@ -132,15 +132,13 @@ def _joined(
     offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
     owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
-    face = np.zeros(offsets[-1], dtype=np.int64)
+    face = np.full(offsets[-1], INTERIOR)
     cells, corners, cell_patch = [], [], []
     for index, part in enumerate(parts):
-        r = len(part.boundary)
-        surface = patches[index].dimension == 2
-        face[offsets[index] + part.boundary] = 1 + np.arange(r)[:, None]
-        if surface:
-            face[offsets[index] + part.boundary[:, 0]] = 1 + r + np.arange(r)
-        flip = surface and joints is not None and joints.flipped[index]
+        faces = patches[index].domain.faces
+        face[offsets[index] + part.boundary] = faces.edges[:, None]
+        face[offsets[index] + part.boundary[:, 0]] = faces.corners
+        flip = patches[index].dimension == 2 and joints is not None and joints.flipped[index]
         own = part.cells[:, [0, 2, 1]] if flip else part.cells
         cells.append(own + offsets[index])
         corners.append(part.parameters[own])
@@ -178,7 +176,7 @@ def _joined(
     if joints is None or patches[0].dimension == 1:
         return mosaic, owner[:0]
     label = merged(len(label), np.concatenate(pairs + collapsed))
-    return mosaic, np.unique(owner[_confused(np.concatenate(cells), face > 0, label)])
+    return mosaic, np.unique(owner[_confused(np.concatenate(cells), face != INTERIOR, label)])
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
@@ -237,20 +235,19 @@ class Sampler:
         return result
 
     @cached_property
-    def _linear(self) -> list[LinearParametrization]:
-        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh is made without it
+    def _locators(self) -> list[Locator]:
+        return [patch.rational_basis.locator(self.parametrization) for patch in self.patches]
 
-        return [LinearParametrization(patch.domain, patch.log_products) for patch in self.patches]
+    @cached_property
+    def _edge_locators(self) -> list[Locator]:
+        return [patch.rational_basis.locator("linear") for patch in self.patches]
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
-        if self.parametrization == "linear":
-            yield from self._linear[index].locations(u, face, within)
-            return
-        yield from toric_locations(self.patches[index].domain, u, face)
-        if self.shared_edges and face.any():
+        yield from self._locators[index](u, face, within)
+        if self.parametrization == "toric" and self.shared_edges and face.any():
             rows = np.flatnonzero(face)
-            for location in self._linear[index].locations(u[rows], face[rows]):
+            for location in self._edge_locators[index](u[rows], face[rows], 0.0):
                 yield location._replace(rows=rows[location.rows])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -112,12 +112,11 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     cells = [limit[k] for k in order]
     joints = _joints(decomposition, order, cells)
     faces = _outer_faces(patch.domain, decomposition, order)
-    logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
     gaps = [decomposition.gaps(k) for k in order]
     members = []
     for logarithm in logarithms:
         # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
-        whole = [replace(patch, log_weights=logs - logarithm * gap) for gap in gaps]
+        whole = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
         members.append(_Whole(cells, "linear", True, whole=Sampler(whole, "linear", False), faces=faces))
     return Family((*members, Sampler(cells, "linear", True)), joints)
 
@@ -185,18 +184,13 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
 
 
 def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> IntArray:
-    """(cells, faces) row of Δ's faces that holds each face of each cell; 0 where that is inside Δ."""
+    """(cells, faces) numbers of the smallest faces of Δ that hold each face of each cell."""
     sides = [_sides(decomposition.polygons[k]) for k in order]
-    r = len(shape.vertices)
     table = np.zeros((len(sides), 1 + 2 * max(map(len, sides))), dtype=np.int64)
     for cell, edges in enumerate(sides):
         parts = edges if shape.dimension == 1 else [*edges, *((start,) for start, _ in edges)]
         for face, knots in enumerate(parts, start=1):
-            on = np.flatnonzero(shape.incidence[list(knots)].all(axis=0))
-            if len(on) == 1:
-                table[cell, face] = 1 + on[0]
-            elif len(on):
-                table[cell, face] = 1 + r + int(np.flatnonzero(shape.faces[1 + r :, knots[0]])[0])
+            table[cell, face] = shape.faces.smallest(knots).number
     return table
 
 
@@ -212,7 +206,7 @@ def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
         Width of the outermost cells, as a fraction of Δ's size; less than 1 / `resolution`.
     """
     part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
-    r, v = len(shape.vertices), shape.vertices
+    v = shape.vertices
     steepness = 1.0
     for _ in range(50):
         steepness = math.log1p(steepness / (resolution * finest))
@@ -226,9 +220,8 @@ def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
         share = _both_ways(np.arange(resolution) / resolution, steepness)
         u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
     face = np.zeros(len(u), dtype=np.int64)
-    face[part.boundary] = 1 + np.arange(r)[:, None]
-    if shape.dimension == 2:
-        face[part.boundary[:, 0]] = 1 + r + np.arange(r)
+    face[part.boundary] = shape.faces.edges[:, None]
+    face[part.boundary[:, 0]] = shape.faces.corners
     return Complex(
         patch=np.zeros_like(face),
         parameters=u,

@@ -9,7 +9,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.triangulation import triangulation
 from gtb_cli.theory.domain import domain
 from gtb_cli.theory.knot_limit import Film, KnotLimit
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
 CELLS = {1: 1024, 2: 64}
@@ -59,5 +58,4 @@ def _section_points(section: Patch, n: int) -> FloatArray:
     start, end = section.domain.vertices[:, 0]
     t = start + (end - start) * (np.arange(n + 1) / n)
     t[-1] = end
-    where = LinearParametrization(section.domain, section.log_products).locations(t[:, None])
-    return section.points_at(where, n + 1)
+    return section.evaluate(t, "linear")

@@ -20,6 +20,7 @@ from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
+from gtb_cli.theory.face import INTERIOR
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
@@ -130,7 +131,7 @@ class _Refinement:
         edges = self.mesh.edges
         new = np.arange(len(self.error), len(edges.ends))
         sample, distance = self.along(new, np.array([0.5]), 0.0)
-        inside = self.flat.take(edges.patch[new]) & (edges.face[new] == 0)
+        inside = self.flat.take(edges.patch[new]) & (edges.face[new] == INTERIOR)
         self.middle = self.growth.append("middle", self.middle, sample[:, 0])
         self.bend = self.growth.append("bend", self.bend, distance[:, 0])
         self.error = self.growth.append("error", self.error, np.where(inside, 0.0, distance[:, 0]))
@@ -267,7 +268,7 @@ class _Refinement:
         Where it does not, the patch is refined like others: the result is whether there is such a patch.
         """
         sides = np.unique(self.mesh.cells.sides[todo])
-        sides = sides[self.mesh.edges.face[sides] > 0]
+        sides = sides[self.mesh.edges.face[sides] != INTERIOR]
         self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
         marked[sides] = self.error[sides] > self.tolerance
         if marked.any():
@@ -287,7 +288,7 @@ class _Refinement:
             bent = True
             self.flat[index] = False
             sides = np.unique(self.mesh.cells.sides[rows])
-            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == 0)]
+            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == INTERIOR)]
             self.error[inner] = self.bend[inner]
         return bent and not marked.any()
 

@@ -10,6 +10,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
+from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 
 THIN = 12.0
@@ -124,7 +125,7 @@ class Subdivision:
 
     def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
         """Edges on the boundary of Δ, or of curves, with peaks between their ends, and these; see `peaks_of`."""
-        sides = sides[self.edges.face[sides] > 0] if self.is_surface else sides
+        sides = sides[self.edges.face[sides] != INTERIOR] if self.is_surface else sides
         found_sides, found = [np.empty(0, dtype=np.int64)], [np.empty((0, self.parameters.shape[1]))]
         for index, peaks in enumerate(self.peaks):
             own = sides[self.edges.patch[sides] == index]
@@ -176,9 +177,8 @@ def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
     face = np.zeros(len(first), dtype=np.int64)
     for index, domain in enumerate(shape.domain for shape in patches):
         rows = np.flatnonzero(patch[first] == index)
-        zero = [domain.heights_of_columns(places[first[rows], end]) == 0 for end in (0, 1)]
-        both = zero[0] & zero[1]
-        face[rows] = np.where(both.any(axis=0), 1 + both.argmax(axis=0), 0)
+        heights = [domain.heights_of_columns(places[first[rows], end]) for end in (0, 1)]
+        face[rows] = domain.faces.at(np.maximum(*heights))
     return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
 
 

@@ -8,7 +8,6 @@ that face, with the edge functions that vanish left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.face import Face
 
 BLOCK = 1 << 18
 """Numbers per work array: knots times parameters of a block, two megabytes, so that it stays in the cache."""
@@ -41,8 +41,7 @@ class Location(NamedTuple):
     rows : slice or (B,) int
         Which of the parameters these are. A location may cover rows that a later one (an edge, a corner)
         covers again: the later one stands.
-    face : int
-        Row of `Domain.faces`.
+    face : Face
     knots : (k, e) float
         The knots on that face, in coordinates of that face, e its dimension.
     s : (e, B) float
@@ -52,7 +51,7 @@ class Location(NamedTuple):
     """
 
     rows: slice | IntArray
-    face: int
+    face: Face
     knots: FloatArray
     s: FloatArray
     heights: FloatArray
@@ -68,69 +67,10 @@ def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
     return np.asarray(domain.normals.T @ np.log(heights))
 
 
-def blocks(
-    domain: Domain, u: FloatArray, faces: IntArray | None = None
-) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
-    """Split (m, d) parameters into blocks on one face each: (rows, face, heights) as in `Location`.
-
-    `faces` as for `toric_locations`.
-
-    Raises
-    ------
-    DomainError
-        A parameter is not finite or outside Δ.
-    """
-    length = block_length(len(domain.knots))
-    rows: list[IntArray] = []
-    kept: list[FloatArray] = []
-    for start in range(0, len(u), length):
-        known = None if faces is None else faces[start : start + length]
-        heights = domain.heights_of_columns(u[start : start + length], start, known)
-        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NOTHING
-        if len(boundary):
-            rows.append(start + boundary)
-            kept.append(heights[:, boundary])
-            heights[:, boundary] = 1.0
-        if len(boundary) < heights.shape[1]:
-            yield slice(start, start + heights.shape[1]), 0, heights
-    if rows:
-        row, heights = np.concatenate(rows), np.concatenate(kept, axis=1)
-        face = domain.face_of(heights)
-        for index in np.flatnonzero(np.bincount(face)).tolist():
-            members = np.flatnonzero(face == index)
-            for start in range(0, len(members), length):
-                part = members[start : start + length]
-                yield row[part], index, heights[:, part]
-
-
-def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
-    """Locate (m, d) parameters in the toric parametrisation, the paper's: s(u) = Σ_j s_j ξ_j log h_j(u).
-
-    `faces`, rows of `Domain.faces`, says where parameters are known to lie, whatever rounding has made of them.
-    """
-    centred = domain.knots - domain.center
-    for rows, face, heights in blocks(domain, u, faces):
-        if face == 0:
-            yield Location(rows, face, centred, torus_coordinates(domain, heights), heights)
-            continue
-        knots = face_knots(domain, face)
-        s = np.zeros((0, heights.shape[1]))
-        if not is_corner(domain, face):
-            s = (domain.direction(face - 1) @ torus_coordinates(domain, np.where(heights == 0, 1.0, heights)))[None]
-        yield Location(rows, face, knots, s, heights)
-
-
-def face_knots(domain: Domain, face: int) -> FloatArray:
+def face_knots(domain: Domain, face: Face) -> FloatArray:
     """(k, e) coordinates of the knots on an edge (e = 1: along it, from its first corner) or at a corner (e = 0)."""
-    members = domain.knots[domain.faces[face]]
-    if is_corner(domain, face):
-        return np.empty((len(members), 0))
-    return domain.along(face - 1, members)[:, None]
-
-
-def is_corner(domain: Domain, face: int) -> bool:
-    """Whether a row of `Domain.faces` is a corner of Δ."""
-    return face > len(domain.vertices) * (domain.dimension - 1)
+    members = domain.knots[face.knots]
+    return np.empty((len(members), 0)) if face.is_corner else domain.along(face.index, members)[:, None]
 
 
 def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
@@ -189,60 +129,6 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
     with np.errstate(over="ignore", under="ignore"):
         beta = np.exp(logs @ domain.heights.T + np.log(np.asarray(coefficients, dtype=np.float64)))
     return np.where(vanishes, 0.0, beta)
-
-
-def rational_basis(domain: Domain, log_weights: FloatArray, locations: Iterable[Location], count: int) -> FloatArray:
-    """Evaluate the rational basis ``T_i = c_i ω_i β_i / Σ c ω β``, (count, n); exact zeros off the face of a location.
-
-    References
-    ----------
-    Eq. (202), eq. (205); Thm 2.1, Thm 2.3.
-    """
-    result = np.zeros((count, len(domain.knots)))
-    for rows, face, knots, s, _ in locations:
-        members = domain.faces[face]
-        e = exponentials(knots, log_weights[members], s)
-        e /= e.sum(axis=0)
-        e[e <= SMALLEST] = 0.0
-        values = np.zeros((e.shape[1], len(members)))
-        values[:, members] = e.T
-        result[rows] = values
-    return result
-
-
-def blend(
-    domain: Domain, log_weights: FloatArray, values: FloatArray, locations: Iterable[Location], count: int
-) -> FloatArray:
-    """Evaluate ``Σ_i T_i values_i`` without storing T.
-
-    Parameters
-    ----------
-    domain : Domain
-    log_weights : (n,) float
-        log(c_i ω_i).
-    values : (n, k) float
-        Such as the control points.
-    locations, count
-        Where to evaluate, and the number of parameters.
-
-    Returns
-    -------
-    (count, k) float
-        On a corner with one knot exactly its value.
-
-    Notes
-    -----
-    n exps and r logs per parameter and two small matrix products, in blocks that fit the cache.
-    """
-    result = np.empty((count, values.shape[1]))
-    for rows, face, knots, s, _ in locations:
-        members = domain.faces[face]
-        sums = weighted_sums(knots, log_weights[members], values[members], s)
-        if isinstance(rows, slice):
-            np.divide(sums[1:], sums[0], out=result[rows].T)
-        else:
-            result[rows] = (sums[1:] / sums[0]).T
-    return result
 
 
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents, is_corner
+from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents
 from gtb_cli.theory.domain import Domain
 from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL
-from gtb_cli.theory.parametrization import Parametrization, locations
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
 ROUNDINGS = 8
@@ -81,7 +81,7 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
     boundary is.
     """
     columns = patch.domain.columns(u)
-    return curvature_at(patch, locations(patch, columns, parametrization), len(columns))
+    return curvature_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
 
 
 def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
@@ -128,17 +128,17 @@ class _CurvatureField:
     def at(self, location: Location) -> Curvature:
         """Curvatures at the parameters of a location."""
         shape, face = self.domain, location.face
-        n, r = len(shape.knots), len(shape.vertices)
-        if face == 0:
+        n = len(shape.knots)
+        if face.is_interior:
             every = np.ones(n, dtype=bool)
             layers = _Layers(every, every, every, every, every, every, against=~every)
             knots = location.knots
-        elif is_corner(shape, face):
-            layers = self._corner_layers(face - 1 - r)
+        elif face.is_corner:
+            layers = self._corner_layers(face.index)
             knots = np.zeros((n, 0))
         else:
-            layers = self._edge_layers(face - 1)
-            knots = shape.along(face - 1, shape.knots)[:, None]
+            layers = self._edge_layers(face.index)
+            knots = shape.along(face.index, shape.knots)[:, None]
         count = location.heights.shape[1]
         gaussian, mean = np.empty(count), np.empty(count)
         step = max(64, block_length(n) // ARRAYS)

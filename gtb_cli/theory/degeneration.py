@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,10 +49,10 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
         exponents = lifting_of(patch, lifting) * math.log(x)
     if not np.isfinite(exponents).all():
         raise DomainError("lifting: λ log x is beyond the largest float")
-    logs = np.log(patch.weights) if patch.log_weights is None else patch.log_weights
-    if patch.log_weights is None and max(np.abs(exponents).max(), np.abs(exponents + logs).max()) <= LARGEST_LOG:
-        return replace(patch, weights=patch.weights * np.exp(exponents))
-    return replace(patch, log_weights=exponents + logs)
+    logs = exponents + patch.log_weights
+    if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= LARGEST_LOG:
+        return patch.replace(weights=patch.weights * np.exp(exponents))
+    return patch.replace(log_weights=logs)
 
 
 def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
@@ -87,23 +86,8 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
 def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
     """Give each cell of a decomposition of a patch's knots its own patch."""
     name = patch.name or "patch"
-    parts = []
-    for index, cell in enumerate(decomposition.cells):
-        members = np.array(cell)
-        parts.append(
-            Patch(
-                patch.knots[members],
-                patch.control_points[members],
-                patch.weights[members] if patch.log_weights is None else None,  # type: ignore[arg-type]
-                patch.coefficients[members],
-                # A cell of a lattice polygon need not be one, and has edges of its own.
-                edge_normals="unit" if patch.edge_normals == "unit" else "auto",
-                lifting=None if patch.lifting is None else patch.lifting[members],
-                name=f"{name}-cell{index}",
-                log_weights=None if patch.log_weights is None else patch.log_weights[members],
-            )
-        )
-    return Model(tuple(parts), name=patch.name)
+    cells = [patch.part(np.array(cell), name=f"{name}-cell{i}") for i, cell in enumerate(decomposition.cells)]
+    return Model(tuple(cells), name=patch.name)
 
 
 def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:

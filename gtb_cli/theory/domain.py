@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.face import Faces
 from gtb_cli.theory.hull import convex_hull, knot_tolerance
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
@@ -45,6 +46,8 @@ class Domain:
         Whether knot i lies on edge j; decided once, with `KNOT_TOLERANCE`.
     heights : (n, r) float
         The exponents h_j(a_i), exactly 0 where `incidence` holds.
+    edge_normals, edge_scale
+        What the normals' lengths were made from, as given to `domain`.
 
     References
     ----------
@@ -56,6 +59,8 @@ class Domain:
     normals: FloatArray
     incidence: BoolArray
     heights: FloatArray
+    edge_normals: EdgeNormals
+    edge_scale: float | FloatArray
 
     @property
     def dimension(self) -> int:
@@ -78,22 +83,9 @@ class Domain:
         return PARAMETER_ULPS * EPS * max(self.size, float(np.abs(self.vertices).max()))
 
     @cached_property
-    def faces(self) -> BoolArray:
-        """(1 + r [+ r], n): which knots lie on each face of Δ: Δ itself, its edges, then (d = 2) its corners."""
-        edges = self.incidence.T
-        parts = [np.ones((1, len(self.knots)), dtype=bool), edges]
-        if self.dimension == 2:
-            parts.append(edges & np.roll(edges, 1, axis=0))
-        return np.concatenate(parts)
-
-    @cached_property
-    def vanishing(self) -> BoolArray:
-        """(1 + r [+ r], r): which edge functions are zero on each face."""
-        edges = np.eye(len(self.vertices), dtype=bool)
-        parts = [np.zeros((1, len(edges)), dtype=bool), edges]
-        if self.dimension == 2:
-            parts.append(edges | np.roll(edges, -1, axis=1))
-        return np.concatenate(parts)
+    def faces(self) -> Faces:
+        """Δ itself, its edges and its corners."""
+        return Faces(self.dimension, self.incidence)
 
     def edge_functions(self, u: ArrayLike) -> FloatArray:
         """Evaluate the edge functions.
@@ -137,8 +129,8 @@ class Domain:
     def heights_of_columns(self, u: FloatArray, first: int = 0, faces: IntArray | None = None) -> FloatArray:
         """(r, m) edge functions of (m, d) parameters.
 
-        `first` is the index of the first parameter in messages. `faces`, rows of `Domain.faces`, says where parameters
-        are known to lie, whatever rounding has made of them.
+        `first` is the index of the first parameter in messages. `faces`, numbers of faces, says where parameters are
+        known to lie, whatever rounding has made of them.
         """
         h = np.zeros((len(self.vertices), len(u)))
         for axis, coordinates in enumerate(np.ascontiguousarray(u.T)):
@@ -149,7 +141,7 @@ class Domain:
                     row += (coordinates - vertex) * normal
         if faces is not None:
             known = np.flatnonzero(faces)
-            h[:, known] = np.where(self.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
+            h[:, known] = np.where(self.faces.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
         near = ~(h >= self._near[:, None])  # also NaN
         if near.any():
             edges, points = np.nonzero(near)
@@ -157,7 +149,7 @@ class Domain:
             distance = self._distance_without_cancellation(edges, u[points])
             distance[np.abs(distance) <= self.tolerance] = 0.0
             if faces is not None:
-                distance[self.vanishing[faces[points], edges]] = 0.0
+                distance[self.faces.vanishing[faces[points], edges]] = 0.0
             if not (distance >= 0).all():
                 self._refuse(u, first + int(points[~(distance >= 0)].min()), first, float(-distance.min()))
             h[edges, points] = distance * lengths
@@ -168,19 +160,6 @@ class Domain:
         if not np.isfinite(u[index - first]).all():
             raise DomainError(f"parameters[{index}]: must be finite, got ({place})")
         raise DomainError(f"parameters[{index}]: ({place}) is outside the domain, by up to {beyond:.3g}")
-
-    def face_of(self, heights: FloatArray) -> IntArray:
-        """(m,) row of `faces` whose relative interior holds each point, from the zeros of (r, m) edge functions."""
-        zero = heights == 0
-        count = zero.sum(axis=0)
-        edge = zero.argmax(axis=0)
-        face = np.where(count > 0, 1 + edge, 0)
-        if self.dimension == 2:
-            r = len(self.vertices)
-            # Corner j ends edge j - 1 and starts edge j; edges 0 and r - 1 meet in corner 0.
-            corner = np.where(zero[0] & zero[r - 1] & ~zero[1 % r], 0, (edge + 1) % r)
-            face = np.where(count > 1, 1 + r + corner, face)
-        return face
 
     def nearest_edge(self, heights: FloatArray) -> IntArray:
         """(m,) index of the edge nearest to each point, from its (r, m) edge functions."""
@@ -280,7 +259,8 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     if not ((scale >= low) & (scale <= high)).all():
         raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
     if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
-        raise DomainError(f"edge_scale: expected one number or {len(vertices)}, one per edge, got shape {scale.shape}")
+        found = len(scale) if scale.ndim == 1 else f"shape {scale.shape}"
+        raise DomainError(f"edge_scale: must be one number or {len(vertices)}, one for each edge, got {found}")
     scaled = normals * (scale[:, None] if scale.ndim else scale)
 
     difference = points[:, None, :] - vertices[None, :, :]
@@ -299,7 +279,9 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
         heights = np.maximum(heights, EPS * tolerance * lengths)
     heights[incidence] = 0.0
     incidence.flags.writeable = False
-    return Domain(points, read_only(vertices), read_only(scaled), incidence, read_only(heights))
+    vertices, scaled, heights = read_only(vertices), read_only(scaled), read_only(heights)
+    factors = scale if scale.ndim else float(scale)
+    return Domain(points, vertices, scaled, incidence, heights, edge_normals, factors)
 
 
 def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:

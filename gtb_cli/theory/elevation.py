@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -151,12 +149,10 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
     control_points = np.stack([np.bincount(group, terms * axis) / totals for axis in points.T], axis=1)
     single = np.bincount(group) == 1
     control_points[single] = points[first[single]]
-    result = replace(
-        patch,
+    result = patch.replace(
         knots=sums[first],
         control_points=control_points,
-        weights=totals if ordinary else None,  # type: ignore[arg-type]
-        log_weights=None if ordinary else top + np.log(totals),
+        **{"weights": totals} if ordinary else {"log_weights": top + np.log(totals)},
         coefficients=np.ones(len(first)),
         lifting=None,
         edge_normals="auto",
@@ -173,8 +169,8 @@ def _with_scale_of(patch: Patch, result: Patch) -> Patch:
     if normals == "primitive" and not (corners == np.rint(corners)).all():
         normals = "unit"
     if np.ndim(patch.edge_scale) and len(corners) != len(theirs.vertices):
-        return replace(result, edge_normals=normals)
-    return replace(result, edge_normals=normals, edge_scale=patch.edge_scale)
+        return result.replace(edge_normals=normals)
+    return result.replace(edge_normals=normals, edge_scale=patch.edge_scale)
 
 
 def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
 EdgeRef = tuple[int, int]
@@ -292,8 +291,7 @@ def edge_points(patch: Patch, edge: int, count: int) -> FloatArray:
     """(count, 3) points of a surface's edge at equal fractions of its knots' hull, by the edge's own data."""
     v = patch.domain.vertices
     t = np.linspace(0.0, 1.0, count)[:, None]
-    faces = np.full(count, 1 + edge)
-    faces[[0, -1]] = 1 + len(v) + np.array([edge, (edge + 1) % len(v)])
+    faces = np.full(count, patch.domain.faces.edge(edge).number)
+    faces[[0, -1]] = patch.domain.faces.corners[[edge, (edge + 1) % len(v)]]
     p = v[edge] + t * (v[(edge + 1) % len(v)] - v[edge])
-    where = LinearParametrization(patch.domain, patch.log_products).locations(p, faces)
-    return patch.points_at(where, count)
+    return patch.points_at(patch.rational_basis.locations(p, "linear", faces), count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.face import Face
 from gtb_cli.theory.patch import Patch
 
 PARALLEL = 1e-9
@@ -54,36 +55,21 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     """
     targets = ends_of_moves(patch, moves)
     stays = targets == np.arange(len(targets))
-    logarithmic = patch.log_weights is not None
-    points = patch.control_points.copy()
-    weights = patch.weights.copy() if patch.log_weights is None else patch.log_weights.copy()
     with np.errstate(over="ignore", under="ignore"):
         products = patch.coefficients * patch.weights
+        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= SMALLEST)
+    points, weights, logarithms = (np.array(x) for x in (patch.control_points, patch.weights, patch.log_weights))
     for q in np.unique(targets[~stays]).tolist():
         members = np.flatnonzero(targets == q)
-        terms = products[members]
-        with np.errstate(over="ignore"):
-            ordinary = not logarithmic and bool(np.isfinite(terms.sum()) and terms.min() >= SMALLEST)
         largest = patch.log_products[members].max()
-        if not ordinary:
-            terms = np.exp(patch.log_products[members] - largest)
+        terms = products[members] if ordinary else np.exp(patch.log_products[members] - largest)
         total = terms.sum()
         points[q] = terms @ points[members] / total
-        if ordinary:
-            weights[q] = total / patch.coefficients[q]
-        else:
-            logarithm = largest + math.log(total) - math.log(patch.coefficients[q])
-            weights[q] = logarithm if logarithmic else math.exp(logarithm)
-    kept = np.flatnonzero(stays)
-    return replace(
-        patch,
-        knots=patch.knots[kept],
-        control_points=points[kept],
-        weights=weights[kept],
-        coefficients=patch.coefficients[kept],
-        lifting=None if patch.lifting is None else patch.lifting[kept],
-        log_weights=weights[kept] if logarithmic else None,
-    )
+        weights[q] = total / patch.coefficients[q]
+        logarithms[q] = largest + math.log(total) - math.log(patch.coefficients[q])
+    return patch.replace(
+        control_points=points, **{"weights": weights} if ordinary else {"log_weights": logarithms}
+    ).part(np.flatnonzero(stays), edge_normals=patch.edge_normals, edge_scale=patch.edge_scale)
 
 
 def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
@@ -116,7 +102,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     knots = patch.knots + step * (patch.knots[targets] - patch.knots)
     if step == 1:
         knots = patch.knots[targets]
-    return replace(patch, knots=knots)
+    return patch.replace(knots=knots)
 
 
 def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
@@ -151,7 +137,7 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
     """All ways are inside Δ, so that its hull stays the same if a knot stays at each of its corners."""
     shape = patch.domain
     stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
-    corners = shape.faces[-len(shape.vertices) :]
+    corners = shape.faces.knots[shape.faces.corners]
     for corner, members in zip(shape.vertices, corners, strict=True):
         if not (members & stays).any():
             k = int(np.flatnonzero(members)[0])
@@ -173,8 +159,8 @@ class Film:
 
     Attributes
     ----------
-    face : int
-        Row of `Domain.faces` of F.
+    face : Face
+        F.
     members : (k,) int
         The knots that end on F.
     speeds : (k, g) float
@@ -186,7 +172,7 @@ class Film:
     control_points : (k, 3) float
     """
 
-    face: int
+    face: Face
     members: IntArray
     speeds: FloatArray
     along: FloatArray | None
@@ -244,12 +230,10 @@ class KnotLimit:
 
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
-        """For each knot that comes to an end, corner or edge on which it is not: that row of `Domain.faces`."""
+        """For each knot that comes to an end, corner or edge on which it is not: the number of that face."""
         shape, ends = self.patch.domain, ends_of_moves(self.patch, self.moves)
         comes = shape.incidence[ends] & ~shape.incidence
-        # Rows go from Δ over edges to corners: the last that holds the end of the way is the smallest.
-        smallest = len(shape.faces) - 1 - shape.faces[::-1, ends].argmax(axis=0)
-        return {k: int(smallest[k]) for k in np.flatnonzero(comes.any(axis=1)).tolist()}
+        return {k: shape.faces.smallest(ends[k]).number for k in np.flatnonzero(comes.any(axis=1)).tolist()}
 
     def nearness(self, step: float) -> float:
         """Smallest distance, at a step, of a knot from a facet that it comes to, as a fraction of Δ's size."""
@@ -302,18 +286,16 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
 
 def _films(patch: Patch, targets: IntArray) -> list[Film]:
     shape = patch.domain
-    r = len(shape.vertices)
     moved = targets != np.arange(len(targets))
     films = []
-    for face, ends_on in enumerate(shape.faces[:, targets]):
-        facets = np.flatnonzero(shape.vanishing[face])
-        members = np.flatnonzero(ends_on)
-        speeds = np.where(moved[members, None], shape.heights[members][:, facets], 0.0)
-        if face == 0 or not speeds.any():
+    for face in shape.faces:
+        members = np.flatnonzero(face.knots[targets])
+        speeds = np.where(moved[members, None], shape.heights[members][:, face.facets], 0.0)
+        if face.is_interior or not speeds.any():
             continue
         along = None
-        if shape.dimension == 2 and face <= r:
-            along = shape.along(face - 1, patch.knots[targets[members]])
+        if not face.is_corner:
+            along = shape.along(face.index, patch.knots[targets[members]])
         elif shape.dimension == 2:
             # Where all come on one line, the film of the corner is a border of its edges' films.
             values = np.linalg.svd(speeds / speeds.max(axis=0, initial=np.finfo(float).tiny), compute_uv=False)

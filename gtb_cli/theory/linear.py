@@ -12,9 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.theory.basis import Location, face_knots, is_corner
+from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.moment import MomentMap
 
 LAST_CORNER = 1e-6
@@ -41,76 +42,71 @@ class LinearParametrization:
     log_weights: FloatArray
 
     def locations(self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0) -> Iterator[Location]:
-        """Locate (m, d) points of Δ.
+        """Locate (m, d) points of Δ: s such that |μ(s) − p| ≤ `RESIDUAL`, or `within`, times the hull's size.
 
-        `faces`, rows of `Domain.faces`, says where they are known to lie, whatever rounding has made of them.
-
-        Yields
-        ------
-        Location
-            With s such that |μ(s) − p| ≤ `RESIDUAL`, or `within` if that is more, times the hull's size.
-
-        Raises
-        ------
-        DomainError
-            A point is not finite or outside Δ.
-        ToleranceError
-            The residual was not reached.
+        See `gtb_cli.theory.parametrization.RationalBasis.locations`.
         """
         shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
-        r = len(shape.vertices)
-        # Points inside are handled by nearest edge, numbered from −r; those near its last corner from −2r.
-        group = shape.nearest_edge(heights) - r
-        if shape.dimension == 2:
-            following = (group + 1) % r
-            gap = heights[following, np.arange(len(p))] / shape.normal_lengths[following]
-            group[gap < LAST_CORNER * shape.size] -= r
-        boundary = np.flatnonzero((heights == 0).any(axis=0))
-        group[boundary] = shape.face_of(heights[:, boundary])
-        for index in (np.flatnonzero(np.bincount(group + 2 * r)) - 2 * r).tolist():
-            rows = np.flatnonzero(group == index)
-            here = heights[:, rows]
-            if is_corner(shape, index):
-                yield Location(rows, index, face_knots(shape, index), np.zeros((0, len(rows))), here)
-                continue
-            moments = self._moments(index)
-            if index > 0:
-                points = shape.along(index - 1, p[rows])[:, None]
-            elif shape.dimension == 1:
-                points = p[rows] - shape.vertices[index]
-            else:
-                points = self._along_and_over(index, p[rows], here[index % r])
-            yield Location(rows, max(index, 0), moments.knots, moments.inverse(points, within), here)
+        on_boundary = (heights == 0).any(axis=0)
+        boundary, inside = np.flatnonzero(on_boundary), np.flatnonzero(~on_boundary)
+        for number, members in groups(shape.faces.at(heights[:, boundary])):
+            face, rows = shape.faces[number], boundary[members]
+            s = np.zeros((0, len(rows)))
+            if not face.is_corner:
+                s = self._edge(number).inverse(shape.along(face.index, p[rows])[:, None], within)
+            yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
+        for number, members in groups(self._charts(heights[:, inside])):
+            rows, (chart, moments) = inside[members], self._inner(number)
+            s = moments.inverse(chart.coordinates(p[rows], heights[:, rows]), within)
+            yield Location(rows, shape.faces[INTERIOR], moments.knots, s, heights[:, rows])
+
+    def _charts(self, heights: FloatArray) -> IntArray:
+        """(m,) numbers of charts for points inside: twice the nearest edge, and 1 more near its last corner."""
+        shape = self.shape
+        edge = shape.nearest_edge(heights)
+        if shape.dimension == 1:
+            return 2 * edge
+        following = (edge + 1) % len(shape.vertices)
+        gap = heights[following, np.arange(len(edge))] / shape.normal_lengths[following]
+        return np.asarray(2 * edge + (gap < LAST_CORNER * shape.size))
+
+    def _edge(self, number: int) -> MomentMap:
+        """The moment map of an edge, by its number among the faces, in coordinates along it."""
+        if number not in self._edges:
+            face = self.shape.faces[number]
+            self._edges[number] = MomentMap(face_knots(self.shape, face), self.log_weights[face.knots])
+        return self._edges[number]
+
+    def _inner(self, number: int) -> tuple[_Chart, MomentMap]:
+        """A chart, and the moment map of Δ in its coordinates."""
+        if number not in self._inners:
+            chart, shape = _Chart(self.shape, *divmod(number, 2)), self.shape
+            moments = MomentMap(chart.coordinates(shape.knots, shape.heights.T), self.log_weights)
+            self._inners[number] = chart, moments
+        return self._inners[number]
 
     @cached_property
-    def _made(self) -> dict[int, MomentMap]:
+    def _edges(self) -> dict[int, MomentMap]:
         return {}
 
-    def _moments(self, index: int) -> MomentMap:
-        """The moment map of an edge (1 … r), or of Δ in coordinates of an edge (−2r … −1), or from an end (−2, −1)."""
-        shape = self.shape
-        if index not in self._made:
-            if index > 0:
-                knots, weights = face_knots(shape, index), self.log_weights[shape.faces[index]]
-            elif shape.dimension == 1:
-                knots, weights = shape.knots - shape.vertices[index], self.log_weights
-            else:
-                heights = shape.heights[:, index % len(shape.vertices)]
-                knots, weights = self._along_and_over(index, shape.knots, heights), self.log_weights
-            self._made[index] = MomentMap(knots, weights)
-        return self._made[index]
-
-    def _along_and_over(self, index: int, points: FloatArray, heights: FloatArray) -> FloatArray:
-        """(m, 2) coordinates along edge index mod r and over it, from its first corner, or its last if index < −r."""
-        shape = self.shape
-        r = len(shape.vertices)
-        edge = index % r
-        corner = edge if index >= -r else (edge + 1) % r
-        along = (points - shape.vertices[corner]) @ shape.direction(edge)
-        return np.column_stack([along, heights / shape.normal_lengths[edge]])
+    @cached_property
+    def _inners(self) -> dict[int, tuple[_Chart, MomentMap]]:
+        return {}
 
 
-def linear_locations(shape: Domain, log_weights: FloatArray, p: FloatArray) -> Iterator[Location]:
-    """Locate (m, d) points once; see `LinearParametrization.locations`."""
-    return LinearParametrization(shape, log_weights).locations(p)
+@dataclass(frozen=True, eq=False)
+class _Chart:
+    """Coordinates along an edge and over it, from its first corner or its last; of a curve, from one of its ends."""
+
+    shape: Domain
+    edge: int
+    last: int
+
+    def coordinates(self, points: FloatArray, heights: FloatArray) -> FloatArray:
+        """(m, d) coordinates of (m, d) points with given (r, m) edge functions."""
+        shape, edge = self.shape, self.edge
+        steps = points - shape.vertices[(edge + self.last) % len(shape.vertices)]
+        if shape.dimension == 1:
+            return np.asarray(steps)
+        return np.column_stack([steps @ shape.direction(edge), heights[edge] / shape.normal_lengths[edge]])

@@ -14,7 +14,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import UNDERFLOW, Location, exponents, is_corner
+from gtb_cli.theory.basis import UNDERFLOW, Location, exponents
 from gtb_cli.theory.domain import Domain
 from gtb_cli.theory.hull import knot_tolerance
 
@@ -74,10 +74,10 @@ class NormalField:
         """(count, 3) unit normals at locations found by any parametrisation; NaN where the surface has none."""
         result = np.empty((count, 3))
         for location in locations:
-            if location.face == 0:
+            if location.face.is_interior:
                 result[location.rows] = self._inside(location)
-            elif is_corner(self.domain, location.face):
-                result[location.rows] = self._at_corner(location.face - 1 - len(self.domain.vertices))
+            elif location.face.is_corner:
+                result[location.rows] = self._at_corner(location.face.index)
             else:
                 result[location.rows] = self._on_edge(location)
         return result
@@ -156,7 +156,7 @@ class NormalField:
         return np.where(np.abs(differences) <= rounding, 0.0, differences)
 
     def _on_edge(self, location: Location) -> FloatArray:
-        edge = location.face - 1
+        edge = location.face.index
         on_edge = np.flatnonzero(self.domain.incidence[:, edge])
         along = self.domain.along(edge, self.domain.knots)
         e = exponents(location.knots, self.log_weights[on_edge], location.s)

@@ -1,25 +1,170 @@
-"""What a parameter means: toric, the paper's, or linear, in which the knots are their own control points."""
+"""The rational basis T_i of a patch, and what its parameters mean.
+
+In the toric parametrisation, the paper's, ``s(u) = Σ_j s_j ξ_j log h_j(u)``; in the linear one u is where μ(s) = u, so
+that a patch whose control points are its knots is the identity. The image is the same.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, toric_locations
-from gtb_cli.theory.linear import LinearParametrization
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.basis import (
+    NOTHING,
+    SMALLEST,
+    Location,
+    block_length,
+    exponentials,
+    face_knots,
+    torus_coordinates,
+    weighted_sums,
+)
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.face import INTERIOR
+
+if TYPE_CHECKING:
+    from gtb_cli.theory.linear import LinearParametrization
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
+Locator: TypeAlias = Callable[[FloatArray, IntArray | None, float], Iterable[Location]]
 
-def locations(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Iterable[Location]:
-    """Locate (m, d) parameters of a patch in either parametrisation."""
-    columns = patch.domain.columns(u)
-    if parametrization == "linear":
-        return LinearParametrization(patch.domain, patch.log_products).locations(columns)
-    if parametrization == "toric":
-        return toric_locations(patch.domain, columns)
-    raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+
+@dataclass(frozen=True, eq=False)
+class RationalBasis:
+    """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` of a domain and weights.
+
+    Parameters
+    ----------
+    domain : Domain
+    log_weights : (n,) float
+        log(c_i ω_i), all that T depends on besides.
+
+    References
+    ----------
+    Eq. (202), eq. (205); Thm 2.1, Thm 2.3.
+    """
+
+    domain: Domain
+    log_weights: FloatArray
+
+    def locations(
+        self,
+        u: ArrayLike,
+        parametrization: Parametrization = "toric",
+        faces: IntArray | None = None,
+        within: float = 0.0,
+    ) -> Iterable[Location]:
+        """Locate parameters, for `values` and `blend`.
+
+        Parameters
+        ----------
+        u : (m, d) float, or (m,) for a curve
+        parametrization : {"toric", "linear"}
+        faces : (m,) int, optional
+            Numbers of the faces of Δ on which the parameters are known to lie, whatever rounding has made of them.
+        within : float
+            Of linear parameters: a fraction of Δ's size by which they may be off, where that is enough.
+
+        Raises
+        ------
+        DomainError
+            A parameter is not finite or outside Δ, or the parametrisation is neither.
+        ToleranceError
+            A linear parameter was not found to `RESIDUAL`.
+        """
+        return self.locator(parametrization)(self.domain.columns(u), faces, within)
+
+    def locator(self, parametrization: Parametrization) -> Locator:
+        """Choose what `locations` calls with (m, d) parameters, `faces` and `within`, for many calls.
+
+        A linear one learns from the points that it has found where to look for others: results of later calls differ
+        by rounding from those of `locations`, which begins anew.
+        """
+        if parametrization == "toric":
+            return lambda u, faces, within: toric_locations(self.domain, u, faces)
+        if parametrization == "linear":
+            return self.linear().locations
+        raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+
+    def linear(self) -> LinearParametrization:
+        """A linear parametrisation that has not learnt anything yet."""
+        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh is made without it
+
+        return LinearParametrization(self.domain, self.log_weights)
+
+    def values(self, locations: Iterable[Location], count: int) -> FloatArray:
+        """(count, n) values T_i at locations of that many parameters; exact zeros off the face of a location."""
+        result = np.zeros((count, len(self.domain.knots)))
+        for rows, face, knots, s, _ in locations:
+            e = exponentials(knots, self.log_weights[face.knots], s)
+            e /= e.sum(axis=0)
+            e[e <= SMALLEST] = 0.0
+            values = np.zeros((e.shape[1], result.shape[1]))
+            values[:, face.knots] = e.T
+            result[rows] = values
+        return result
+
+    def blend(self, values: FloatArray, locations: Iterable[Location], count: int) -> FloatArray:
+        """(count, k) sums ``Σ_i T_i values_i`` of (n, k) values, such as control points, without storing T.
+
+        On a corner with one knot exactly its value.
+
+        Notes
+        -----
+        n exps and r logs per parameter and two small matrix products, in blocks that fit the cache.
+        """
+        result = np.empty((count, values.shape[1]))
+        for rows, face, knots, s, _ in locations:
+            sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s)
+            if isinstance(rows, slice):
+                np.divide(sums[1:], sums[0], out=result[rows].T)
+            else:
+                result[rows] = (sums[1:] / sums[0]).T
+        return result
+
+
+def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
+    """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
+    centred = domain.knots - domain.center
+    for rows, number, heights in _blocks(domain, u, faces):
+        face = domain.faces[number]
+        if face.is_interior:
+            yield Location(rows, face, centred, torus_coordinates(domain, heights), heights)
+            continue
+        s = np.zeros((0, heights.shape[1]))
+        if not face.is_corner:
+            others = np.where(heights == 0, 1.0, heights)
+            s = (domain.direction(face.index) @ torus_coordinates(domain, others))[None]
+        yield Location(rows, face, face_knots(domain, face), s, heights)
+
+
+def _blocks(
+    domain: Domain, u: FloatArray, faces: IntArray | None
+) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
+    """Split (m, d) parameters into blocks on one face each: rows, number of the face, edge functions."""
+    length = block_length(len(domain.knots))
+    rows: list[IntArray] = []
+    kept: list[FloatArray] = []
+    for start in range(0, len(u), length):
+        known = None if faces is None else faces[start : start + length]
+        heights = domain.heights_of_columns(u[start : start + length], start, known)
+        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NOTHING
+        if len(boundary):
+            rows.append(start + boundary)
+            kept.append(heights[:, boundary])
+            heights[:, boundary] = 1.0
+        if len(boundary) < heights.shape[1]:
+            yield slice(start, start + heights.shape[1]), INTERIOR, heights
+    if rows:
+        row, heights = np.concatenate(rows), np.concatenate(kept, axis=1)
+        for number, members in groups(domain.faces.at(heights)):
+            for start in range(0, len(members), length):
+                part = members[start : start + length]
+                yield row[part], number, heights[:, part]

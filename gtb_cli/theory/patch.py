@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, finite, positive, read_only
+from gtb_cli.arrays import FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, blend, exponentials, rational_basis, toric_locations
+from gtb_cli.theory.basis import Location, exponentials
 from gtb_cli.theory.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.normals import NormalField
+from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+
+
+class Made(NamedTuple):
+    """What a patch has worked out: a copy shares what is still right, and sees by it which weights are new."""
+
+    weights: FloatArray
+    log_weights: FloatArray
+    rational_basis: RationalBasis
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +47,10 @@ class Patch:
         λ_i, for the toric degeneration.
     name : str, optional
     log_weights : (n,) float, optional
-        log ω_i in place of `weights`, for weights beyond the range of floats (x^λ); `weights` then holds
-        their exponentials, 0 or inf where need be.
+        log ω_i in place of `weights`, for weights beyond the range of floats (x^λ). A patch has both: these are what
+        counts, and `weights` are the numbers that were given, or their exponentials, 0 or inf where need be.
+    made : Made, optional
+        What `replace` passes on to the copy.
 
     Raises
     ------
@@ -57,13 +70,14 @@ class Patch:
     edge_scale: float | FloatArray = field(default=1.0, kw_only=True)
     lifting: FloatArray | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
-    log_weights: FloatArray | None = field(default=None, kw_only=True)
+    log_weights: FloatArray = field(default=None, kw_only=True)  # type: ignore[arg-type]
+    made: Made = field(default=None, kw_only=True, repr=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        shape = domain(self.knots, self.edge_normals, self.edge_scale)
-        set_field(self, "_domain", shape)
+        shape = self._domain()
         set_field(self, "knots", shape.knots)
+        set_field(self, "edge_scale", shape.edge_scale)
         n = len(shape.knots)
         points = finite("control_points", self.control_points)
         if points.ndim != 2 or points.shape[1] not in (2, 3):
@@ -71,23 +85,69 @@ class Patch:
         if points.shape[1] == 2:
             points = read_only(np.column_stack([points, np.zeros(len(points))]))
         set_field(self, "control_points", points)
-        if self.log_weights is not None:
-            set_field(self, "log_weights", finite("log_weights", self.log_weights))
-            with np.errstate(over="ignore", under="ignore"):
-                set_field(self, "weights", read_only(np.exp(self.log_weights)))
-        else:
-            set_field(self, "weights", positive("weights", np.ones(n) if self.weights is None else self.weights))
+        self._set_weights(n)
         coefficients = np.ones(n) if self.coefficients is None else self.coefficients
         set_field(self, "coefficients", positive("coefficients", coefficients))
         if self.lifting is not None:
             set_field(self, "lifting", finite("lifting", self.lifting))
-        if np.ndim(self.edge_scale):
-            set_field(self, "edge_scale", read_only(self.edge_scale))
-        for label in ("control_points", "weights", "coefficients", "lifting", "log_weights"):
+        for label in ("control_points", "weights", "coefficients", "lifting"):
             values = getattr(self, label)
-            expected = (n, 3) if label == "control_points" else (n,)
-            if values is not None and values.shape != expected:
+            if (values is not None and len(values) != n) or (label != "control_points" and np.ndim(values) > 1):
                 raise DomainError(f"{label}: expected {n} entries, one per knot, got shape {values.shape}")
+        products = read_only(self.log_weights + np.log(self.coefficients))
+        basis = None if self.made is None else self.made.rational_basis
+        if basis is None or basis.domain is not shape or not np.array_equal(basis.log_weights, products):
+            basis = RationalBasis(shape, products)
+        set_field(self, "made", Made(self.weights, self.log_weights, basis))
+
+    def _domain(self) -> Domain:
+        """Δ: that of the patch this is a copy of, where knots and edge functions are the same."""
+        if self.made is not None:
+            shape = self.made.rational_basis.domain
+            normals, scale = shape.edge_normals, shape.edge_scale
+            if shape.knots is self.knots and normals == self.edge_normals and np.array_equal(scale, self.edge_scale):
+                return shape
+        return domain(self.knots, self.edge_normals, self.edge_scale)
+
+    def _set_weights(self, n: int) -> None:
+        """Fill in weights or logarithms from the other; in a copy, from what is new."""
+        weights: FloatArray | None = self.weights
+        logarithms: FloatArray | None = self.log_weights
+        if self.made is not None and weights is not self.made.weights and logarithms is self.made.log_weights:
+            logarithms = None
+        elif self.made is not None and logarithms is not self.made.log_weights and logarithms is not None:
+            weights = None if weights is self.made.weights else weights
+        if logarithms is None:
+            weights = positive("weights", np.ones(n) if weights is None else weights)
+            logarithms = read_only(np.log(weights))
+        logarithms = finite("log_weights", logarithms)
+        if weights is None:
+            with np.errstate(over="ignore", under="ignore"):
+                weights = np.exp(logarithms)
+        object.__setattr__(self, "weights", read_only(weights))
+        object.__setattr__(self, "log_weights", logarithms)
+
+    def replace(self, **changes: Any) -> Patch:
+        """Return a copy with other values in some fields.
+
+        New `weights` replace the logarithms of the old, and new `log_weights` the weights. Δ is shared where knots,
+        edge normals and edge scale stay, and the rational basis where weights and coefficients do, too.
+        """
+        return dataclasses.replace(self, **changes)
+
+    def part(self, members: IntArray, **changes: Any) -> Patch:
+        """Return the patch of some knots, with what belongs to them.
+
+        Its edges are its own: primitive normals become automatic ones, and the edge scale 1. As in `replace`, other
+        fields may be given.
+        """
+        names = ["knots", "control_points", "weights", "log_weights", "coefficients"]
+        rows = {name: getattr(self, name)[members] for name in names if name not in changes}
+        if changes.keys() & {"weights", "log_weights"}:
+            rows = {name: values for name, values in rows.items() if name not in ("weights", "log_weights")}
+        rows["lifting"] = None if self.lifting is None else self.lifting[members]
+        rows["edge_normals"] = "unit" if self.edge_normals == "unit" else "auto"
+        return self.replace(**{**rows, "edge_scale": 1.0, **changes})
 
     @property
     def dimension(self) -> int:
@@ -97,22 +157,27 @@ class Patch:
     @property
     def domain(self) -> Domain:
         """Δ with its edge functions."""
-        shape: Domain = self._domain  # type: ignore[attr-defined]
-        return shape
+        return self.made.rational_basis.domain
 
-    @cached_property
+    @property
+    def rational_basis(self) -> RationalBasis:
+        """The functions T_i, which patches with the same domain and weights may share."""
+        return self.made.rational_basis
+
+    @property
     def log_products(self) -> FloatArray:
         """(n,) log(c_i ω_i), all that the rational basis sees of weights and coefficients."""
-        logs = np.log(self.weights) if self.log_weights is None else self.log_weights
-        return read_only(logs + np.log(self.coefficients))
+        return self.rational_basis.log_weights
 
-    def evaluate(self, u: ArrayLike) -> FloatArray:
+    def evaluate(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Evaluate the patch.
 
         Parameters
         ----------
         u : (m, d) float, or (m,) for a curve
             Parameters in Δ.
+        parametrization : {"toric", "linear"}
+            What they mean, see `gtb_cli.theory.parametrization`.
 
         Returns
         -------
@@ -129,17 +194,17 @@ class Patch:
         ----------
         Eq. (301), eq. (401).
         """
-        u = self.domain.columns(u)
-        return self.points_at(toric_locations(self.domain, u), len(u))
+        columns = self.domain.columns(u)
+        return self.points_at(self.rational_basis.locations(columns, parametrization), len(columns))
 
-    def basis(self, u: ArrayLike) -> FloatArray:
+    def basis(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """(m, n) values T_i(u) of the rational basis (eq. 202, eq. 205); parameters as in `evaluate`."""
-        u = self.domain.columns(u)
-        return rational_basis(self.domain, self.log_products, toric_locations(self.domain, u), len(u))
+        columns = self.domain.columns(u)
+        return self.rational_basis.values(self.rational_basis.locations(columns, parametrization), len(columns))
 
     def points_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) points at locations found by any parametrisation."""
-        return blend(self.domain, self.log_products, self.control_points, locations, count)
+        return self.rational_basis.blend(self.control_points, locations, count)
 
     def derivatives(self, u: ArrayLike) -> FloatArray:
         """(m, 3, d) first derivatives ∂P/∂u at parameters inside Δ.
@@ -154,8 +219,8 @@ class Patch:
         u = self.domain.columns(u)
         result = np.empty((len(u), 3, self.dimension))
         points = self.control_points - self._middle
-        for where, face, knots, s, heights in toric_locations(self.domain, u):
-            if face:
+        for where, face, knots, s, heights in self.rational_basis.locations(u):
+            if not face.is_interior:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)
@@ -168,12 +233,13 @@ class Patch:
             result[where] = np.einsum("jkm,jl->mkl", np.array(rates), self.domain.normals)
         return result
 
-    def normals(self, u: ArrayLike) -> FloatArray:
+    def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Unit normals of a surface, in the direction of ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
 
         Parameters
         ----------
         u : (m, 2) float
+        parametrization : {"toric", "linear"}
 
         Returns
         -------
@@ -192,8 +258,8 @@ class Patch:
         the directions to the next knots along its two edges. Inside, digits are kept up to the boundary and where
         few knots hold nearly all of T; see `gtb_cli.theory.normals`.
         """
-        u = self.domain.columns(u)
-        return self.normals_at(toric_locations(self.domain, u), len(u))
+        columns = self.domain.columns(u)
+        return self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) unit normals, as `normals`, at locations found by any parametrisation."""
@@ -216,15 +282,8 @@ class Patch:
         if self.dimension == 1 or not 0 <= edge < r:
             raise DomainError(f"edge: expected 0 … {r - 1} of a surface, got {edge}")
         members = self.domain.edge_knots(edge)
-        return Patch(
-            self.domain.along(edge, self.knots)[members],
-            self.control_points[members],
-            self.weights[members],
-            self.coefficients[members],
-            lifting=None if self.lifting is None else self.lifting[members],
-            name=f"{self.name or 'patch'}-edge{edge}",
-            log_weights=None if self.log_weights is None else self.log_weights[members],
-        )
+        knots = self.domain.along(edge, self.knots)[members]
+        return self.part(members, knots=knots, edge_normals="auto", name=f"{self.name or 'patch'}-edge{edge}")
 
     @cached_property
     def _middle(self) -> FloatArray:

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, exponents, is_corner
+from gtb_cli.theory.basis import Location, exponents
 from gtb_cli.theory.hull import knot_tolerance
 from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
-from gtb_cli.theory.parametrization import Parametrization, locations
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
 
@@ -42,7 +42,7 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
     Property (c) of GT-Bézier curves, eq. 302, whose lengths depend on k_0 and k_1; the directions do not.
     """
     columns = patch.domain.columns(t)
-    return tangents_at(patch, locations(patch, columns, parametrization), len(columns))
+    return tangents_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
 
 
 def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArray:
@@ -51,8 +51,8 @@ def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArr
         raise DomainError("tangents: a surface has many at a point, expected a curve")
     result = np.empty((count, 3))
     for location in where:
-        if is_corner(patch.domain, location.face):
-            result[location.rows] = _at_end(patch, location.face - 1)
+        if location.face.is_corner:
+            result[location.rows] = _at_end(patch, location.face.index)
         else:
             result[location.rows] = _inside(patch, location)
     return result

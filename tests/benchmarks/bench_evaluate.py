@@ -9,7 +9,6 @@ from scipy.interpolate import NdBSpline
 
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.triangulation import triangulation
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired
 
@@ -86,7 +85,7 @@ def rows() -> list[Row]:
 
     pentagon = spec("pentagon")
     inside = scattered(pentagon)
-    linear = LinearParametrization(pentagon.domain, pentagon.log_products)
+    linear = pentagon.rational_basis.linear()
 
     def linearly() -> np.ndarray:
         return pentagon.points_at(linear.locations(inside), len(inside))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 
 import numpy as np
@@ -94,8 +94,7 @@ def test_they_hold_at_any_size_and_place(index, name):
     """Each spec at one of the sizes with the knots small, and one with them large or far away."""
     patch = spec(name)
     for scale, shift, points_scale, points_shift in (SCALES[3 * (index % 2)], SCALES[(1, 2, 4)[index % 3]]):
-        moved = replace(
-            patch,
+        moved = patch.replace(
             knots=patch.knots * scale + shift,
             control_points=patch.control_points * points_scale + points_shift,
         )
@@ -247,7 +246,7 @@ class OtherBoundary(Broken):
 
     def boundary(self, edge):
         curve = super().boundary(edge)
-        return replace(curve, weights=curve.weights * np.linspace(1, 1 + 1e-6, len(curve.weights)) ** 2 + 1e-6)
+        return curve.replace(weights=curve.weights * np.linspace(1, 1 + 1e-6, len(curve.weights)) ** 2 + 1e-6)
 
 
 class CoefficientsCount(Broken):
@@ -428,7 +427,7 @@ def test_progressive_iteration_of_the_bernstein_basis():
 def test_linear_precision_is_a_number():
     """Mathematics.md, section 7: 0.40 and 0.22 on a pentagon of size 2; a Bernstein basis has none."""
     assert finding(spec("pentagon"), "linear precision").value == pytest.approx(0.40 / 2, abs=0.005)
-    unit = replace(spec("pentagon"), edge_normals="unit")
+    unit = spec("pentagon").replace(edge_normals="unit")
     assert finding(unit, "linear precision").value == pytest.approx(0.22 / 2, abs=0.005)
     bernstein_patch = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], coefficients=[1, 2, 1])
     assert finding(bernstein_patch, "linear precision").value < SOLVED
@@ -519,7 +518,7 @@ def test_a_broken_patch_of_a_model_is_seen_at_its_joints():
 
 
 def test_patches_without_common_edges():
-    model = Model((spec("pentagon"), replace(spec("pentagon"), control_points=spec("pentagon").control_points + 9)))
+    model = Model((spec("pentagon"), spec("pentagon").replace(control_points=spec("pentagon").control_points + 9)))
     report = check_model(model)
     assert report.joints[0].status == "not applicable"
     assert report.joints[1].value == 10

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,12 +21,12 @@ TOLERANCE = 0.1
 """Of the size of a patch."""
 
 MOVES: dict[str, tuple[float, Callable[[Patch], Patch]]] = {
-    "points 1e-9": (1e-9, lambda patch: replace(patch, control_points=patch.control_points * 1e-9)),
-    "points 1e9": (1e9, lambda patch: replace(patch, control_points=patch.control_points * 1e9)),
-    "points + 1e7": (1.0, lambda patch: replace(patch, control_points=patch.control_points + 1e7)),
-    "knots 1e-9": (1.0, lambda patch: replace(patch, knots=patch.knots * 1e-9)),
-    "knots 1e9": (1.0, lambda patch: replace(patch, knots=patch.knots * 1e9)),
-    "knots + 1e7": (1.0, lambda patch: replace(patch, knots=patch.knots + 1e7)),
+    "points 1e-9": (1e-9, lambda patch: patch.replace(control_points=patch.control_points * 1e-9)),
+    "points 1e9": (1e9, lambda patch: patch.replace(control_points=patch.control_points * 1e9)),
+    "points + 1e7": (1.0, lambda patch: patch.replace(control_points=patch.control_points + 1e7)),
+    "knots 1e-9": (1.0, lambda patch: patch.replace(knots=patch.knots * 1e-9)),
+    "knots 1e9": (1.0, lambda patch: patch.replace(knots=patch.knots * 1e9)),
+    "knots + 1e7": (1.0, lambda patch: patch.replace(knots=patch.knots + 1e7)),
 }
 """How much the points of a patch grow, and what becomes of it."""
 

@@ -20,7 +20,6 @@ from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import Joint, edge_points, find_joints
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
@@ -139,7 +138,7 @@ def normals_along(patch: Patch, edge: int, count: int) -> np.ndarray:
     v = patch.domain.vertices
     t = np.arange(1, count + 1)[:, None] / (count + 1)
     u = v[edge] + t * (v[(edge + 1) % len(v)] - v[edge])
-    where = LinearParametrization(patch.domain, patch.log_products).locations(u, np.full(count, 1 + edge))
+    where = patch.rational_basis.locations(u, "linear", np.full(count, 1 + edge))
     return patch.normals_at(where, count)
 
 
@@ -212,7 +211,7 @@ def test_the_volume_of_the_closed_solid_does_not_depend_on_how_it_is_meshed():
 def test_eight_quartic_triangles_are_a_ball():
     one = quartic_octant()
     signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
-    ball = Model(tuple(replace(one, control_points=one.control_points * sign) for sign in np.array(signs)))
+    ball = Model(tuple(one.replace(control_points=one.control_points * sign) for sign in np.array(signs)))
     assert find_joints(ball.patches).closed
     assert_closed(tessellate(ball, 5))
     assert extrapolated(ball, volume, 12) == pytest.approx(4 / 3 * np.pi, rel=EXTRAPOLATED)
@@ -246,7 +245,7 @@ def test_the_teapot_as_stl_is_consistent_to_another_program():
 def moved(model: Model, *, scale: float = 1.0, shift: float = 0.0, knot_scale: float = 1.0, knot_shift: float = 0.0):
     return Model(
         tuple(
-            replace(p, knots=knot_scale * p.knots + knot_shift, control_points=scale * p.control_points + shift)
+            p.replace(knots=knot_scale * p.knots + knot_shift, control_points=scale * p.control_points + shift)
             for p in model.patches
         ),
         model.name,

@@ -13,7 +13,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.linear import linear_locations
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
@@ -89,7 +88,7 @@ def largest_distance(shape: Patch, mesh: Mesh, samples: int = 60_000) -> float:
     each = max(3, samples // len(mesh.cells))
     weights = rng.dirichlet(np.ones(mesh.cells.shape[1]), (len(mesh.cells), each))
     u = np.einsum("kwc,kcd->kwd", weights, mesh.parameters[mesh.cells]).reshape(-1, shape.dimension)
-    points = shape.points_at(linear_locations(shape.domain, shape.log_products, u), len(u))
+    points = shape.evaluate(u, "linear")
     corners = [mesh.vertices[np.repeat(column, each)] for column in mesh.cells.T]
     return float((to_segments if mesh.is_curve else to_triangles)(points, *corners).max())
 

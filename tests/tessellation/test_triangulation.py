@@ -88,7 +88,7 @@ def test_counts_are_known_beforehand(sides, n):
 def test_boundary_vertices_are_exactly_on_the_hull(sides, n, shift, scale):
     shape = polygon(sides, scale, shift * scale)
     parts = triangulation(shape, n)
-    faces = shape.face_of(shape.heights_of_columns(parts.parameters))
+    faces = shape.faces.at(shape.heights_of_columns(parts.parameters))
     expected = np.zeros(len(parts.parameters), dtype=int)
     expected[parts.boundary] = 1 + np.arange(sides)[:, None]
     expected[parts.boundary[:, 0]] = 1 + sides + np.arange(sides)

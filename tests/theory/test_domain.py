@@ -279,13 +279,13 @@ def test_normals_point_inwards_and_heights_are_edge_functions(name):
     [
         (([[0, 0], [1, 0], [0, 1.5]], "primitive"), r"edge_normals: primitive needs integer .* got \(0.0, 1.5\)"),
         ((SQUARE, "round"), "edge_normals: expected auto, unit or primitive, got 'round'"),
-        ((SQUARE, "auto", [1, 2]), r"edge_scale: expected one number or 4, one per edge, got shape \(2,\)"),
-        ((SQUARE, "auto", [[1], [2], [3], [4]]), r"edge_scale: expected one number or 4"),
+        ((SQUARE, "auto", [1, 2]), r"edge_scale: must be one number or 4, one for each edge, got 2"),
+        ((SQUARE, "auto", [[1], [2], [3], [4]]), r"edge_scale: must be one number or 4"),
         ((SQUARE, "auto", 0), "edge_scale: must be positive, got 0"),
         ((SQUARE, "auto", [1, 1, -2, 1]), r"edge_scale\[2\]: must be positive, got -2"),
         ((SQUARE, "auto", math.nan), "edge_scale: must be finite, got nan"),
         ((SQUARE, "auto", 1e200), "edge_scale: expected factors between 1e-100 and 1e"),
-        (([0, 1], "auto", [1, 2, 3]), "edge_scale: expected one number or 2"),
+        (([0, 1], "auto", [1, 2, 3]), "edge_scale: must be one number or 2"),
         (([],), "knots: expected shape"),
         (([1],), "knots: expected shape"),
         ((3.0,), "knots: expected shape"),
@@ -422,18 +422,18 @@ def test_each_parameter_lies_on_one_face(name):
     r = len(shape.vertices)
     corner_faces = np.arange(r) + (1 + r if shape.dimension == 2 else 1)
     heights = shape.heights_of_columns(shape.vertices)
-    assert shape.face_of(heights).tolist() == corner_faces.tolist()
-    assert (heights.T == 0).tolist() == shape.vanishing[corner_faces].tolist()
-    assert shape.face_of(shape.heights_of_columns(shape.vertices.mean(axis=0)[None])).tolist() == [0]
+    assert shape.faces.at(heights).tolist() == corner_faces.tolist()
+    assert (heights.T == 0).tolist() == shape.faces.vanishing[corner_faces].tolist()
+    assert shape.faces.at(shape.heights_of_columns(shape.vertices.mean(axis=0)[None])).tolist() == [0]
     if shape.dimension == 2:
         middles = (shape.vertices + np.roll(shape.vertices, -1, axis=0)) / 2
-        assert shape.face_of(shape.heights_of_columns(middles)).tolist() == list(range(1, r + 1))
+        assert shape.faces.at(shape.heights_of_columns(middles)).tolist() == list(range(1, r + 1))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_knots_of_a_face_are_those_where_its_edge_functions_vanish(name):
     shape = named(name).domain
-    for face, vanishing in zip(shape.faces, shape.vanishing, strict=True):
+    for face, vanishing in zip(shape.faces.knots, shape.faces.vanishing, strict=True):
         assert face.tolist() == (shape.heights[:, vanishing] == 0).all(axis=1).tolist()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -111,7 +110,7 @@ def test_the_image_stays(name):
 
 
 def test_a_curve_keeps_its_points_at_the_same_fractions():
-    patch = replace(spec("example-3.1"), edge_scale=2.5)
+    patch = spec("example-3.1").replace(edge_scale=2.5)
     elevated = elevate(patch, 3)
     f = np.linspace(0, 1, 40)
     length = elevated.knots[-1, 0]
@@ -165,7 +164,7 @@ def test_equal_sums_are_merged():
 @pytest.mark.parametrize("name", ["example-3.1", "pentagon", "bicubic"])
 def test_any_size(name, scale):
     patch = spec(name)
-    elevated = elevate(replace(patch, knots=patch.knots * scale, control_points=patch.control_points / scale))
+    elevated = elevate(patch.replace(knots=patch.knots * scale, control_points=patch.control_points / scale))
     plain = elevate(patch)
     np.testing.assert_allclose(elevated.knots, plain.knots * scale, rtol=1e-14, atol=1e-14 * scale)
     np.testing.assert_allclose(elevated.control_points, plain.control_points / scale, rtol=1e-13, atol=1e-14 / scale)
@@ -173,7 +172,7 @@ def test_any_size(name, scale):
 
 def test_far_from_the_origin_sums_are_still_merged():
     patch = spec("bicubic")
-    assert len(elevate(replace(patch, knots=patch.knots / 7 + 1e6)).knots) == 25
+    assert len(elevate(patch.replace(knots=patch.knots / 7 + 1e6)).knots) == 25
 
 
 def test_weights_beyond_floats():
@@ -186,7 +185,7 @@ def test_weights_beyond_floats():
 
 
 def test_settings_stay_where_they_can():
-    curve = replace(spec("example-3.1"), edge_scale=np.array([2.0, 3.0]), lifting=np.arange(5.0))
+    curve = spec("example-3.1").replace(edge_scale=np.array([2.0, 3.0]), lifting=np.arange(5.0))
     assert elevate(curve).edge_scale.tolist() == [2, 3]
     assert elevate(curve).lifting is None
     assert elevate(curve).name == curve.name
@@ -194,8 +193,8 @@ def test_settings_stay_where_they_can():
     assert elevate(square).edge_normals == "primitive"
     halves = Patch([[0, 0], [0.5, 0], [1, 0], [0, 1], [0.5, 1], [1, 1]], np.eye(6)[:, :3], edge_normals="primitive")
     assert elevate(halves).edge_normals == "unit"  # its corners are (1.5, 0) and (1.5, 2)
-    assert elevate(replace(spec("pentagon"), edge_scale=np.arange(1.0, 6))).edge_scale.tolist() == [1, 2, 3, 4, 5]
-    more = product(replace(spec("pentagon"), edge_scale=np.arange(1.0, 6)), [[0, 0], [0.3, -0.1]])
+    assert elevate(spec("pentagon").replace(edge_scale=np.arange(1.0, 6))).edge_scale.tolist() == [1, 2, 3, 4, 5]
+    more = product(spec("pentagon").replace(edge_scale=np.arange(1.0, 6)), [[0, 0], [0.3, -0.1]])
     assert len(more.domain.vertices) == 7
     assert more.edge_scale == 1
 

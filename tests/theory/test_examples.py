@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from fractions import Fraction
 from math import sqrt
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.theory.basis import Location, gt_bernstein
+from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import linear_points
@@ -76,7 +76,7 @@ def test_example_2_2_basis():
     ).T
     beta = gt_bernstein(patch.domain, np.ones(8), points)
     assert beta == pytest.approx(printed, rel=10 * FORMULA_ERROR)
-    unweighted = replace(patch, weights=np.ones(8))
+    unweighted = patch.replace(weights=np.ones(8))
     assert unweighted.basis(points) == pytest.approx(
         printed / printed.sum(axis=1, keepdims=True), rel=10 * FORMULA_ERROR
     )
@@ -100,7 +100,7 @@ def test_endpoint_tangents_of_equation_302():
     a, b = patch.knots[:, 0], patch.control_points
     w, c = patch.weights, np.array([1, 1.5, 1, 0.5, 2])
     k0, k1 = 1 / (a[1] - a[0]), 1 / (a[4] - a[3])
-    scaled = replace(patch, edge_scale=[k0, k1], coefficients=c)
+    scaled = patch.replace(edge_scale=[k0, k1], coefficients=c)
     length = a[4] - a[0]
     at_start = c[1] * k0 * k1 ** (-k1 / k0) * length ** (-k1 / k0) * w[1] * (b[1] - b[0]) / (c[0] * w[0])
     at_end = c[3] * k1 * k0 ** (-k0 / k1) * length ** (-k0 / k1) * w[3] * (b[4] - b[3]) / (c[4] * w[4])
@@ -119,10 +119,10 @@ def test_endpoint_tangents_of_equation_302():
 @pytest.mark.parametrize("t", [0.01, 0.3, 0.5, 0.9])
 def test_examples_3_2_and_3_3_merged_curves(t):
     curve = irrational_curve()
-    one = replace(curve, knots=[0, 0.5, 0.5, sqrt(2) / 2, 1])
+    one = curve.replace(knots=[0, 0.5, 0.5, sqrt(2) / 2, 1])
     merged = Patch([0, 0.5, sqrt(2) / 2, 1], numbers([[0, 0], ["44/30", "53/30"], [3.7, 1.5], [4, 0]]), [1, 30, 6, 5])
     assert np.abs(one.evaluate([t]) - merged.evaluate([t])).max() < POINT_ERROR
-    both = replace(curve, knots=[0, 0.5, 0.5, 0.5, 1])
+    both = curve.replace(knots=[0, 0.5, 0.5, 0.5, 1])
     middle = [Fraction("66.2") / 36, Fraction(62, 36)]
     merged = Patch([0, 0.5, 1], numbers([[0, 0], middle, [4, 0]]), [1, 36, 5])
     assert np.abs(both.evaluate([t]) - merged.evaluate([t])).max() < POINT_ERROR
@@ -143,7 +143,7 @@ def linear_precision_error(patch):
 def test_example_4_1_real_knots_have_no_linear_precision_as_they_stand():
     # mathematics.md, section 7: 0.40 with primitive normals, 0.22 with unit ones.
     assert linear_precision_error(pentagon()) == pytest.approx(0.40, abs=0.005)
-    assert linear_precision_error(replace(pentagon(), edge_normals="unit")) == pytest.approx(0.22, abs=0.005)
+    assert linear_precision_error(pentagon().replace(edge_normals="unit")) == pytest.approx(0.22, abs=0.005)
 
 
 def rational_reparametrization(u, v):
@@ -166,13 +166,21 @@ def test_example_4_1_integer_knots_have_linear_precision_after_a_rational_repara
         assert sum(t * b[0] for t, b in zip(terms, points, strict=True)) / sum(terms) == u
         assert sum(t * b[1] for t, b in zip(terms, points, strict=True)) / sum(terms) == v
     s = np.log(np.array(coordinates, dtype=np.float64)).T
-    where = [Location(slice(0, len(grid)), 0, patch.knots - patch.domain.center, s, np.empty((0, len(grid))))]
+    where = [
+        Location(
+            slice(0, len(grid)),
+            patch.domain.faces[INTERIOR],
+            patch.knots - patch.domain.center,
+            s,
+            np.empty((0, len(grid))),
+        )
+    ]
     found = patch.points_at(where, len(grid))[:, :2]
     assert np.abs(found - np.array(grid, dtype=np.float64)).max() < POINT_ERROR
 
 
 def test_every_patch_has_linear_precision_in_the_linear_parametrization():
-    patch = replace(pentagon(), control_points=pentagon().knots)
+    patch = pentagon().replace(control_points=pentagon().knots)
     p = np.array([[x, y] for x in np.linspace(0, 2, 41) for y in np.linspace(0, 2, 41) if x + y <= 3])
     assert np.abs(linear_points(patch, p)[:, :2] - p).max() < 1e-12
 
@@ -185,10 +193,10 @@ def test_example_4_2_merged_surface():
         [[0, 2, 0], ["10/9", "12/9", "43/9"], [0, "6/5", 2], [2, 1, 2], [0, 0, 0], ["6/5", 0, 2], [2, 0, 0]]
     )
     merged = Patch(points[:, :2], points, [2, 9, 5, 2, 3, 5, 2])
-    merged = replace(merged, knots=[[0, 2], [1, 2], [0, 1.2], [2, 1], [0, 0], [1.2, 0], [2, 0]])
+    merged = merged.replace(knots=[[0, 2], [1, 2], [0, 1.2], [2, 1], [0, 0], [1.2, 0], [2, 0]])
     u = np.random.default_rng(1).dirichlet(np.ones(5), 50) @ patch.domain.vertices
     u = np.concatenate([u, patch.domain.vertices, [[1.5, 1.5], [0.5, 2]]])
-    assert np.abs(replace(patch, knots=knots).evaluate(u) - merged.evaluate(u)).max() < POINT_ERROR
+    assert np.abs(patch.replace(knots=knots).evaluate(u) - merged.evaluate(u)).max() < POINT_ERROR
 
 
 def test_example_4_2_printed_steps_are_fractions_of_the_way():

@@ -19,7 +19,6 @@ from gtb_cli.tessellation.sequence import degeneration_sequence
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
-from gtb_cli.theory.linear import linear_locations
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve
@@ -51,7 +50,7 @@ def hexagon() -> Patch:
 
 
 def linear_points(patch: Patch, p: np.ndarray) -> np.ndarray:
-    return patch.points_at(linear_locations(patch.domain, patch.log_products, p), len(p))
+    return patch.evaluate(p, "linear")
 
 
 # --- degeneration
@@ -61,7 +60,6 @@ def test_ordinary_weights_stay_floats():
     patch = irrational_curve()
     lifting = [2, 1, 5, 9 - 4 * math.sqrt(2), 1]
     found = degenerate(patch, 3.0, lifting)
-    assert found.log_weights is None
     expected = [1 * 9, 10 * 3, 20 * 243, 6 * 3.0 ** (9 - 4 * math.sqrt(2)), 5 * 3]
     np.testing.assert_allclose(found.weights, expected, rtol=EXACT)
     for name in ("knots", "control_points", "coefficients"):
@@ -443,9 +441,9 @@ def test_films_span_from_the_boundary_that_stays_to_the_merged_one(patch, moves)
         if film.along is None:
             continue
         # Knots that move along the edge are merged at both ends of the film.
-        along = any(patch.domain.incidence[k, film.face - 1] for k in moves)
+        along = any(patch.domain.incidence[k, film.face.index] for k in moves)
         for z, owner in ((1.0, limit.merged), (0.0, patch)):
-            section, edge = film.section(z), owner.boundary(film.face - 1)
+            section, edge = film.section(z), owner.boundary(film.face.index)
             t = np.linspace(0, 1, 9)
             points = [linear_points(curve, t[:, None] * curve.domain.vertices[1]) for curve in (section, edge)]
             if z == 1.0 or not along:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory import moment
-from gtb_cli.theory.basis import blend
 from gtb_cli.theory.domain import domain
-from gtb_cli.theory.linear import LinearParametrization, linear_locations
+from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.moment import MomentMap
+from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL, heights, linear_points, parameters
@@ -31,13 +30,13 @@ STEPS = 60
 
 def error(patch, p):
     """Largest |μ(μ⁻¹(p)) − p| as a fraction of the size, and of what rounding leaves far from the origin."""
-    found = blend(patch.domain, patch.log_products, patch.knots, locations(patch, p), len(p))
+    found = patch.rational_basis.blend(patch.knots, locations(patch, p), len(p))
     size = max(patch.domain.size, 16 * EPS / RESIDUAL * np.abs(patch.domain.vertices).max())
     return np.abs(found - p).max() / size
 
 
 def locations(patch, p):
-    return list(linear_locations(patch.domain, patch.log_products, p))
+    return list(patch.rational_basis.locations(p, "linear"))
 
 
 def inside(patch, p):
@@ -96,7 +95,7 @@ def test_thin_hulls_are_solved(thickness, angle):
     assert error(patch, p) <= RESIDUAL
     # Across the strip too the error is a small part of its width.
     across = np.array([-math.sin(angle), math.cos(angle)]) @ turn.T @ turn
-    found = blend(patch.domain, patch.log_products, patch.knots, locations(patch, p), len(p))
+    found = patch.rational_basis.blend(patch.knots, locations(patch, p), len(p))
     assert np.abs((found - p) @ across).max() <= max(1e-11 * thickness, 64 * EPS) * patch.domain.size
 
 
@@ -123,7 +122,7 @@ def test_many_points_on_a_line_are_solved():
 
 
 def test_the_linear_parametrization_is_the_identity_of_its_knots():
-    patch = replace(pentagon(), control_points=pentagon().knots)
+    patch = pentagon().replace(control_points=pentagon().knots)
     p = everywhere(patch, np.random.default_rng(2))
     assert np.abs(linear_points(patch, p)[:, :2] - p).max() <= RESIDUAL * patch.domain.size
 
@@ -204,7 +203,7 @@ def test_known_faces_overrule_rounding():
     v = patch.domain.vertices
     on_edge = (v[1] + v[2]) / 2
     off = on_edge + patch.domain.normals[1] * 1e-10
-    where = LinearParametrization(patch.domain, patch.log_products)
+    where = patch.rational_basis.linear()
     found = patch.points_at(where.locations(off[None], np.array([2])), 1)
     assert np.abs(found - linear_points(patch, on_edge[None])).max() < 1e-8
     assert np.abs(found - linear_points(patch, off[None])).max() > 0
@@ -226,7 +225,7 @@ def test_toric_degenerations_converge(name, x):
     patch = named(name)
     rng = np.random.default_rng(3)
     lifting = rng.integers(0, 4, len(patch.knots)).astype(float)
-    steep = replace(patch, log_weights=patch.log_products + lifting * math.log(x), coefficients=None)
+    steep = patch.replace(log_weights=patch.log_products + lifting * math.log(x), coefficients=None)
     p = everywhere(patch, rng)
     # Knots, and places between two of them: corners and borders of the limit's cells.
     i, j = rng.integers(0, len(patch.knots), (2, 40))
@@ -239,7 +238,7 @@ def test_toric_degenerations_converge(name, x):
 def test_curves_converge_too(x):
     curve = named("irrational_curve")
     lifting = np.array([2, 1, 5, 9 - 4 * math.sqrt(2), 1])
-    steep = replace(curve, log_weights=curve.log_products + lifting * math.log(x))
+    steep = curve.replace(log_weights=curve.log_products + lifting * math.log(x))
     p = np.concatenate([np.linspace(0, 1, 200), curve.knots[:, 0], 10.0 ** np.linspace(-11, -1, 40)])[:, None]
     assert error(steep, p) <= RESIDUAL
 
@@ -247,7 +246,7 @@ def test_curves_converge_too(x):
 def test_the_limit_of_steep_weights_is_the_cells_own_patch():
     # λ = (1, 0, 3, 2, 0, 1, 3, 1): the triangle of the knots 1, 3, 4 is a cell (mathematics.md, section 7).
     patch = pentagon()
-    steep = replace(patch, log_weights=patch.log_products + np.array([1, 0, 3, 2, 0, 1, 3, 1]) * math.log(1e30))
+    steep = patch.replace(log_weights=patch.log_products + np.array([1, 0, 3, 2, 0, 1, 3, 1]) * math.log(1e30))
     cell = [1, 3, 4]
     alone = Patch(patch.knots[cell], patch.control_points[cell], patch.weights[cell])
     p = np.array([[0.4, 0.35, 0.25], [0.1, 0.8, 0.1], [0.3, 0.1, 0.6]]) @ patch.knots[cell]
@@ -299,7 +298,8 @@ def test_points_that_look_as_if_on_a_line_are_found(name):
     s = rng.normal(size=(2, 4000)) * rng.choice([1, 10, 100], 4000)
     p = MomentMap(knots, log_weights)(s)
     p = p[(shape.heights_of_columns(p, 0, None) > 1e-9).all(axis=0)]
-    found = blend(shape, log_weights, knots, list(linear_locations(shape, log_weights, p)), len(p))
+    basis = RationalBasis(shape, log_weights)
+    found = basis.blend(knots, basis.locations(p, "linear"), len(p))
     assert np.abs(found - p).max() <= RESIDUAL * shape.size
 
 
@@ -323,14 +323,14 @@ def test_the_moment_map_is_the_mean_of_the_knots(dimension, shift):
 def test_points_outside_are_refused():
     shape = domain([[0, 0], [1, 0], [0, 1]])
     with pytest.raises(DomainError, match=r"parameters\[1\].* outside the domain"):
-        list(linear_locations(shape, np.zeros(3), np.array([[0.1, 0.1], [1.0, 1.0]])))
+        list(LinearParametrization(shape, np.zeros(3)).locations(np.array([[0.1, 0.1], [1.0, 1.0]])))
     with pytest.raises(DomainError, match=r"parameters\[0\]: must be finite"):
-        list(linear_locations(shape, np.zeros(3), np.array([[math.nan, 0.1]])))
+        list(LinearParametrization(shape, np.zeros(3)).locations(np.array([[math.nan, 0.1]])))
 
 
 def test_no_points_give_no_locations():
     shape = domain([[0, 0], [1, 0], [0, 1]])
-    assert list(linear_locations(shape, np.zeros(3), np.empty((0, 2)))) == []
+    assert list(LinearParametrization(shape, np.zeros(3)).locations(np.empty((0, 2)))) == []
 
 
 def test_what_cannot_be_reached_is_an_error(monkeypatch):

@@ -1,0 +1,133 @@
+"""The faces of Δ (Δ itself, its edges, its corners): as values, and as numbers for arrays of many points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+
+INTERIOR = 0
+"""Number of Δ itself among its faces: that of points which are on no edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """Δ itself, an edge or a corner of it; the ends of a curve are corners.
+
+    Attributes
+    ----------
+    number : int
+        Place in `Faces`, by which arrays name faces.
+    dimension : int
+        That of Δ for Δ itself; 1 for an edge, 0 for a corner.
+    index : int
+        Edge j or corner k of Δ; 0 for Δ itself.
+    knots : (n,) bool
+        Which knots lie on it.
+    facets : (g,) int
+        The edges (for a curve, ends) that contain it: their edge functions vanish on it.
+    """
+
+    number: int
+    dimension: int
+    index: int
+    knots: BoolArray
+    facets: IntArray
+
+    @property
+    def is_interior(self) -> bool:
+        """Whether it is Δ itself."""
+        return self.number == INTERIOR
+
+    @property
+    def is_corner(self) -> bool:
+        """Whether it is a corner, or the end of a curve."""
+        return self.dimension == 0
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """All faces of Δ, by number: Δ itself, its r edges, then its r corners; of a curve, Δ itself and its two ends.
+
+    Parameters
+    ----------
+    dimension : int
+        1 for a curve, 2 for a surface.
+    incidence : (n, r) bool
+        Whether knot i lies on edge j.
+    """
+
+    dimension: int
+    incidence: BoolArray
+
+    @property
+    def edges(self) -> IntArray:
+        """(r,) numbers of the edges; of a curve, those of its ends."""
+        return 1 + np.arange(self.incidence.shape[1])
+
+    @property
+    def corners(self) -> IntArray:
+        """(r,) numbers of the corners; of a curve, those of its ends."""
+        return self.edges + (len(self.edges) if self.dimension == 2 else 0)
+
+    @cached_property
+    def knots(self) -> BoolArray:
+        """(faces, n): which knots lie on each face."""
+        edges = self.incidence.T
+        corners = [edges & np.roll(edges, 1, axis=0)] if self.dimension == 2 else []
+        return np.concatenate([np.ones_like(edges[:1]), edges, *corners])
+
+    @cached_property
+    def vanishing(self) -> BoolArray:
+        """(faces, r): which edge functions are zero on each face."""
+        edges = np.eye(self.incidence.shape[1], dtype=bool)
+        corners = [edges | np.roll(edges, -1, axis=1)] if self.dimension == 2 else []
+        return np.concatenate([np.zeros_like(edges[:1]), edges, *corners])
+
+    @cached_property
+    def _all(self) -> tuple[Face, ...]:
+        r = self.incidence.shape[1]
+        kinds = [(self.dimension, 0), *((self.dimension - 1, j) for j in range(r)), *((0, k) for k in range(r))]
+        return tuple(
+            Face(number, *kind, members, np.flatnonzero(vanishing))
+            for number, (kind, members, vanishing) in enumerate(zip(kinds, self.knots, self.vanishing, strict=False))
+        )
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    def __iter__(self) -> Iterator[Face]:
+        return iter(self._all)
+
+    def __getitem__(self, number: int) -> Face:
+        return self._all[number]
+
+    def edge(self, j: int) -> Face:
+        """Edge j; of a curve, end j."""
+        return self._all[int(self.edges[j])]
+
+    def corner(self, k: int) -> Face:
+        """Corner k; of a curve, end k."""
+        return self._all[int(self.corners[k])]
+
+    def at(self, heights: FloatArray) -> IntArray:
+        """(m,) numbers of the faces whose relative interiors hold points, from the zeros of (r, m) edge functions."""
+        zero = heights == 0
+        count = zero.sum(axis=0)
+        edge = zero.argmax(axis=0)
+        found = np.where(count > 0, self.edges[edge], INTERIOR)
+        if self.dimension == 2:
+            r = len(zero)
+            # Corner j ends edge j - 1 and starts edge j; edges 0 and r - 1 meet in corner 0.
+            corner = np.where(zero[0] & zero[r - 1] & ~zero[1 % r], 0, (edge + 1) % r)
+            found = np.where(count > 1, self.corners[corner], found)
+        return found
+
+    def smallest(self, knots: int | Sequence[int]) -> Face:
+        """Find the smallest face that contains some knots."""
+        holds = self.knots[:, np.atleast_1d(knots)].all(axis=1)
+        return self._all[int(np.flatnonzero(holds)[-1])]
