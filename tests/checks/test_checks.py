@@ -182,10 +182,7 @@ class Broken(Patch):
 
 
 def broken(patch: Patch, kind: type[Patch]) -> Patch:
-    values = {field.name: getattr(patch, field.name) for field in fields(patch)}
-    if patch.log_weights is not None:
-        values["weights"] = None
-    return kind(**values)
+    return kind(**{field.name: getattr(patch, field.name) for field in fields(patch)})
 
 
 class Shifted(Broken):
