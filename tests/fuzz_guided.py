@@ -65,7 +65,8 @@ def check_message(text: str, pattern: str) -> None:
 def read_spec(data: bytes) -> None:
     """Read a spec; what is read must be written and read again as the same."""
     from gtb_cli.errors import SpecError
-    from gtb_cli.spec.loading import dump, parse
+    from gtb_cli.spec.loading import parse
+    from gtb_cli.spec.writer import dump
     from tests.specs import arrays
 
     for format in (None, "json") if data[:1] == b"[" else (None,):

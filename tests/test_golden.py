@@ -10,7 +10,8 @@ import re
 import numpy as np
 import pytest
 
-from gtb_cli.spec.loading import dump, load
+from gtb_cli.spec.loading import load
+from gtb_cli.spec.writer import dump
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

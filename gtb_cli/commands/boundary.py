@@ -25,7 +25,7 @@ def boundary(spec: str, edge: int | None, output: str, spec_format: str | None, 
     Edges are counted from 0, counter-clockwise from the lowest, then leftmost, corner of the domain; gtb info lists
     their knots. The curve's knots are measured along the edge, from its first corner.
     """
-    from gtb_cli.spec.loading import dump
+    from gtb_cli.spec.writer import dump
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)

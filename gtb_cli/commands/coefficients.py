@@ -43,7 +43,7 @@ def coefficients(
     """
     import numpy as np
 
-    from gtb_cli.spec.loading import dump
+    from gtb_cli.spec.writer import dump
     from gtb_cli.theory.basis import partition_of_unity_coefficients
     from gtb_cli.theory.model import Model
 

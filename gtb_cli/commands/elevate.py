@@ -34,7 +34,7 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
     For Bézier curves, triangles and tensor product patches this is the classical elevation of the degree. A lifting is
     left out. Of a model, each patch is elevated.
     """
-    from gtb_cli.spec.loading import dump
+    from gtb_cli.spec.writer import dump
     from gtb_cli.theory.elevation import elevate as elevated
     from gtb_cli.theory.model import Model
 

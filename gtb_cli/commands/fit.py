@@ -45,7 +45,7 @@ def fit(points: str, knots: tuple[float, ...] | None, output: str, console: Cons
     with about(shown_input(points)):
         found = fitted(places, knots)
     name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
-    from gtb_cli.spec.loading import dump
+    from gtb_cli.spec.writer import dump
 
     write_text(output, dump(found.curve.replace(name=name)))
     console.note(f"{len(places)} points, {found.rounds} rounds, {found.distance:.2g} left")

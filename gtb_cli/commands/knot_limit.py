@@ -113,7 +113,7 @@ def knot_limit(
             )
         text = ""
         if emit_spec:
-            from gtb_cli.spec.loading import dump
+            from gtb_cli.spec.writer import dump
 
             text = dump(limit.merged)
     # What cannot be written is not the spec's fault.

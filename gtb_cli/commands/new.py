@@ -26,9 +26,9 @@ def new(template: str, sides: int | None, output: str, console: Console) -> None
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
     several patches). A file that is there already is not overwritten.
     """
-    from gtb_cli.spec import templates
+    from gtb_cli.spec.starter import template as text_of
 
-    text = templates.template(template, sides)
+    text = text_of(template, sides)
     if output != STANDARD and os.path.isfile(output):
         raise click.UsageError(f"{output} is there already, and would be overwritten")
     write_text(output, text)

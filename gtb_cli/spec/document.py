@@ -1,57 +1,23 @@
-"""The text of a spec: TOML or JSON bytes → plain data, and the line each value stands on.
-
-Neither of Python's parsers tells where a value stands, and neither bounds its work: ten megabytes of brackets or dotted
-keys can take minutes or exhaust the stack. One scanner over words does both jobs: it measures every text before a
-parser sees it, and finds lines when there is an error to report.
-"""
+"""The text of a spec: TOML or JSON bytes → plain data, and the faults found in it, by line."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 from gtb_cli.errors import SpecError
+from gtb_cli.spec.scanner import Format, Path, Scanner, TooMuch
 
-Format: TypeAlias = Literal["toml", "json"]
-Path: TypeAlias = tuple[str | int, ...]
 Repeated: TypeAlias = tuple[Path, int, int]
 
 MAX_BYTES = 10_000_000
 """Largest spec; a patch of a thousand knots has a hundred kilobytes."""
 
-MAX_WORDS = 100_000
-"""Most values, keys and signs in a spec; five thousand knots with weights and lifting have as many."""
-
 MAX_LINES = 200_000
 """Most lines in a spec, with the same reason."""
 
-MAX_WORD_LENGTH = 1000
-"""Longest string or number; an expression has at most 256 characters."""
-
-MAX_NESTING = 16
-"""Deepest nesting of lists and tables; a spec needs four."""
-
-MAX_KEY_PARTS = 4
-"""Most parts of a dotted key; a spec needs one."""
-
-_GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
-_STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
 _BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
-# Every match succeeds where it starts, and strings may lack their end, so that the cost is one pass over any text.
-_WORDS = {
-    "toml": re.compile(
-        rf'{_GAP}(?P<word>(?P<string>"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{{3,5}})?'
-        rf"|'''(?:[^']++|'(?!''))*+(?:'{{3,5}})?|{_STRING}|'[^'\n]*+'?)"
-        r"|(?P<sign>[\[\]{},=])|[^\s\[\]{},=\"'#]++|.|\Z)",
-        re.DOTALL,
-    ),
-    "json": re.compile(
-        rf'{_GAP}(?P<word>(?P<string>{_STRING})|(?P<sign>[\[\]{{}},:])|[^\s\[\]{{}},:"#]++|.|\Z)',
-        re.DOTALL,
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -78,7 +44,7 @@ class Document:
         around = {path: self._existing(path) for path in paths}
         wanted = set(around.values()) - {()}
         known: dict[Path, int] = {}
-        for path, line, _ in _values(self.text, self.format) if wanted else ():
+        for path, line, _ in Scanner(self.text, self.format).places() if wanted else ():
             if path in wanted:
                 known.setdefault(path, line)
                 if len(known) == len(wanted):
@@ -217,12 +183,12 @@ def _measure(text: str, source: str, format: Format) -> tuple[Repeated, ...]:
     first: dict[Path, int] = {}
     repeated: dict[Path, tuple[int, int]] = {}
     try:
-        for path, line, defines in _values(text, format):
+        for path, line, defines in Scanner(text, format).places():
             if defines and path not in first:
                 first[path] = line
             elif defines and not any(path[:length] in repeated for length in range(1, len(path) + 1)):
                 repeated[path] = first[path], line
-    except _TooMuch as error:
+    except TooMuch as error:
         line, reason = error.args
         raise SpecError(f"{source}:{line}: {reason}") from None
     return tuple((path, *lines) for path, lines in repeated.items())
@@ -264,121 +230,3 @@ def _malformed(text: str, source: str, language: str, line: int, column: int, re
 
 def _twice(first: int) -> str:
     return f"is given twice, first in line {first}"
-
-
-class _TooMuch(Exception):
-    """Line and reason why a text goes to no parser."""
-
-
-class _Open:
-    """A list or table the scanner is in: its path, the index of a list's current entry, a table's current key."""
-
-    __slots__ = ("index", "key", "path")
-
-    def __init__(self, path: Path, index: int | None, key: Path | None = None) -> None:
-        self.path, self.index, self.key = path, index, key
-
-
-def _values(text: str, format: Format) -> Iterator[tuple[Path, int, bool]]:
-    """Yield the path and line of every key and list entry, and whether a key is given there and may not be again.
-
-    Of text that is not well-formed, something is yielded.
-
-    Raises
-    ------
-    _TooMuch
-        At the first place where a limit is passed.
-    """
-    toml = format == "toml"
-    separator = "=" if toml else ":"
-    words = _WORDS[format]
-    entries: dict[Path, int] = {}  # index of the last [[table]] of each list of tables
-    stack = [_Open((), None, None if toml else ())]
-    parts: list[str] = []
-    header = dots = position = 0
-    line = key_line = 1
-    for count, match in enumerate(words.finditer(text)):
-        word = match["word"]
-        if not word:
-            return
-        newlines = text.count("\n", position, match.start("word"))
-        line += newlines
-        position = match.end()
-        if toml and newlines and len(stack) == 1:
-            stack[0].key, parts, header, dots = None, [], 0, 0
-        if count == MAX_WORDS:
-            raise _TooMuch(line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
-        if len(word) > MAX_WORD_LENGTH:
-            raise _TooMuch(line, f"a word of {len(word)} characters, at most {MAX_WORD_LENGTH} are allowed")
-        top = stack[-1]
-        if top.index is None and top.key is None:
-            if word == separator:
-                if toml:
-                    for length in range(1, len(parts)):
-                        yield (*top.path, *parts[:length]), key_line, False
-                top.key = (*top.path, *parts)
-                yield top.key, key_line, bool(parts)
-            elif word == "}" and len(stack) > 1:
-                stack.pop()
-            elif word == "[" and toml and len(stack) == 1:
-                header += 1
-            elif word == "]" and header:
-                paths = _header(parts, header > 1, entries)
-                yield from ((path, key_line, header == 1 and path is paths[-1]) for path in paths)
-                top.path = paths[-1] if paths else ()
-                header = 0
-            elif match["sign"] is None:
-                dots += word.count(".") if match["string"] is None else 0
-                if dots >= MAX_KEY_PARTS:
-                    raise _TooMuch(line, f"a key of more than {MAX_KEY_PARTS} parts")
-                parts = (parts + _key_parts(word))[: MAX_KEY_PARTS + 1] if toml else _key_parts(word)
-                key_line = line
-                continue
-            parts, dots = [], 0
-        elif word == ",":
-            if top.index is None:
-                top.key = None
-            else:
-                top.index += 1
-        elif word in ("]", "}"):
-            if len(stack) > 1:
-                stack.pop()
-        else:
-            here = top.key or ()
-            if top.index is not None:
-                here = (*top.path, top.index)
-                yield here, line, False
-            if word in ("[", "{"):
-                if len(stack) > MAX_NESTING:
-                    raise _TooMuch(line, f"is nested more than {MAX_NESTING} deep")
-                stack.append(_Open(here, 0 if word == "[" else None))
-        line += word.count("\n")
-
-
-def _header(parts: list[str], of_list: bool, entries: dict[Path, int]) -> list[Path]:
-    """Return the path of a [table] or [[table]], after those of the tables around it."""
-    path: Path = ()
-    paths = []
-    for number, part in enumerate(parts, 1):
-        path = (*path, part)
-        paths.append(path)
-        if of_list and number == len(parts):
-            entries[path] = entries.get(path, -1) + 1
-        if path in entries:
-            path = (*path, entries[path])
-            paths.append(path)
-    return paths
-
-
-def _key_parts(word: str) -> list[str]:
-    if word[0] not in "\"'":
-        return [part for part in word.split(".") if part]
-    inside = word[1:-1]
-    if word[0] == '"' and "\\" in inside:
-        import json
-
-        try:
-            return [str(json.loads(word))]
-        except ValueError:
-            pass  # an escape only TOML knows: the key as written is near enough to find a line
-    return [inside]

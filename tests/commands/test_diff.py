@@ -11,7 +11,8 @@ import pytest
 from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes import compare
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import dump, load
+from gtb_cli.spec.loading import load
+from gtb_cli.spec.writer import dump
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.shell import CURVE, PENTAGON, gtb

@@ -8,19 +8,20 @@ import re
 import shutil
 import subprocess
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gtb_cli import vocabulary
 from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.templates import FEWEST_SIDES, MOST_SIDES, TEMPLATES, template
+from gtb_cli.spec.starter import FEWEST_SIDES, FOLDER, MOST_SIDES, template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
+from gtb_cli.vocabulary import SHELLS, TEMPLATES
 from tests.commands.test_cli_check import TWO
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process, shell
 
@@ -85,8 +86,8 @@ def test_the_model_is_a_closed_body():
     assert (volumes[2] - volumes[1]) / (volumes[1] - volumes[0]) == pytest.approx(1 / 4, abs=0.02)
 
 
-def test_names_here_are_those_of_the_templates():
-    assert tuple(TEMPLATES) == vocabulary.TEMPLATES
+def test_each_template_has_its_file():
+    assert {path.stem for path in Path(FOLDER).glob("*.toml")} == set(TEMPLATES)
 
 
 def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
@@ -135,7 +136,7 @@ def test_new_chains_with_mesh(tmp_path):
 # --- completion
 
 
-@pytest.mark.parametrize("name", vocabulary.SHELLS)
+@pytest.mark.parametrize("name", SHELLS)
 def test_a_completion_script_asks_gtb(name):
     result = gtb("completion", name)
     assert result.status == 0
@@ -143,7 +144,7 @@ def test_a_completion_script_asks_gtb(name):
     assert "gtb" in result.text
 
 
-@pytest.mark.parametrize("name", [name for name in vocabulary.SHELLS if shutil.which(name)])
+@pytest.mark.parametrize("name", [name for name in SHELLS if shutil.which(name)])
 def test_a_shell_understands_its_script(name, tmp_path):
     path = tmp_path / "script"
     path.write_bytes(gtb("completion", name).out)

@@ -14,8 +14,9 @@ import pytest
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import Faults
-from gtb_cli.spec.loading import dump, load, parse
+from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.reader import MAX_EXPRESSIONS, MAX_KNOTS, MAX_PATCHES, MAX_UNITY
+from gtb_cli.spec.writer import dump
 from tests.specs import ARC, BAD_SPECS, GOOD_SPECS, SECONDS, Case, arrays, bad_specs
 
 

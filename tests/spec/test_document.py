@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.document import MAX_BYTES, MAX_LINES, MAX_NESTING, MAX_WORD_LENGTH, MAX_WORDS, Path, read
+from gtb_cli.spec.document import MAX_BYTES, MAX_LINES, read
+from gtb_cli.spec.scanner import MAX_NESTING, MAX_WORD_LENGTH, MAX_WORDS, Path
 from tests.specs import SECONDS
 
 

@@ -1,0 +1,195 @@
+"""Where keys and values stand in the text of a spec, TOML or JSON.
+
+Neither of Python's parsers tells where a value stands, and neither bounds its work: ten megabytes of brackets or dotted
+keys can take minutes or exhaust the stack. One scanner over words does both jobs: it measures every text before a
+parser sees it, and finds lines when there is an error to report.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Literal, NamedTuple, TypeAlias
+
+Format: TypeAlias = Literal["toml", "json"]
+Path: TypeAlias = tuple[str | int, ...]
+
+MAX_WORDS = 100_000
+"""Most values, keys and signs in a spec; five thousand knots with weights and lifting have as many."""
+
+MAX_WORD_LENGTH = 1000
+"""Longest string or number; an expression has at most 256 characters."""
+
+MAX_NESTING = 16
+"""Deepest nesting of lists and tables; a spec needs four."""
+
+MAX_KEY_PARTS = 4
+"""Most parts of a dotted key; a spec needs one."""
+
+_GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
+_STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
+# Every match succeeds where it starts, and strings may lack their end, so that the cost is one pass over any text.
+_WORDS = {
+    "toml": re.compile(
+        rf'{_GAP}(?P<word>(?P<string>"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{{3,5}})?'
+        rf"|'''(?:[^']++|'(?!''))*+(?:'{{3,5}})?|{_STRING}|'[^'\n]*+'?)"
+        r"|(?P<sign>[\[\]{},=])|[^\s\[\]{},=\"'#]++|.|\Z)",
+        re.DOTALL,
+    ),
+    "json": re.compile(
+        rf'{_GAP}(?P<word>(?P<string>{_STRING})|(?P<sign>[\[\]{{}},:])|[^\s\[\]{{}},:"#]++|.|\Z)',
+        re.DOTALL,
+    ),
+}
+
+
+class TooMuch(Exception):
+    """Line and reason why a text goes to no parser."""
+
+
+class Place(NamedTuple):
+    """Where a key or list entry stands, and whether it is a key that may not be given again."""
+
+    path: Path
+    line: int
+    is_definition: bool
+
+
+class _Open:
+    """A list or table the scanner is in: its path, the index of a list's current entry, a table's current key."""
+
+    __slots__ = ("index", "key", "path")
+
+    def __init__(self, path: Path, index: int | None, key: Path | None = None) -> None:
+        self.path, self.index, self.key = path, index, key
+
+
+class Scanner:
+    """A walk over the words of a text. Of one that is not well-formed, some places are found."""
+
+    def __init__(self, text: str, format: Format) -> None:
+        self._text = text
+        self._words = _WORDS[format]
+        self._is_toml = format == "toml"
+        self._separator = "=" if self._is_toml else ":"
+        self._stack = [_Open((), None, None if self._is_toml else ())]
+        self._last_tables: dict[Path, int] = {}  # index of the last [[table]] of each list of tables
+        self._line = 1
+        self._new_key()
+        self._brackets = 0  # that open a [table] or [[table]]
+        self._key_line = 1
+
+    def places(self) -> Iterator[Place]:
+        """Yield the place of every key and list entry.
+
+        Raises
+        ------
+        TooMuch
+            At the first place where a limit is passed.
+        """
+        position = 0
+        for count, match in enumerate(self._words.finditer(self._text)):
+            word = match["word"]
+            if not word:
+                return
+            newlines = self._text.count("\n", position, match.start("word"))
+            position = match.end()
+            self._line += newlines
+            if count == MAX_WORDS:
+                raise TooMuch(self._line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
+            if len(word) > MAX_WORD_LENGTH:
+                raise TooMuch(self._line, f"a word of {len(word)} characters, at most {MAX_WORD_LENGTH} are allowed")
+            if newlines and self._is_toml and len(self._stack) == 1:  # the end of a line ends a key and its value
+                self._stack[0].key, self._brackets = None, 0
+                self._new_key()
+            top = self._stack[-1]
+            if top.index is not None or top.key is not None:
+                yield from self._at_value(word)
+            elif match["sign"] is None:
+                self._add_to_key(word, is_string=match["string"] is not None)
+            else:
+                yield from self._at_key(word)
+                self._new_key()
+            self._line += word.count("\n")
+
+    def _new_key(self) -> None:
+        self._parts: list[str] = []
+        self._dots = 0
+
+    def _add_to_key(self, word: str, *, is_string: bool) -> None:
+        self._dots += 0 if is_string else word.count(".")
+        if self._dots >= MAX_KEY_PARTS:
+            raise TooMuch(self._line, f"a key of more than {MAX_KEY_PARTS} parts")
+        before = self._parts if self._is_toml else []
+        self._parts = (before + _key_parts(word))[: MAX_KEY_PARTS + 1]
+        self._key_line = self._line
+
+    def _at_key(self, sign: str) -> Iterator[Place]:
+        """Take a sign where a key may stand: what ends the key, the table, or the header of one."""
+        top = self._stack[-1]
+        if sign == self._separator:
+            if self._is_toml:
+                for length in range(1, len(self._parts)):
+                    yield Place((*top.path, *self._parts[:length]), self._key_line, False)
+            top.key = (*top.path, *self._parts)
+            yield Place(top.key, self._key_line, bool(self._parts))
+        elif sign == "}" and len(self._stack) > 1:
+            self._stack.pop()
+        elif sign == "[" and self._is_toml and len(self._stack) == 1:
+            self._brackets += 1
+        elif sign == "]" and self._brackets:
+            paths = self._header()
+            for path in paths:
+                yield Place(path, self._key_line, self._brackets == 1 and path is paths[-1])
+            top.path = paths[-1] if paths else ()
+            self._brackets = 0
+
+    def _header(self) -> list[Path]:
+        """Return the path of a [table] or [[table]], after those of the tables around it."""
+        path: Path = ()
+        paths = []
+        for number, part in enumerate(self._parts, 1):
+            path = (*path, part)
+            paths.append(path)
+            if self._brackets > 1 and number == len(self._parts):
+                self._last_tables[path] = self._last_tables.get(path, -1) + 1
+            if path in self._last_tables:
+                path = (*path, self._last_tables[path])
+                paths.append(path)
+        return paths
+
+    def _at_value(self, word: str) -> Iterator[Place]:
+        """Take a word where a value stands, or what comes after it."""
+        top = self._stack[-1]
+        if word == ",":
+            if top.index is None:
+                top.key = None
+            else:
+                top.index += 1
+            return
+        if word in ("]", "}"):
+            if len(self._stack) > 1:
+                self._stack.pop()
+            return
+        here = top.key or ()
+        if top.index is not None:
+            here = (*top.path, top.index)
+            yield Place(here, self._line, False)
+        if word in ("[", "{"):
+            if len(self._stack) > MAX_NESTING:
+                raise TooMuch(self._line, f"is nested more than {MAX_NESTING} deep")
+            self._stack.append(_Open(here, 0 if word == "[" else None))
+
+
+def _key_parts(word: str) -> list[str]:
+    if word[0] not in "\"'":
+        return [part for part in word.split(".") if part]
+    inside = word[1:-1]
+    if word[0] == '"' and "\\" in inside:
+        import json
+
+        try:
+            return [str(json.loads(word))]
+        except ValueError:
+            pass  # an escape only TOML knows: the key as written is near enough to find a line
+    return [inside]

@@ -1,0 +1,66 @@
+"""Starter specs: TOML with comments, to be changed by hand; their texts are the files in ``templates``."""
+
+from __future__ import annotations
+
+import os
+
+from gtb_cli.errors import SpecError
+from gtb_cli.vocabulary import TEMPLATES
+
+FOLDER = os.path.join(os.path.dirname(__file__), "templates")
+
+FEWEST_SIDES, MOST_SIDES = 3, 100
+
+
+def template(name: str, sides: int | None = None) -> str:
+    """Write a spec with comments that can be meshed as it is.
+
+    Parameters
+    ----------
+    name : str
+        One of `TEMPLATES`.
+    sides : int, optional
+        Number of sides, for "n-gon" and no other.
+
+    Returns
+    -------
+    str
+        TOML.
+
+    Raises
+    ------
+    SpecError
+        There is no such template, or the number of sides is missing, senseless or of no use.
+    """
+    if name not in TEMPLATES:
+        raise SpecError(f"template: expected one of {', '.join(TEMPLATES)}, got {name!r}")
+    if name == "n-gon":
+        if sides is None:
+            raise SpecError("n-gon: expected a number of sides, such as n-gon 7")
+        if not FEWEST_SIDES <= sides <= MOST_SIDES:
+            raise SpecError(f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got {sides}")
+    elif sides is not None:
+        raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
+    with open(os.path.join(FOLDER, f"{name}.toml"), encoding="utf-8") as file:
+        text = file.read()
+    return text if sides is None else text.format(**_polygon(sides))
+
+
+def _polygon(sides: int) -> dict[str, object]:
+    """A dome over a regular polygon: its corners, as many knots halfway to the middle, and the middle."""
+    entries = [_place(factor, k, sides) for factor in ("2*", "") for k in range(sides)] + ["0, 0"]
+    heights = [0] * sides + [1] * sides + [2]
+    return {
+        "sides": sides,
+        "knots": "".join(f"    [{entry}],\n" for entry in entries),
+        "points": "".join(f"    [{entry}, {z}],\n" for entry, z in zip(entries, heights, strict=True)),
+        "ones": ", ".join(["1"] * sides),
+        "twos": ", ".join(["2"] * sides),
+    }
+
+
+def _place(factor: str, k: int, sides: int) -> str:
+    """Coordinates of corner k, as expressions."""
+    if k == 0:
+        return ("2" if factor else "1") + ", 0"
+    return f'"{factor}cos({2 * k}*pi/{sides})", "{factor}sin({2 * k}*pi/{sides})"'
