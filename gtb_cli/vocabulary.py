@@ -1,7 +1,47 @@
 """Names and limits that commands offer, in a room without numpy."""
 
-FORMATS = ("obj", "ply", "stl", "glb")
-"""Mesh formats; also the suffixes of their files."""
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+
+class Format(NamedTuple):
+    """What a mesh format holds; its name in `FORMATS` is also its suffix.
+
+    Attributes
+    ----------
+    curves, groups, normals, uv, attributes : bool
+        Whether the format has segments, named parts, and each of these values at vertices. All formats have triangles.
+    text : {"always", "on request", "never"}
+        Whether files are text.
+    digits : str
+        How exactly binary files, or those that are always text, hold a coordinate. Text on request reads back exactly.
+    """
+
+    curves: bool
+    groups: bool
+    normals: bool
+    uv: bool
+    attributes: bool
+    text: Literal["always", "on request", "never"]
+    digits: Literal["9 at the model's size", "32 bits"]
+
+    def is_text(self, ascii: bool) -> bool:
+        """Whether a file is text, where `ascii` says whether text is requested."""
+        return self.text == "always" or (ascii and self.text == "on request")
+
+    def is_single(self, ascii: bool) -> bool:
+        """Whether a file holds 32-bit numbers."""
+        return self.digits == "32 bits" and not self.is_text(ascii)
+
+
+FORMATS = {
+    "obj": Format(True, True, True, True, False, "always", "9 at the model's size"),
+    "ply": Format(True, False, True, True, True, "on request", "32 bits"),
+    "stl": Format(False, False, False, False, False, "on request", "32 bits"),
+    "glb": Format(True, True, True, True, False, "never", "32 bits"),
+}
+"""Mesh formats by name, the default first."""
 
 SPEC_FORMATS = ("toml", "json")
 """Formats of specs; also the suffixes of their files."""

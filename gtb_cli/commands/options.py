@@ -175,7 +175,7 @@ def mesh_options(function: Function) -> Function:
     @click.option(
         "-f",
         "--format",
-        type=click.Choice(FORMATS, case_sensitive=False),
+        type=click.Choice(tuple(FORMATS), case_sensitive=False),
         help="Format, whatever the name of OUT. Without it the suffix of OUT says, else obj.",
     )
     @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.errors import GtbError
 from gtb_cli.meshes.known import largest_coordinates
+
+SINGLE = np.dtype("<f4")
+"""Numbers of binary files."""
+
+Scalar = TypeVar("Scalar", np.float64, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,20 +46,50 @@ def single_half_steps(vertices: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
 
-def triangles(polygons: IntArray) -> IntArray:
-    """Cut (k, c) polygons of c corners each into (k (c − 2), 3) triangles around their first corners."""
-    corners = polygons.shape[1]
-    fan = np.array([[0, i, i + 1] for i in range(1, corners - 1)])
-    return np.ascontiguousarray(polygons[:, fan].reshape(-1, 3))
+def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
+    """Cut polygons into triangles around their first corners.
+
+    Parameters
+    ----------
+    corners : (c,) int
+        Of one polygon after another.
+    counts : (p,) int
+        How many corners each has: 3 at least.
+    """
+    if (counts == 3).all():
+        return corners.reshape(-1, 3).astype(np.int64)
+    ends = np.cumsum(counts)
+    starts = ends - counts
+    inner = np.ones(len(corners), dtype=bool)
+    inner[starts] = inner[ends - 1] = False
+    result = np.empty((len(corners) - 2 * len(counts), 3), dtype=np.int64)
+    result[:, 0] = np.repeat(corners[starts], counts - 2)
+    result[:, 1] = corners[inner]
+    result[:, 2] = corners[1:][inner[:-1]]
+    return result
 
 
-def joined(parts: list[IntArray], width: int) -> IntArray:
-    """Blocks of cells one after another."""
-    return np.concatenate([np.empty((0, width), dtype=np.int64), *parts])
+def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
+    """Cut polylines, given as the polygons of `triangles`, into segments."""
+    inner = np.ones(len(corners), dtype=bool)
+    inner[np.cumsum(counts) - 1] = False
+    return np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1).astype(np.int64, copy=False)
 
 
-def whole(values: NDArray[np.generic], what: str) -> IntArray:
-    """Indices of any whole type as int64."""
-    if values.dtype.kind not in "iu":
-        raise GtbError(f"{what}: expected whole numbers, got {values.dtype}")
-    return values.astype(np.int64)
+def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
+    """Blocks of rows one after another; `parts` is emptied, so that the rows are in memory once and not twice."""
+    if len(parts) == 1:
+        return parts.pop()
+    stop = sum(map(len, parts))
+    result = np.empty((stop, width), dtype=kind)
+    while parts:
+        part = parts.pop()
+        result[stop - len(part) : stop] = part
+        stop -= len(part)
+    return result
+
+
+def plain_name(name: str) -> str:
+    """Return a name without what would end a word, or continue a line, of a text format."""
+    plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
+    return plain or "patch"

@@ -1,19 +1,10 @@
-"""Meshes to files: OBJ, PLY, STL and GLB.
-
-| format | holds | numbers | written by |
-|---|---|---|---|
-| OBJ | triangles or segments, groups, normals, uv | decimal, 9 digits at the model's size | `obj` |
-| PLY | triangles or segments, normals, uv, attributes | 32-bit; `ascii`: exact | trimesh; else `formats` |
-| STL | triangles | 32-bit; `ascii`: exact | trimesh; else `formats` |
-| GLB | triangles or segments, groups, normals, uv | 32-bit | trimesh; else `formats` |
-"""
+"""Meshes to files: OBJ, PLY, STL and GLB; what each holds is said in `gtb_cli.vocabulary.FORMATS`."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from types import SimpleNamespace
-from typing import IO, TYPE_CHECKING
+from collections.abc import Iterable
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +12,15 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.obj import ROWS, obj_blocks
+from gtb_cli.formats.content import plain_name
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
-
-if TYPE_CHECKING:  # OBJ, the format of small and quick meshes, does without this room
-    from gtb_cli.formats.records import Part
 
 VISIBLE = 1e-5
 """A vertex moved by more than this part of the model's diagonal shows as facets in its shading."""
 
 _SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite one
 _DOUBLE_LIMIT = 2.0**1022  # a difference of two, or a box's extent, is finite too
-_STL_NAME = 80  # characters; some readers have no room for more
-_PLY_RESERVED = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
 
 
 def write_mesh(
@@ -103,43 +89,43 @@ def encode_mesh(
         The format cannot hold the mesh, or a number is not finite (the first such vertex is named).
     """
     kind = _known(format)
-    text = kind == "obj" or ascii
-    if kind == "stl" and mesh.is_curve:
-        raise ExportError("STL holds triangles, and a curve has none: give it a thickness with --radius R (a tube)")
-    if kind == "glb" and ascii:
-        raise ExportError("GLB has no text form: expected obj, ply or stl with --ascii")
-    vertex_normals = _vertex_normals(mesh) if normals and kind != "stl" else None
-    coordinates = _texture_coordinates(mesh) if uv and kind != "stl" else None
-    attributes = _ply_attributes(mesh) if kind == "ply" else {}
-    name, groups = _plain_name(mesh.name), _groups(mesh)
+    holds = FORMATS[kind]
+    if mesh.is_curve and not holds.curves:
+        raise ExportError(
+            f"{kind.upper()} holds triangles, and a curve has none: give it a thickness with --radius R (a tube)"
+        )
+    if ascii and holds.text == "never":
+        raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with --ascii")
+    vertex_normals = _vertex_normals(mesh) if normals and holds.normals else None
+    coordinates = _texture_coordinates(mesh) if uv and holds.uv else None
+    attributes: dict[str, FloatArray] = {}
+    if holds.attributes and mesh.attributes:
+        from gtb_cli.formats.ply import ply_attributes
 
-    limit = _DOUBLE_LIMIT if text else _SINGLE_LIMIT
+        attributes = ply_attributes(mesh.attributes)
+    name, groups = plain_name(mesh.name), _groups(mesh)
+
     _check_cells(mesh)
-    _check_numbers("coordinates", mesh.vertices, limit)
-    if vertex_normals is not None:
-        _check_numbers("normal", vertex_normals, limit)
-    if coordinates is not None:
-        _check_numbers("uv", coordinates, limit)
-    for label, values in attributes.items():
-        _check_numbers(label, values, limit)
+    columns = (("coordinates", mesh.vertices), ("normal", vertex_normals), ("uv", coordinates), *attributes.items())
+    for label, values in columns:
+        if values is not None:
+            _check_numbers(label, values, _DOUBLE_LIMIT if holds.is_text(ascii) else _SINGLE_LIMIT)
 
     if kind == "obj":
-        return obj_blocks(mesh.vertices, mesh.cells, vertex_normals, coordinates, groups)
-    from gtb_cli.formats.records import glb_of_lines, ply_of_edges, ply_text, stl_text
+        from gtb_cli.formats.obj import obj_blocks
 
+        return obj_blocks(mesh.vertices, mesh.cells, vertex_normals, coordinates, groups)
     if kind == "ply":
-        columns = _ply_columns(mesh.vertices, vertex_normals, coordinates, attributes)
-        if ascii:
-            return ply_text(columns, mesh.cells)
-        if mesh.is_curve:
-            return ply_of_edges(columns, mesh.cells)
-        return [_ply_of_trimesh(mesh, vertex_normals, columns)]
+        from gtb_cli.formats.ply import ply_blocks
+
+        return ply_blocks(mesh, vertex_normals, coordinates, attributes, ascii=ascii)
     if kind == "stl":
-        if ascii:
-            return stl_text(mesh.vertices, mesh.cells, name.encode("ascii", "replace")[:_STL_NAME])
-        return [_stl_of_trimesh(mesh)]
-    parts = _parts(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates)
-    return [glb_of_lines(parts) if mesh.is_curve else _glb_of_trimesh(parts)]
+        from gtb_cli.formats.stl import stl_blocks
+
+        return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
+    from gtb_cli.formats.glb import glb_blocks
+
+    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates)
 
 
 def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False) -> list[str]:
@@ -154,19 +140,20 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
         One message each; empty for an ordinary mesh.
     """
     kind = _known(format)
+    holds, shown = FORMATS[kind], kind.upper()
     messages: list[str] = []
     if not len(mesh.vertices):
         return messages  # an error, not a warning
-    if kind in ("ply", "stl", "glb") and not (ascii and kind != "glb"):
+    if holds.is_single(ascii):
         messages += _single_precision_warnings(mesh, kind)
     if kind == "ply" and mesh.is_curve:
         messages.append("PLY: meshio and assimp read no file with edges, as a curve has")
     if kind == "stl" and not mesh.is_curve and len(mesh.cells) < 4:
         messages.append(f"STL: admesh reads no file of fewer than 4 facets, and this has {len(mesh.cells)}")
-    if kind == "stl" and uv:
-        messages.append("STL: holds no texture coordinates, none are written")
+    if uv and not holds.uv:
+        messages.append(f"{shown}: holds no texture coordinates, none are written")
     if normals and mesh.is_curve:
-        messages.append(f"{kind.upper()}: a curve has no normals, none are written")
+        messages.append(f"{shown}: a curve has no normals, none are written")
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
         extent, size = float(np.ptp(mesh.parameters, axis=0).max()), float(np.ptp(mesh.vertices, axis=0).max())
         if 0.0 < extent < 1e-3 * min(1.0, size):
@@ -237,7 +224,7 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
         if start != end or stop < start:
             raise ExportError(f"groups: {name!r} has cells {start} to {stop}, expected it to start at {end}")
         end = stop
-        plain = distinct = _plain_name(name)
+        plain = distinct = plain_name(name)
         number = 1
         while distinct in taken:
             number += 1
@@ -250,138 +237,12 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
     return groups
 
 
-def _plain_name(name: str) -> str:
-    """Return a name without what would end a word, or continue a line, of a text format."""
-    plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
-    return plain or "patch"
-
-
-def _parts(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
-) -> list[Part]:
-    """Return each group with the vertices that its cells use; a single group with all of them."""
-    from gtb_cli.formats.records import Part
-
-    if len(groups) == 1:
-        return [Part(groups[0][0], mesh.vertices, mesh.cells, normals, uv)]
-    parts = []
-    for name, start, stop in groups:
-        cells = mesh.cells[start:stop]
-        used, places = np.unique(cells, return_inverse=True)
-        parts.append(
-            Part(
-                name,
-                mesh.vertices[used],
-                places.reshape(cells.shape),
-                None if normals is None else normals[used],
-                None if uv is None else uv[used],
-            )
-        )
-    return parts
-
-
-def _ply_attributes(mesh: Mesh) -> dict[str, FloatArray]:
-    attributes: dict[str, FloatArray] = {}
-    for name, values in mesh.attributes.items():
-        plain = _plain_name(name).encode("ascii", "replace").decode().replace("?", "_")
-        if plain in _PLY_RESERVED or plain in attributes:
-            raise ExportError(f"attributes: PLY has a property {plain!r} already, as which {name!r} would be written")
-        if values.ndim != 1:
-            raise ExportError(f"attributes: {name!r}: expected one number for each vertex, got shape {values.shape}")
-        attributes[plain] = values
-    return attributes
-
-
-def _ply_columns(
-    vertices: FloatArray, normals: FloatArray | None, uv: FloatArray | None, attributes: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
-    columns = dict(zip("xyz", vertices.T, strict=True))
-    if normals is not None:
-        columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)
-    if uv is not None:
-        columns |= zip("st", uv.T, strict=True)
-    return columns | dict(attributes)
-
-
-def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str, FloatArray]) -> bytes:
-    import trimesh
-    from trimesh.exchange.ply import export_ply
-
-    from gtb_cli.formats.records import SINGLE
-
-    scalars = list(columns)[3 if normals is None else 6 :]
-    data: bytes = export_ply(
-        trimesh.Trimesh(
-            vertices=mesh.vertices,
-            faces=mesh.cells,
-            vertex_normals=normals,
-            vertex_attributes={name: columns[name].astype(SINGLE) for name in scalars},
-            process=False,
-            validate=False,
-        ),
-        encoding="binary",
-        vertex_normal=normals is not None,
-        include_attributes=True,
-    )
-    return data
-
-
-def _stl_of_trimesh(mesh: Mesh) -> bytes:
-    from trimesh.exchange.stl import export_stl
-
-    from gtb_cli.formats.records import SINGLE, facet_normals
-
-    normals = np.empty(mesh.cells.shape, dtype=SINGLE)
-    for start in range(0, len(mesh.cells), ROWS):
-        block = slice(start, start + ROWS)
-        normals[block] = facet_normals(mesh.vertices[mesh.cells[block]])
-    # A Trimesh would compute its own normals (see facet_normals); the exporter asks for no more than these three.
-    facets = SimpleNamespace(faces=mesh.cells, face_normals=normals, triangles=mesh.vertices.astype(SINGLE)[mesh.cells])
-    data: bytes = export_stl(facets)
-    return data
-
-
-def _glb_of_trimesh(parts: Sequence[Part]) -> bytes:
-    import trimesh
-    from trimesh.exchange.gltf import export_glb
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    from gtb_cli.formats.records import mark_views
-
-    root = "world"
-    while any(part.name == root for part in parts):
-        root += "_"
-    scene = trimesh.Scene(base_frame=root)
-    # A patch is open: with the default material, viewers leave out its back.
-    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    for part in parts:
-        geometry = trimesh.Trimesh(
-            vertices=part.vertices,
-            faces=part.cells,
-            vertex_normals=part.normals,
-            visual=TextureVisuals(uv=part.uv, material=material),
-            process=False,
-            validate=False,
-        )
-        scene.add_geometry(geometry, node_name=part.name, geom_name=part.name)
-    data: bytes = export_glb(
-        scene,
-        include_normals=parts[0].normals is not None,
-        unitize_normals=True,
-        tree_postprocessor=mark_views,
-        extension_webp=False,
-        extension_draco=False,
-    )
-    return data
-
-
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     with np.errstate(over="ignore", under="ignore"):
         single = mesh.vertices.astype(np.float32)
     if not np.isfinite(single).all():
         return []  # an error, not a warning
-    way_out = "OBJ keeps their digits" if kind == "glb" else "--ascii or OBJ keeps their digits"
+    way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
     messages = []
     moved = float(np.abs(single - mesh.vertices).max(initial=0.0))
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))

@@ -1,19 +1,34 @@
-"""Reading GLB (binary glTF 2.0): triangles and lines of all nodes of the scene, in their places."""
+"""GLB (binary glTF 2.0), both ways: triangles and lines; of all nodes of a scene, in their places, when read."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, single_half_steps, triangles
+from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.formats.content import SINGLE, Content, joined, segments, single_half_steps, triangles
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import compacted
 
 HEADER = 12
+"""Bytes before the chunks; each of these has 8 before its content."""
+
+MAX_BYTES = 2**32 - 1
+"""Of a file."""
+
 JSON, BIN = 0x4E4F534A, 0x004E4942
+
+FLOAT, UNSIGNED = 5126, 5125
+"""glTF's numbers for the types of components."""
+
+VERTICES, INDICES = 34962, 34963
+"""glTF's numbers for what a view of the buffer holds."""
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -24,8 +39,159 @@ KNOWN = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", 
 MAX_DEPTH = 100
 """Nodes within nodes."""
 
-MAX_REPEATED = 5_000_000
-"""Vertices, or corners of cells, that there may be beyond the bytes of the file: one mesh may stand in many nodes."""
+MAX_REPEATED = 3_000_000
+"""Vertices, or corners of cells, that there may be beyond those in the file: one mesh may stand in many nodes."""
+
+MAX_PIECES = 50_000
+"""Primitives in all nodes; each takes some time, however small it is."""
+
+_NOWHERE = np.eye(4)
+
+TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
+"""Keys of a node that has a place of its own."""
+
+
+def glb_blocks(
+    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
+) -> Iterator[bytes]:
+    """Yield a GLB file with a node for each group: by trimesh, if the mesh has faces."""
+    parts = _parts(mesh, groups, normals, uv)
+    yield _glb_of_lines(parts) if mesh.is_curve else _glb_of_trimesh(parts)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A named piece of a mesh with vertices of its own; v of `uv` (m, 2) is upwards."""
+
+    name: str
+    vertices: FloatArray
+    cells: IntArray
+    normals: FloatArray | None
+    uv: FloatArray | None
+
+
+def _parts(
+    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
+) -> list[_Part]:
+    """Return each group with the vertices that its cells use; a single group with all of them."""
+    if len(groups) == 1:
+        return [_Part(groups[0][0], mesh.vertices, mesh.cells, normals, uv)]
+    parts = []
+    for name, start, stop in groups:
+        used, cells = compacted(mesh.cells[start:stop])
+        parts.append(
+            _Part(
+                name,
+                mesh.vertices[used],
+                cells,
+                None if normals is None else normals[used],
+                None if uv is None else uv[used],
+            )
+        )
+    return parts
+
+
+def _glb_of_trimesh(parts: Sequence[_Part]) -> bytes:
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    root = "world"
+    while any(part.name == root for part in parts):
+        root += "_"
+    scene = trimesh.Scene(base_frame=root)
+    # A patch is open: with the default material, viewers leave out its back.
+    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
+    for part in parts:
+        geometry = trimesh.Trimesh(
+            vertices=part.vertices,
+            faces=part.cells,
+            vertex_normals=part.normals,
+            visual=TextureVisuals(uv=part.uv, material=material),
+            process=False,
+            validate=False,
+        )
+        scene.add_geometry(geometry, node_name=part.name, geom_name=part.name)
+    data: bytes = export_glb(
+        scene,
+        include_normals=parts[0].normals is not None,
+        unitize_normals=True,
+        tree_postprocessor=mark_views,
+        extension_webp=False,
+        extension_draco=False,
+    )
+    return data
+
+
+def _glb_of_lines(parts: Sequence[_Part]) -> bytes:
+    """Return a GLB file with one node of indexed lines for each part.
+
+    trimesh's exporter writes every inner vertex of a polyline twice; its reader, which
+    takes the vertices for one polyline in their order, gets these right.
+    """
+    views: list[dict[str, int]] = []
+    accessors: list[dict[str, Any]] = []
+    chunks: list[bytes] = []
+
+    def accessor(values: NDArray[Any], kind: str, component: int, **bounds: list[float]) -> int:
+        data = values.tobytes()  # four bytes a number: every view starts at a multiple of four
+        views.append({"buffer": 0, "byteOffset": sum(map(len, chunks)), "byteLength": len(data)})
+        chunks.append(data)
+        count = values.size if kind == "SCALAR" else len(values)
+        described = {"bufferView": len(views) - 1, "componentType": component, "count": count, "type": kind}
+        accessors.append({**described, **bounds})
+        return len(accessors) - 1
+
+    meshes = []
+    for part in parts:
+        points = part.vertices.astype(SINGLE)
+        attributes = {
+            "POSITION": accessor(
+                points, "VEC3", FLOAT, min=points.min(axis=0).tolist(), max=points.max(axis=0).tolist()
+            )
+        }
+        if part.uv is not None:
+            downwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])
+            attributes["TEXCOORD_0"] = accessor(downwards.astype(SINGLE), "VEC2", FLOAT)
+        indices = accessor(part.cells.astype("<u4"), "SCALAR", UNSIGNED)
+        meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
+    tree: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(parts)))}],
+        "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
+        "meshes": meshes,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{}],
+    }
+    mark_views(tree)
+    return b"".join(glb_file(tree, chunks))
+
+
+def mark_views(tree: dict[str, Any]) -> None:
+    """Say in a glTF tree, for viewers that hand them on to the graphics card, which views hold vertices or indices."""
+    views, accessors = tree["bufferViews"], tree["accessors"]
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
+                for number in attributes.values():
+                    views[accessors[number]["bufferView"]]["target"] = VERTICES
+            views[accessors[primitive["indices"]]["bufferView"]]["target"] = INDICES
+
+
+def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
+    """Return the blocks of a file with a description, whose buffer is given the length of the chunks, and these."""
+    length = sum(map(len, chunks))
+    tree["buffers"][0]["byteLength"] = length
+    text = json.dumps(tree, separators=(",", ":")).encode("ascii")
+    text += b" " * (-len(text) % 4)
+    total = HEADER + 8 + len(text) + 8 + length
+    if total > MAX_BYTES:
+        raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
+    whole, text_size, body_size = (np.array(size, dtype="<u4").tobytes() for size in (total, len(text), length))
+    return [b"glTF\2\0\0\0", whole, text_size, b"JSON", text, body_size, b"BIN\0", *chunks]
 
 
 def read_glb(data: bytes) -> Content:
@@ -36,7 +202,7 @@ def read_glb(data: bytes) -> Content:
     GtbError
         It is damaged, needs another file, or an extension that is not known here.
     """
-    tree, binary = _chunks(data)
+    tree, binary = glb_chunks(data)
     try:
         scene = _Scene(tree, binary)
         scene.read()
@@ -46,9 +212,10 @@ def read_glb(data: bytes) -> Content:
     return scene.content()
 
 
-def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return the description and the buffer of a file."""
     if data[:4] != b"glTF" or len(data) < HEADER:
-        raise GtbError("is no GLB file: it does not begin with glTF")
+        raise GtbError("is not a GLB file: it does not begin with glTF")
     version, size = (int(number) for number in np.frombuffer(data, dtype="<u4", offset=4, count=2))
     if version != 2:
         raise GtbError(f"is glTF of version {version}, expected 2")
@@ -84,6 +251,7 @@ class _Scene:
         self.vertices: list[FloatArray] = []
         self.count = 0
         self.corners = 0
+        self.pieces = 0
         self.rows = 0
         self.cells: dict[int, list[IntArray]] = {2: [], 3: []}
         self.groups: list[tuple[str, int, int]] = []
@@ -98,7 +266,7 @@ class _Scene:
         else:
             inner = {child for node in nodes for child in node.get("children", ())}
             roots = [index for index in range(len(nodes)) if index not in inner]
-        stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
+        stack = [(_index(root), _NOWHERE, 0) for root in reversed(roots)]
         seen = set()
         while stack:
             index, above, depth = stack.pop()
@@ -108,7 +276,9 @@ class _Scene:
             if depth > MAX_DEPTH:
                 raise GtbError(f"has nodes within nodes more than {MAX_DEPTH} deep")
             node = nodes[index]
-            place = above @ _matrix(node)
+            if "mesh" not in node and "children" not in node:
+                continue
+            place = above @ _matrix(node) if TRANSFORMATIONS & node.keys() else above
             if "mesh" in node:
                 self._add(self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place)
             stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
@@ -124,19 +294,20 @@ class _Scene:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             self._count(len(positions))
             points = positions.astype(np.float64)
-            if not np.array_equal(place, np.eye(4)):
+            if not (place == _NOWHERE).all():
                 points = points @ place[:3, :3].T + place[:3, 3]
-            indices = np.arange(len(points))
+            indices: NDArray[Any] = np.arange(len(points))
             if "indices" in primitive:
                 read = self._accessor(primitive["indices"])
                 if read.shape[1] != 1 or read.dtype.kind != "u":
                     raise GtbError("indices: expected whole numbers")
                 self._count(0, len(read))
-                indices = read[:, 0].astype(np.int64)
+                indices = read[:, 0]
             if len(indices) and int(indices.max()) >= len(points):
                 raise GtbError(f"indices: expected numbers below {len(points)}, got {int(indices.max())}")
             cells = _cells(indices, mode)
-            self.cells[cells.shape[1]].append(cells + (self.count - len(points)))
+            cells += self.count - len(points)
+            self.cells[cells.shape[1]].append(cells)
             self.vertices.append(points)
             self.rows += len(cells)
         name = name or str(mesh.get("name", ""))
@@ -147,9 +318,12 @@ class _Scene:
         """Refuse more, before they are made, than a file of this size can mean."""
         self.count += vertices
         self.corners += corners
-        most = len(self.binary) + MAX_REPEATED
-        if max(self.count, self.corners) > most:
-            raise GtbError(f"has more than {most} vertices or corners of cells in all nodes together")
+        self.pieces += corners == 0
+        most = len(self.binary) // 12 + MAX_REPEATED, len(self.binary) + MAX_REPEATED
+        if self.count > most[0] or self.corners > most[1]:
+            raise GtbError(f"has more than {most[0]} vertices or {most[1]} corners of cells in all nodes together")
+        if self.pieces > MAX_PIECES:
+            raise GtbError(f"has more than {MAX_PIECES} pieces in all nodes together")
 
     def _accessor(self, number: object) -> NDArray[Any]:
         """(count, width) numbers."""
@@ -175,8 +349,7 @@ class _Scene:
         if self.cells[2] and self.cells[3]:
             raise GtbError("has both triangles and lines: expected one of them")
         width = 2 if self.cells[2] else 3
-        vertices = np.concatenate([np.empty((0, 3)), *self.vertices])
-        cells = np.concatenate([np.empty((0, width), dtype=np.int64), *self.cells[width]])
+        vertices, cells = joined(self.vertices, 3, np.float64), joined(self.cells[width], width, np.int64)
         return Content(vertices, cells, single_half_steps(vertices), tuple(self.groups))
 
 
@@ -203,21 +376,23 @@ def _matrix(node: dict[str, Any]) -> FloatArray:
     return matrix
 
 
-def _cells(indices: IntArray, mode: object) -> IntArray:
+def _cells(indices: NDArray[Any], mode: object) -> IntArray:
     """Segments or triangles of a primitive."""
-    pairs = np.stack([indices[:-1], indices[1:]], axis=1)
+    count = len(indices)
     if mode == 1:
-        return indices[: len(indices) // 2 * 2].reshape(-1, 2)
+        return indices[: count // 2 * 2].reshape(-1, 2).astype(np.int64)
     if mode == 2:
-        return np.concatenate([pairs, np.stack([indices[-1:], indices[:1]], axis=1)])
-    if mode == 3:
-        return pairs
+        indices = np.append(indices, indices[:1])
+    if mode in (2, 3):
+        return segments(indices, np.array([len(indices)])[: len(indices)])
     if mode == 4:
-        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+        return indices[: count // 3 * 3].reshape(-1, 3).astype(np.int64)
     if mode == 5:
-        strip = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
-        strip[1::2] = strip[1::2, [1, 0, 2]]
+        strip = np.empty((max(0, count - 2), 3), dtype=np.int64)
+        for k in range(3):
+            strip[:, k] = indices[k : count - 2 + k]
+        strip[1::2, :2] = strip[1::2, 1::-1]
         return strip
-    if mode == 6 and len(indices) > 2:
-        return triangles(indices[None, :])
+    if mode == 6 and count > 2:
+        return triangles(indices, np.array([count]))
     raise GtbError(f"unknown mode {mode!r:.40} of a primitive")

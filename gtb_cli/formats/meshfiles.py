@@ -67,7 +67,7 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             raise GtbError(f"is larger than {MAX_BYTES >> 30} GB")
         kind = format or format_of(data)
         if kind not in FORMATS:
-            raise GtbError("is no mesh: expected OBJ, PLY, STL or GLB")
+            raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
         with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
             content = _content(data, kind)
         _check(content)
@@ -102,7 +102,7 @@ _OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f",
 
 def _content(data: bytes, kind: str) -> Content:
     if kind == "obj":
-        from gtb_cli.formats.obj_reader import read_obj
+        from gtb_cli.formats.obj import read_obj
 
         return read_obj(data)
     if kind == "ply":

@@ -7,7 +7,6 @@ vertices of a curve, and curves and surfaces are to be animated in one way.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,8 +16,9 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
+from gtb_cli.formats.content import SINGLE
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.formats.records import mark_views
+from gtb_cli.formats.glb import FLOAT, glb_chunks, glb_file, mark_views
 from gtb_cli.meshes.mesh import Mesh
 
 SECONDS = 1.0
@@ -26,10 +26,6 @@ SECONDS = 1.0
 
 MOST = 1000
 """Meshes of an animation: the weights are a square table of them."""
-
-_SINGLE = np.dtype("<f4")
-_FLOAT = 5126  # glTF's number for it
-_LARGEST = 2**32 - 1  # bytes of a GLB file
 
 
 def animated_glb(
@@ -94,8 +90,8 @@ def animated_glb(
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {
-            "input": file.add((np.arange(len(meshes)) * SECONDS).astype(_SINGLE), "SCALAR"),
-            "output": file.add(np.eye(len(meshes), dtype=_SINGLE)[:, 1:].ravel(), "SCALAR"),
+            "input": file.add((np.arange(len(meshes)) * SECONDS).astype(SINGLE), "SCALAR"),
+            "output": file.add(np.eye(len(meshes), dtype=SINGLE)[:, 1:].ravel(), "SCALAR"),
             "interpolation": "LINEAR",
         }
         node = next(number for number, node in enumerate(file.tree["nodes"]) if "mesh" in node)
@@ -114,9 +110,7 @@ class _File:
     """A GLB file to which arrays of 32-bit numbers are added."""
 
     def __init__(self, data: bytes) -> None:
-        (size,) = np.frombuffer(data, "<u4", 1, 12).tolist()
-        self.tree: dict[str, Any] = json.loads(data[20 : 20 + size])
-        self._body = data[28 + size :]
+        self.tree, self._body = glb_chunks(data)
         self._added: list[bytes] = []
         self._length = len(self._body)
 
@@ -124,7 +118,7 @@ class _File:
         """Vectors that the file had at first, as they are stored."""
         described = self.tree["accessors"][accessor]
         start = self.tree["bufferViews"][described["bufferView"]]["byteOffset"]
-        values = np.frombuffer(self._body, _SINGLE, 3 * described["count"], start)
+        values = np.frombuffer(self._body, SINGLE, 3 * described["count"], start)
         return values.reshape(-1, 3).astype(np.float64)
 
     def add(self, values: NDArray[np.float32], kind: str) -> int:
@@ -135,7 +129,7 @@ class _File:
         self.tree["accessors"].append(
             {
                 "bufferView": len(self.tree["bufferViews"]) - 1,
-                "componentType": _FLOAT,
+                "componentType": FLOAT,
                 "count": len(values),
                 "type": kind,
                 "min": rows.min(axis=0).tolist(),
@@ -148,15 +142,7 @@ class _File:
 
     def blocks(self) -> list[bytes]:
         """Return the whole file."""
-        self.tree["buffers"][0]["byteLength"] = self._length
-        text = json.dumps(self.tree, separators=(",", ":")).encode("ascii")
-        text += b" " * (-len(text) % 4)
-        total = 28 + len(text) + self._length
-        if total > _LARGEST:
-            raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
-        sizes = np.array([total, len(text), self._length], dtype="<u4")
-        whole, text_size, body_size = (size.tobytes() for size in sizes)
-        return [b"glTF\2\0\0\0", whole, text_size, b"JSON", text, body_size, b"BIN\0", self._body, *self._added]
+        return glb_file(self.tree, [self._body, *self._added])
 
 
 def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:
@@ -170,7 +156,7 @@ def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:
 
 def _single(values: FloatArray, label: str) -> NDArray[np.float32]:
     with np.errstate(over="ignore", under="ignore"):
-        rounded = values.astype(_SINGLE)
+        rounded = values.astype(SINGLE)
     if not np.isfinite(rounded).all():
         raise ExportError(f"GLB: {label}: too large for 32-bit numbers")
     return rounded

@@ -1,54 +1,30 @@
-"""Wavefront OBJ text, fast: tables turn numbers into characters, four at a time, in numpy.
-
-Every number of a block of rows becomes a run of 32-bit words, each of up to four
-characters and filled up with NUL bytes, which are deleted at the end. The result is
-the text of Python's `%.8f` (or of another number of decimals), byte for byte.
-"""
+"""Wavefront OBJ, both ways: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
-from functools import cache
-from typing import TypeAlias
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.content import Content, joined, segments, triangles
+from gtb_cli.formats.digits import ROWS, cell_lines, decimals, number_lines
+from gtb_cli.formats.text import BLOCK, SAMPLE, float_rows, half_step, integer_rows, lines_of, shown
+from gtb_cli.meshes.known import largest_coordinates
 
-Words: TypeAlias = NDArray[np.uint32]
+IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
+"""Keywords of what is not geometry, and of single points."""
 
-ROWS = 8192
-"""Rows of a block: its arrays stay in the cache."""
+FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
+"""Keywords of curves and surfaces that are not meshes."""
 
-_WORD = np.dtype("<u4")
-_HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
-_MOST_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
-_MOST_WHOLE = 1e18  # likewise for the divisors of the whole part
-_SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bits
+LEAST = {b"v": 3, b"f": 3, b"l": 2}
+"""How many numbers a line has at least."""
 
-
-def decimals(vertices: FloatArray) -> int:
-    """Return how many decimals keep 9 significant digits at the size of the model, and 8 at least.
-
-    `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding
-    box, or the largest coordinate of a model that is a single point.
-
-    Parameters
-    ----------
-    vertices : (m, 3) float
-        Positions, finite.
-
-    Returns
-    -------
-    int
-        Digits after the point.
-    """
-    with np.errstate(over="ignore"):
-        size = float(np.ptp(vertices, axis=0).max(initial=0.0)) or float(np.abs(vertices).max(initial=0.0))
-    if size == 0.0 or not np.isfinite(size):
-        return 8
-    return max(8, 8 - int(np.floor(np.log10(size))))
+Row = TypeVar("Row", FloatArray, IntArray)
 
 
 def obj_blocks(
@@ -90,7 +66,7 @@ def obj_blocks(
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
         if values is not None:
             for start in range(0, len(values), ROWS):
-                yield _number_lines(prefix, values[start : start + ROWS], digits)
+                yield number_lines(prefix, values[start : start + ROWS], digits)
     prefix = "f" if cells.shape[1] == 3 else "l"
     # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
     leads = [b" "]
@@ -102,132 +78,155 @@ def obj_blocks(
         if name:
             yield f"g {name}\n".encode()
         for start in range(first, last, ROWS):
-            yield _cell_lines(prefix, leads, cells[start : min(start + ROWS, last)])
+            yield cell_lines(prefix, leads, cells[start : min(start + ROWS, last)])
 
 
-def _number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
-    """Return one line for each row of `values`: the prefix, and the numbers with `digits` (8 or more) decimals."""
-    rows, columns = values.shape
-    size = np.abs(values)
-    whole = np.floor(size)
-    scale = 10.0 ** min(digits, _MOST_DECIMALS)  # exact: so is every power of ten up to the 22nd
-    scaled = (size - whole) * scale
-    if digits > _MOST_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MOST_WHOLE:
-        line = prefix + f" %.{digits}f" * columns + "\n"
-        written: str = line * rows % tuple(values.ravel().tolist())
-        return written.encode("ascii")
+def read_obj(data: bytes, block: int = BLOCK) -> Content:
+    """Read an OBJ file, `block` bytes at a time.
 
-    fraction = _round_exactly(size - whole, scale, scaled)
-    carry = fraction >= scale
-    whole[carry] += 1.0
-    fraction[carry] = 0.0
+    Vertices keep their order. A face of more than three corners is cut into triangles. A reference `v/vt/vn` is that to
+    its vertex; negative ones count back from the last vertex so far.
 
-    groups = _groups(int(whole.max()), 2)
-    fours, rest = divmod(digits - 3, 4)
-    words, text = _lines(prefix, rows, columns, groups + 2 + fours + (rest > 0))
-    head = _head(b" ", 2, signed=True, alone=not groups)
-    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, 100 * np.signbit(values))
-    remainder = fraction.astype(np.int64)
-    divisor = 10 ** (digits - 3)
-    upper = remainder // divisor
-    words[..., groups + 1] = _table(b".", 3, 3).take(upper)
-    for place in range(fours):
-        remainder -= upper * divisor
-        divisor //= 10_000
-        upper = remainder // divisor
-        words[..., groups + 2 + place] = _table(b"", 4, 4).take(upper)
-    if rest:
-        words[..., -1] = _table(b"", rest, rest).take(remainder - upper * divisor)
-    return _compressed(text)
-
-
-def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> FloatArray:
-    """Return the integer nearest to the exact product `fraction * scale`, the even one of two as near.
-
-    `scaled` is the product as rounded to double. Rounding is monotonic and k + 1/2 is
-    a double, so the rounded product lies on the same side of k + 1/2 as the exact one,
-    unless it *is* k + 1/2. Only then the rounding error decides; Dekker's product gives it exactly.
+    Raises
+    ------
+    GtbError
+        With the number of the line.
     """
-    nearest = np.rint(scaled)
-    tie = np.abs(scaled - nearest) == 0.5
-    if tie.any():
-        a, p = fraction[tie], scaled[tie]
-        a_high = a * _SPLITTER
-        a_high = a_high - (a_high - a)
-        a_low = a - a_high
-        b_high = scale * _SPLITTER
-        b_high = b_high - (b_high - scale)
-        b_low = scale - b_high
-        error = ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
-        nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(p) + (error > 0.0))
-    return nearest
+    if b"\\\n" in data or b"\\\r\n" in data:
+        data = re.sub(rb"\\\r?\n", b" ", data)
+    reader = _Reader()
+    for start, lines in lines_of(data, size=block):
+        reader.read(lines, start + 1)
+    return reader.content()
 
 
-def _cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
-    """Return one line for each row of `cells`: the prefix, and 1-based references, the number after each of `leads`."""
-    numbers = cells.astype(np.int64) + 1
-    top = int(numbers.max())
-    groups = [_groups(top, 4 - len(lead)) for lead in leads]
-    words, text = _lines(prefix, len(cells), cells.shape[1], sum(groups) + len(leads))
-    stop = 0
-    for lead, count in zip(leads, groups, strict=True):
-        start, stop = stop, stop + count + 1
-        head = _head(lead, 4 - len(lead), signed=False, alone=not count)
-        _put_whole(words[..., start:stop], numbers, head, 0)
-    return _compressed(text)
+class _Reader:
+    """What was read so far."""
+
+    def __init__(self) -> None:
+        self.vertices: list[FloatArray] = []
+        self.count = 0
+        self.words: list[bytes] = []
+        self.cells: dict[bytes, list[IntArray]] = {b"f": [], b"l": []}
+        self.cell_count = 0
+        self.names: list[tuple[str, int]] = []
+
+    def read(self, lines: list[bytes], number: int) -> None:
+        """Read lines; `number` is that of the first. Of wrong ones the first is found by halving."""
+        try:
+            self._read(lines)
+        except GtbError as error:
+            if len(lines) == 1:
+                raise GtbError(f"line {number}: {error}") from None
+            half = len(lines) // 2
+            self.read(lines[:half], number)
+            self.read(lines[half:], number + half)
+
+    def _read(self, lines: list[bytes]) -> None:
+        """Read lines, those of each keyword together; nothing is changed if one of them is wrong."""
+        places, names = _sorted(lines)
+        coordinates, starts = np.empty((0, 3)), [self.cell_count] * len(names)
+        if places[b"v"]:
+            text = _without_keyword(lines, places[b"v"])
+            coordinates = _first_three(*_long_enough(b"v", *float_rows(text)))
+        cells = {}
+        for keyword in (b"f", b"l"):
+            if not places[keyword]:
+                continue
+            numbers, counts = _long_enough(
+                keyword, *integer_rows(_references(_without_keyword(lines, places[keyword])))
+            )
+            if not numbers.all():
+                raise GtbError("vertices are counted from 1, got 0")
+            backwards = numbers < 0
+            numbers -= ~backwards
+            if backwards.any():
+                before = self.count + np.searchsorted(places[b"v"], places[keyword])
+                numbers += np.where(backwards, np.repeat(before, counts), 0)
+            cells[keyword] = (triangles if keyword == b"f" else segments)(numbers, counts)
+            made = np.cumsum(np.concatenate([[0], counts - (2 if keyword == b"f" else 1)]))
+            through = np.searchsorted(places[keyword], [place for place, _ in names])
+            starts = [start + int(made[row]) for start, row in zip(starts, through, strict=True)]
+        wanted = max(0, SAMPLE - len(self.words) // 3)
+        self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
+        self.vertices.append(coordinates)
+        self.count += len(coordinates)
+        for keyword, part in cells.items():
+            self.cells[keyword].append(part)
+            self.cell_count += len(part)
+        self.names += zip((name for _, name in names), starts, strict=True)
+
+    def content(self) -> Content:
+        """All of it."""
+        if self.cells[b"f"] and self.cells[b"l"]:
+            raise GtbError("has both faces (f) and polylines (l): expected one of them")
+        vertices = joined(self.vertices, 3, np.float64)
+        starts = [start for _, start in self.names] + [self.cell_count]
+        groups = [
+            (name, start, stop)
+            for (name, start), stop in zip(self.names, starts[1:], strict=True)
+            if name and stop > start
+        ]
+        half = half_step(self.words, float(largest_coordinates(vertices).max()))
+        cells = joined(self.cells[b"l"], 2, np.int64) if self.cells[b"l"] else joined(self.cells[b"f"], 3, np.int64)
+        return Content(vertices, cells, np.full(3, half), tuple(groups))
 
 
-def _groups(top: int, head_digits: int) -> int:
-    """Return how many words of four digits `top` needs after a first one of `head_digits`."""
-    return max(0, -(-(len(str(top)) - head_digits) // 4))
+def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str]]]:
+    """Return the places of lines with vertices and cells by keyword, and the names of groups with their places.
+
+    Lines whose keyword is not followed by a blank are changed so that it is.
+    """
+    known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}
+    other: list[int] = []
+    for place, line in enumerate(lines):
+        known.get(line[:2], other).append(place)
+    names = []
+    for place in other:
+        keyword, _, rest = lines[place].strip().partition(b" ")
+        if b"\t" in keyword:
+            keyword, rest = (*lines[place].split(None, 1), b"")[:2]
+        if keyword in LEAST:
+            known[keyword + b" "].append(place)
+            lines[place] = keyword + b" " + rest
+        elif keyword in (b"g", b"o"):
+            names.append((place, b" ".join(rest.split()).decode("utf-8", "replace")))
+        elif keyword in FREE_FORM:
+            raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
+        elif keyword and not keyword.startswith(b"#") and keyword not in IGNORED:
+            raise GtbError(f"unknown keyword {shown(keyword)}")
+    return {keyword: sorted(known[keyword + b" "]) for keyword in LEAST}, names
 
 
-def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | int) -> None:
-    """Write whole numbers into the last axis of `words`: the head (at `offset` in its table), then fours."""
-    groups = words.shape[-1] - 1
-    above = numbers // 10 ** (4 * groups)
-    words[..., 0] = head.take(above + offset)
-    for place in range(1, groups + 1):
-        through = numbers // 10 ** (4 * (groups - place))
-        digits = through - above * 10_000
-        # Leading zeros are left out, but for the last digit of all.
-        table = _table(b"", 4, int(place == groups))
-        words[..., place] = np.where(above > 0, _table(b"", 4, 4).take(digits), table.take(digits))
-        above = through
+def _without_keyword(lines: Sequence[bytes], places: Sequence[int]) -> bytes:
+    return b"\n".join([lines[place][2:] for place in places])
 
 
-def _lines(prefix: str, rows: int, columns: int, words: int) -> tuple[Words, Words]:
-    """Return room for `words` words in each of `columns` numbers in each row, and the text that it is part of."""
-    text = np.empty((rows, 1 + columns * words), dtype=_WORD)
-    text[:, 0] = _characters(b"\n" + prefix.encode("ascii"))
-    text[0, 0] = _characters(prefix.encode("ascii"))
-    return text[:, 1:].reshape(rows, columns, words), text
+def _references(text: bytes) -> bytes:
+    """References to vertices alone, without those to texture coordinates and normals."""
+    if b"/" not in text:
+        return text
+    lone = re.search(rb"(?<![^ \t\n])/[^ \t\n]*", text)
+    if lone:
+        raise GtbError(f"{shown(lone[0])} is not a whole number")
+    characters = np.frombuffer(text, dtype=np.uint8)
+    slash = characters == ord("/")
+    # What follows a slash, up to the next blank, is left out; a regular expression would take five times the memory.
+    last = np.where(slash | (characters <= ord(" ")), np.arange(len(text), dtype=np.int32), np.int32(0))
+    return bytes(characters[~slash[np.maximum.accumulate(last, out=last)]])
 
 
-def _characters(text: bytes) -> int:
-    return int.from_bytes(text, "little")
+def _long_enough(keyword: bytes, numbers: Row, counts: IntArray) -> tuple[Row, IntArray]:
+    """The same numbers and counts of lines, if all lines have enough."""
+    least = LEAST[keyword]
+    if counts.min() < least:
+        what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
+        raise GtbError(f"{what}, got {counts.min()}")
+    return numbers, counts
 
 
-def _compressed(text: Words) -> bytes:
-    return text.tobytes().translate(None, b"\0") + b"\n"
-
-
-@cache
-def _table(lead: bytes, digits: int, least: int) -> Words:
-    """Return words for 0 … 10^digits - 1: `lead`, then the number with leading zeros up to `least` digits."""
-    numbers = np.arange(10**digits)
-    characters = np.zeros((len(numbers), 4), dtype=np.uint8)
-    characters[:, : len(lead)] = np.frombuffer(lead, dtype=np.uint8)
-    for place in range(digits):
-        power = 10**place
-        shown = (numbers >= power) | (place < least)
-        characters[:, len(lead) + digits - 1 - place] = np.where(shown, numbers // power % 10 + ord("0"), 0)
-    return characters.view(_WORD).ravel()
-
-
-@cache
-def _head(lead: bytes, digits: int, *, signed: bool, alone: bool) -> Words:
-    """Return the table of a number's first word, negative ones after the others if `signed`; zero shows if `alone`."""
-    least = int(alone)
-    plain = _table(lead, digits, least)
-    return np.concatenate([plain, _table(lead + b"-", digits, least)]) if signed else plain
+def _first_three(numbers: FloatArray, counts: IntArray) -> FloatArray:
+    """(rows, 3) first numbers of each line."""
+    if (counts == counts[0]).all():
+        return np.ascontiguousarray(numbers.reshape(len(counts), -1)[:, :3])
+    return np.asarray(numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)])

@@ -1,16 +1,20 @@
-"""Reading STL, binary and text: facets, whose corners are one vertex where they are at exactly the same place."""
+"""STL, both ways, binary and text: facets, whose corners are one vertex where they are at exactly the same place."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, single_half_steps
+from gtb_cli.formats.content import SINGLE, Content, single_half_steps
+from gtb_cli.formats.digits import ROWS
 from gtb_cli.formats.text import SAMPLE, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
+from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
 
 HEADER = 84
@@ -25,6 +29,71 @@ CHUNK = 1 << 22
 """Bytes of text that are taken apart together."""
 
 _SOLID = re.compile(rb"^[ \t]*(end[ \t]*)?solid\b[^\r\n]*", re.IGNORECASE | re.MULTILINE)
+
+
+_FACET = "facet normal {!r} {!r} {!r}\nouter loop\n{}{}{}endloop\nendfacet\n"
+
+NAME_LENGTH = 80
+"""Characters of a solid's name; some readers have no room for more."""
+
+
+def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterator[bytes]:
+    """Yield an STL file: binary of 32-bit numbers, or text with numbers that read back exactly.
+
+    The text has no blank lines, at which meshio stops.
+
+    Parameters
+    ----------
+    vertices : (m, 3) float
+    triangles : (k, 3) int
+        Indices into `vertices`.
+    name : str
+        Of the solid, in text.
+    """
+    if not ascii:
+        yield _stl_of_trimesh(vertices, triangles)
+        return
+    title = name.encode("ascii", "replace")[:NAME_LENGTH]
+    yield b"solid " + title + b"\n"
+    for start in range(0, len(triangles), ROWS):
+        block = triangles[start : start + ROWS]
+        used, places = compacted(block)
+        corners = ["vertex {!r} {!r} {!r}\n".format(*row) for row in vertices[used].tolist()]
+        normals = facet_normals(vertices[block]).tolist()
+        facets = [
+            _FACET.format(*normal, corners[a], corners[b], corners[c])
+            for normal, (a, b, c) in zip(normals, places.tolist(), strict=True)
+        ]
+        yield "".join(facets).encode("ascii")
+    yield b"endsolid " + title + b"\n"
+
+
+def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> bytes:
+    from trimesh.exchange.stl import export_stl
+
+    normals = np.empty(triangles.shape, dtype=SINGLE)
+    for start in range(0, len(triangles), ROWS):
+        block = slice(start, start + ROWS)
+        normals[block] = facet_normals(vertices[triangles[block]])
+    # A Trimesh would compute its own normals (see facet_normals); the exporter asks for no more than these three.
+    facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE)[triangles])
+    data: bytes = export_stl(facets)
+    return data
+
+
+def facet_normals(corners: FloatArray) -> FloatArray:
+    """Return the unit normals `(k, 3)` of triangles `(k, 3, 3)`; zero for a triangle without area.
+
+    Notes
+    -----
+    Right at any scale, as each triangle is brought to size 1. trimesh takes a cross product below 1e-13 for zero, which
+    loses every normal of a model of size 1e-9.
+    """
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    largest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
+    exponents = np.frexp(largest)[1][:, None]
+    first, second = np.ldexp(first, -exponents), np.ldexp(second, -exponents)
+    return unit(cross(first, second))
 
 
 def read_stl(data: bytes) -> Content:
@@ -43,7 +112,7 @@ def read_stl(data: bytes) -> Content:
     if data[:5].lower() == b"solid" and b"\0" not in data[:HEADER]:
         return _read_text(data)
     if len(data) < HEADER:
-        raise GtbError(f"is no STL file: {len(data)} bytes, and not text that begins with solid")
+        raise GtbError(f"is not an STL file: {len(data)} bytes, and not text that begins with solid")
     held = (len(data) - HEADER) / FACET.itemsize
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
@@ -69,14 +138,16 @@ def _read_text(data: bytes) -> Content:
             stop = data.find(b"endfacet", begin + CHUNK, end)
             stop = end if stop < 0 else stop + len(b"endfacet")
             found = data[begin:stop].split()
-            if found and index % 2:
+            begin = stop
+            if not found:
+                continue
+            if index % 2:
                 raise GtbError(f"expected solid, got {shown(found[0])}")
             numbers = _corners(found, count)
             count += len(numbers) // 9
-            words += numbers[: max(0, SAMPLE - len(words))]
+            words += numbers[: max(0, 3 * SAMPLE - len(words))]
             blocks.append(floats(numbers))
-            begin = stop
-    corners = np.concatenate(blocks).reshape(-1, 3)
+    corners = np.concatenate([np.empty(0), *blocks]).reshape(-1, 3)
     half = half_step(words, float(largest_coordinates(corners).max()))
     return _content(corners, np.full(3, half))
 

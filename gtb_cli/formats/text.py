@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -14,11 +14,11 @@ from gtb_cli.errors import GtbError
 
 T = TypeVar("T", np.float64, np.int64)
 
-LINES = 1 << 16
-"""Lines that are taken apart together: their words are objects, and many more would fill the memory."""
+BLOCK = 1 << 21
+"""Bytes of text that are taken apart together: their lines and words are objects, which fill the memory."""
 
-SAMPLE = 30_000
-"""Words from which the digits of a file are told."""
+SAMPLE = 10_000
+"""Vertices from which the digits of a file are told."""
 
 FIXED = 6
 """Fewest digits, or decimals, that programs write by default; fewer are taken for exact numbers."""
@@ -29,15 +29,18 @@ EXACT = 16
 SHOWN = 30
 """Characters of a bad word in a message."""
 
-_WHOLE = b"0123456789- \n"
-_NUMBER = _WHOLE + b"+.eE"
+LARGEST = 2**62
+"""Whole numbers that are read fast; those that are too large for 64 bits are read as more than this."""
+
+_WHOLE = b"0123456789+- \t\n"
+_NUMBER = _WHOLE + b".eE"
 
 
-def lines_of(data: bytes, start: int = 0) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the lines of a text from some place on, many at a time, with the number (from 0) of the first of each."""
+def lines_of(data: bytes, start: int = 0, size: int = BLOCK) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the lines of a text from some place on, `size` bytes at a time, with the number (from 0) of the first."""
     if b"\r" in data:
         data, start = data[start:].replace(b"\r\n", b"\n").replace(b"\r", b"\n"), 0
-    number, size = 0, 32 * LINES
+    number = 0
     while start < len(data):
         end = data.find(b"\n", start + size) + 1 or len(data)
         lines = data[start:end].split(b"\n")
@@ -47,49 +50,64 @@ def lines_of(data: bytes, start: int = 0) -> Iterator[tuple[int, list[bytes]]]:
         number, start = number + len(lines), end
 
 
-def float_table(text: bytes, rows: int) -> FloatArray | None:
-    """Numbers of `rows` lines, (rows, width), fast; None unless each line has as many words, and all are numbers."""
-    return None if text.translate(None, _NUMBER) else _table(text, rows, np.float64)
+def float_rows(text: bytes) -> tuple[FloatArray, IntArray]:
+    """Return the numbers of all lines of a text, and how many each line has; what is not a number is named."""
+    return _rows(text, np.float64, _NUMBER) or (floats(text.split()), _counts(text))
 
 
-def integer_table(text: bytes, rows: int) -> IntArray | None:
+def integer_rows(text: bytes) -> tuple[IntArray, IntArray]:
     """The same for whole numbers."""
-    return None if text.translate(None, _WHOLE) else _table(text, rows, np.int64)
+    return _rows(text, np.int64, _WHOLE) or (integers(text.split()), _counts(text))
 
 
-def _table(text: bytes, rows: int, kind: type[T]) -> NDArray[T] | None:
+def _counts(text: bytes) -> IntArray:
+    return np.array([len(line.split()) for line in text.split(b"\n")])
+
+
+def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntArray] | None:
+    """Read a text of plain numbers fast; None for any other."""
+    if text.translate(None, allowed):
+        return None
     characters = np.frombuffer(text + b"\n", dtype=np.uint8)
     blank = characters <= ord(" ")
     ends = np.flatnonzero(blank[1:] & ~blank[:-1])
-    breaks = np.flatnonzero(characters == ord("\n"))
-    counts = np.diff(np.searchsorted(ends, breaks), prepend=0)
-    if len(counts) != rows or not counts[0] or (counts != counts[0]).any():
-        return None
+    counts = np.diff(np.searchsorted(ends, np.flatnonzero(characters == ord("\n"))), prepend=0)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             numbers = np.fromstring(text, dtype=kind, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
-    return numbers.reshape(rows, -1) if len(numbers) == rows * counts[0] else None
+    # Numbers that run into each other are more than there are words; whole ones that are too large become the largest.
+    if len(numbers) != len(ends) or (
+        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > LARGEST
+    ):
+        return None
+    return numbers, counts
 
 
 def floats(words: Sequence[bytes]) -> FloatArray:
-    """(m,) numbers; what is no number is named in the error."""
+    """(m,) numbers; what is not a number is named in the error."""
     try:
-        return np.array(list(map(float, _plain(words))), dtype=np.float64)
+        return _floats(words)
     except ValueError:
-        bad = next(word for word in words if not _is(float, word))
-        raise GtbError(f"{shown(bad)} is no number") from None
+        raise GtbError(f"{shown(_first_wrong(words, _floats))} is not a number") from None
+
+
+def _floats(words: Sequence[bytes]) -> FloatArray:
+    return np.array(list(map(float, _plain(words))), dtype=np.float64)
 
 
 def integers(words: Sequence[bytes]) -> IntArray:
-    """(m,) whole numbers; what is none is named in the error."""
+    """(m,) whole numbers; what is not one is named in the error."""
     try:
-        return np.array(list(map(int, _plain(words))), dtype=np.int64)
+        return _integers(words)
     except (ValueError, OverflowError):
-        bad = next(word for word in words if not _is(int, word) or abs(int(word)) >= 2**63)
-        raise GtbError(f"{shown(bad)} is no whole number") from None
+        raise GtbError(f"{shown(_first_wrong(words, _integers))} is not a whole number") from None
+
+
+def _integers(words: Sequence[bytes]) -> IntArray:
+    return np.array(list(map(int, _plain(words))), dtype=np.int64)
 
 
 def _plain(words: Sequence[bytes]) -> Sequence[bytes]:
@@ -99,12 +117,17 @@ def _plain(words: Sequence[bytes]) -> Sequence[bytes]:
     return words
 
 
-def _is(kind: type[float] | type[int], word: bytes) -> bool:
-    try:
-        kind(word)
-    except ValueError:
-        return False
-    return b"_" not in word
+def _first_wrong(words: Sequence[bytes], read: Callable[[Sequence[bytes]], object]) -> bytes:
+    """The first word that cannot be read, found by halving."""
+    while len(words) > 1:
+        half = len(words) // 2
+        try:
+            read(words[:half])
+        except (ValueError, OverflowError):
+            words = words[:half]
+        else:
+            words = words[half:]
+    return words[0]
 
 
 def shown(word: bytes) -> str:
@@ -120,7 +143,7 @@ def half_step(words: Sequence[bytes], largest: float) -> float:
     zeros; else of the most significant digits that a word has. Zero where these are so few that the numbers are plain
     ones, as a person writes them, or as many as a double needs.
     """
-    sample = [word.lower() for word in words[:SAMPLE]]
+    sample = [word.lower() for word in words[: 3 * SAMPLE]]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
     if len(decimals) == 1 and not any(b"e" in word for word in sample):

@@ -9,8 +9,8 @@ from trimesh.exchange.obj import export_obj
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
+from gtb_cli.formats.digits import ROWS, decimals
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.formats.obj import ROWS, decimals
 from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired
 from tests.tiny_meshes import surface

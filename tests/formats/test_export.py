@@ -19,8 +19,9 @@ import stl
 import trimesh
 
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.export import FORMATS, encode_mesh, warnings_for, write_mesh
+from gtb_cli.formats.export import encode_mesh, warnings_for, write_mesh
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.vocabulary import FORMATS
 from tests.marks import mostly_long
 from tests.tiny_meshes import curve, encoded, lines, model, surface, two_curves
 
@@ -151,7 +152,8 @@ def test_the_order_of_vertices_and_cells_is_kept(tmp_path):
 FRESH = """
 import hashlib, sys
 sys.modules["PIL"] = None  # a picture library is no part of the package's requirements
-from gtb_cli.formats.export import FORMATS, encode_mesh
+from gtb_cli.vocabulary import FORMATS
+from gtb_cli.formats.export import encode_mesh
 from gtb_cli.meshes.mesh import Mesh
 from tests.tiny_meshes import model
 for format in FORMATS:

@@ -16,7 +16,7 @@ from trimesh.exchange.ply import export_ply
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.export import encode_mesh, write_mesh
 from gtb_cli.formats.morph import animated_glb
-from gtb_cli.formats.records import facet_normals
+from gtb_cli.formats.stl import facet_normals
 from tests.tiny_meshes import curve, encoded, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.

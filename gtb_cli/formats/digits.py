@@ -1,0 +1,179 @@
+"""Lines of numbers as text, fast: tables turn numbers into characters, four at a time, in numpy.
+
+Every number of a block of rows becomes a run of 32-bit words, each of up to four
+characters and filled up with NUL bytes, which are deleted at the end. The result is
+the text of Python's `%.8f` (or of another number of decimals), byte for byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtb_cli.arrays import FloatArray, IntArray
+
+Words: TypeAlias = NDArray[np.uint32]
+
+ROWS = 8192
+"""Rows of a block: its arrays stay in the cache."""
+
+_WORD = np.dtype("<u4")
+_HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
+_MOST_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
+_MOST_WHOLE = 1e18  # likewise for the divisors of the whole part
+_SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bits
+
+
+def decimals(vertices: FloatArray) -> int:
+    """Return how many decimals keep 9 significant digits at the size of the model, and 8 at least.
+
+    `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding
+    box, or the largest coordinate of a model that is a single point.
+
+    Parameters
+    ----------
+    vertices : (m, 3) float
+        Positions, finite.
+
+    Returns
+    -------
+    int
+        Digits after the point.
+    """
+    with np.errstate(over="ignore"):
+        size = float(np.ptp(vertices, axis=0).max(initial=0.0)) or float(np.abs(vertices).max(initial=0.0))
+    if size == 0.0 or not np.isfinite(size):
+        return 8
+    return max(8, 8 - int(np.floor(np.log10(size))))
+
+
+def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
+    """Return one line for each row of `values`: the prefix, and the numbers with `digits` (8 or more) decimals."""
+    rows, columns = values.shape
+    size = np.abs(values)
+    whole = np.floor(size)
+    scale = 10.0 ** min(digits, _MOST_DECIMALS)  # exact: so is every power of ten up to the 22nd
+    scaled = (size - whole) * scale
+    if digits > _MOST_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MOST_WHOLE:
+        line = prefix + f" %.{digits}f" * columns + "\n"
+        written: str = line * rows % tuple(values.ravel().tolist())
+        return written.encode("ascii")
+
+    fraction = _round_exactly(size - whole, scale, scaled)
+    carry = fraction >= scale
+    whole[carry] += 1.0
+    fraction[carry] = 0.0
+
+    groups = _groups(int(whole.max()), 2)
+    fours, rest = divmod(digits - 3, 4)
+    words, text = _lines(prefix, rows, columns, groups + 2 + fours + (rest > 0))
+    head = _head(b" ", 2, signed=True, alone=not groups)
+    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, 100 * np.signbit(values))
+    remainder = fraction.astype(np.int64)
+    divisor = 10 ** (digits - 3)
+    upper = remainder // divisor
+    words[..., groups + 1] = _table(b".", 3, 3).take(upper)
+    for place in range(fours):
+        remainder -= upper * divisor
+        divisor //= 10_000
+        upper = remainder // divisor
+        words[..., groups + 2 + place] = _table(b"", 4, 4).take(upper)
+    if rest:
+        words[..., -1] = _table(b"", rest, rest).take(remainder - upper * divisor)
+    return _compressed(text)
+
+
+def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> FloatArray:
+    """Return the integer nearest to the exact product `fraction * scale`, the even one of two as near.
+
+    `scaled` is the product as rounded to double. Rounding is monotonic and k + 1/2 is
+    a double, so the rounded product lies on the same side of k + 1/2 as the exact one,
+    unless it *is* k + 1/2. Only then the rounding error decides; Dekker's product gives it exactly.
+    """
+    nearest = np.rint(scaled)
+    tie = np.abs(scaled - nearest) == 0.5
+    if tie.any():
+        a, p = fraction[tie], scaled[tie]
+        a_high = a * _SPLITTER
+        a_high = a_high - (a_high - a)
+        a_low = a - a_high
+        b_high = scale * _SPLITTER
+        b_high = b_high - (b_high - scale)
+        b_low = scale - b_high
+        error = ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
+        nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(p) + (error > 0.0))
+    return nearest
+
+
+def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
+    """Return one line for each row of `cells`: the prefix, and 1-based references, the number after each of `leads`."""
+    numbers = cells.astype(np.int64) + 1
+    top = int(numbers.max())
+    groups = [_groups(top, 4 - len(lead)) for lead in leads]
+    words, text = _lines(prefix, len(cells), cells.shape[1], sum(groups) + len(leads))
+    stop = 0
+    for lead, count in zip(leads, groups, strict=True):
+        start, stop = stop, stop + count + 1
+        head = _head(lead, 4 - len(lead), signed=False, alone=not count)
+        _put_whole(words[..., start:stop], numbers, head, 0)
+    return _compressed(text)
+
+
+def _groups(top: int, head_digits: int) -> int:
+    """Return how many words of four digits `top` needs after a first one of `head_digits`."""
+    return max(0, -(-(len(str(top)) - head_digits) // 4))
+
+
+def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | int) -> None:
+    """Write whole numbers into the last axis of `words`: the head (at `offset` in its table), then fours."""
+    groups = words.shape[-1] - 1
+    above = numbers // 10 ** (4 * groups)
+    words[..., 0] = head.take(above + offset)
+    for place in range(1, groups + 1):
+        through = numbers // 10 ** (4 * (groups - place))
+        digits = through - above * 10_000
+        # Leading zeros are left out, but for the last digit of all.
+        table = _table(b"", 4, int(place == groups))
+        words[..., place] = np.where(above > 0, _table(b"", 4, 4).take(digits), table.take(digits))
+        above = through
+
+
+def _lines(prefix: str, rows: int, columns: int, words: int) -> tuple[Words, Words]:
+    """Return room for `words` words in each of `columns` numbers in each row, and the text that it is part of."""
+    text = np.empty((rows, 1 + columns * words), dtype=_WORD)
+    text[:, 0] = _characters(b"\n" + prefix.encode("ascii"))
+    text[0, 0] = _characters(prefix.encode("ascii"))
+    return text[:, 1:].reshape(rows, columns, words), text
+
+
+def _characters(text: bytes) -> int:
+    return int.from_bytes(text, "little")
+
+
+def _compressed(text: Words) -> bytes:
+    return text.tobytes().translate(None, b"\0") + b"\n"
+
+
+@cache
+def _table(lead: bytes, digits: int, least: int) -> Words:
+    """Return words for 0 … 10^digits - 1: `lead`, then the number with leading zeros up to `least` digits."""
+    numbers = np.arange(10**digits)
+    characters = np.zeros((len(numbers), 4), dtype=np.uint8)
+    characters[:, : len(lead)] = np.frombuffer(lead, dtype=np.uint8)
+    for place in range(digits):
+        power = 10**place
+        shown = (numbers >= power) | (place < least)
+        characters[:, len(lead) + digits - 1 - place] = np.where(shown, numbers // power % 10 + ord("0"), 0)
+    return characters.view(_WORD).ravel()
+
+
+@cache
+def _head(lead: bytes, digits: int, *, signed: bool, alone: bool) -> Words:
+    """Return the table of a number's first word, negative ones after the others if `signed`; zero shows if `alone`."""
+    least = int(alone)
+    plain = _table(lead, digits, least)
+    return np.concatenate([plain, _table(lead + b"-", digits, least)]) if signed else plain
