@@ -4,8 +4,10 @@ RUN    := $(VENV)/bin/python -m
 BUILD  := build
 OLDEST := $(BUILD)/oldest
 MINUTES ?= 60
-# A worker that has nothing left takes tests from the other one.
-PARALLEL := -n auto --dist worksteal
+# A worker that has nothing left takes tests from the other one. Bytecode is kept even where the environment forbids it:
+# every worker would compile all tests anew, and every process that a test starts all of gtb_cli.
+PYTEST := -m pytest -n auto --dist worksteal
+test test-all test-oldest: export PYTHONDONTWRITEBYTECODE :=
 SPECS   = $(wildcard specs/*.toml specs/*.json)
 SOURCES = gtb_cli tests
 
@@ -24,13 +26,13 @@ mesh: $(VENV)/.installed ## mesh specs/pentagon.toml, and say where the mesh is
 	@echo "The mesh is $(CURDIR)/$(BUILD)/pentagon.obj, made by: $(VENV)/bin/gtb mesh specs/pentagon.toml -o $(BUILD)/pentagon.obj"
 
 test: $(VENV)/.development ## run the quick tests, in some 100 s on two cores
-	@$(RUN) pytest $(PARALLEL) -m "not long"
+	@$(VENV)/bin/python $(PYTEST) -m "not long"
 
 test-all: $(VENV)/.development ## run all tests: also killed processes, extra seeds, every example, large models
-	@$(RUN) pytest $(PARALLEL)
+	@$(VENV)/bin/python $(PYTEST)
 
 test-oldest: $(OLDEST)/.installed ## run the quick tests with the oldest versions that pyproject.toml allows
-	@$(OLDEST)/bin/python -m pytest $(PARALLEL) -m "not long"
+	@$(OLDEST)/bin/python $(PYTEST) -m "not long"
 
 lint: $(VENV)/.development ## check style and format
 	@$(RUN) ruff check $(SOURCES)
