@@ -17,6 +17,17 @@ MAX_BYTES = 10_000_000
 MAX_LINES = 200_000
 """Most lines in a spec, with the same reason."""
 
+GIT_LFS = "a pointer of Git LFS"
+
+_STRANGERS = {
+    GIT_LFS: re.compile(rb"version https://git-lfs"),
+    "a PLY mesh": re.compile(rb"ply\r?\n"),
+    "a GLB mesh": re.compile(rb"glTF"),
+    "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
+    "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
+}
+"""How files that are taken for specs begin."""
+
 _BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
 
 
@@ -152,6 +163,8 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
     -----
     At most about a second and 100 MB for anything; a spec of a few kilobytes takes about a millisecond.
     """
+    if isinstance(data, bytes):
+        _check_kind(data, source)
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"
@@ -159,6 +172,17 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
         raise SpecError(f"{source}: is empty")
     repeated = _measure(text, source, format)
     return Document(_parse(text, source, format, repeated), text, format, repeated)
+
+
+def _check_kind(data: bytes, source: str) -> None:
+    """Refuse what is something else than a spec, and known by how it begins."""
+    kind = next((kind for kind, pattern in _STRANGERS.items() if pattern.match(data)), None)
+    if kind is None and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        kind = "an STL mesh"
+    if kind == GIT_LFS:
+        raise SpecError(f"{source}: is {kind} in place of the file, which git lfs pull fetches")
+    if kind is not None:
+        raise SpecError(f"{source}: is {kind}, and a spec is expected")
 
 
 def _decode(data: bytes | str, source: str) -> str:

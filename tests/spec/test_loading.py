@@ -18,6 +18,8 @@ from gtb_cli.spec.document import MAX_BYTES, Faults
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.reader import LARGEST
 from gtb_cli.spec.writer import dump
+from gtb_cli.theory import domain as domain_room
+from gtb_cli.theory.hull import convex_hull
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import ARC, GOOD_SPECS, SPECS, TRIANGLE, arrays
@@ -322,3 +324,18 @@ def test_long_lists_are_written_in_lines() -> None:
 def test_what_cannot_be_written(change: dict, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         dump(Patch([0, 1], [[0, 0], [1, 1]], **change))
+
+
+def test_the_hull_of_a_patch_is_built_once(monkeypatch):
+    built = []
+    monkeypatch.setattr(domain_room, "convex_hull", lambda points: built.append(1) or convex_hull(points))
+    patch = parse(
+        """
+knots = [[0, 0], [1, 0], [1, 1], [0, 1]]
+control_points = [[0, 0], [1, 0], [1, 1], [0, 1]]
+coefficients = "partition-of-unity"
+edge_scale = [1, 2, 1, 2]
+"""
+    )
+    assert patch.coefficients.shape == (4,)
+    assert len(built) == 1
