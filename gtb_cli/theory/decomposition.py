@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.domain import PARAMETER_ULPS
-from gtb_cli.theory.hull import knot_tolerance
-from gtb_cli.theory.upper_faces import border_of, depth_in, lifted_knots, upper_faces
+from gtb_cli.theory.hull import border_of, depth_in, knot_tolerance
+from gtb_cli.theory.upper_faces import lifted_knots, upper_faces
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,9 @@ class RegularDecomposition:
             inside = depth_in(polygon, points[open_] - center) >= -tolerance
             found[open_[inside]] = cell
             open_ = open_[~inside]
-        deepest = np.full(len(open_), -np.inf)
-        for cell, polygon in enumerate(corners) if len(open_) else ():
-            depth = depth_in(polygon, points[open_] - center)
-            nearer = depth > deepest
-            found[open_[nearer]] = cell
-            deepest = np.maximum(deepest, depth)
+        if len(open_):
+            depths = [depth_in(polygon, points[open_] - center) for polygon in corners]
+            found[open_] = np.argmax(depths, axis=0)
         return found
 
 

@@ -1,4 +1,4 @@
-"""What patches tend to: toric degeneration of their weights, and knots that move to the place of others."""
+"""Toric degeneration: weights x^λ ω, and the regular control curve or surface that patches tend to as x grows."""
 
 from __future__ import annotations
 
@@ -68,8 +68,7 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
     Returns
     -------
     Model
-        A patch for each cell, in the order of `RegularDecomposition.cells`, with the knots, weights, coefficients and
-        control points of that cell.
+        As `cells_of`, which takes a decomposition that is known already.
 
     Raises
     ------
@@ -84,20 +83,14 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
 
 
 def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
-    """Give each cell of a decomposition of a patch's knots its own patch."""
+    """Give each cell its own patch: the knots, weights, coefficients and control points of that cell, in its order."""
     name = patch.name or "patch"
     cells = [patch.part(np.array(cell), name=f"{name}-cell{i}") for i, cell in enumerate(decomposition.cells)]
     return Model(tuple(cells), name=patch.name)
 
 
 def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
-    """(n,) the lifting given, or else the patch's own.
-
-    Raises
-    ------
-    DomainError
-        There is none, or it does not fit the knots.
-    """
+    """(n,) the lifting given, or else the patch's own; refuses none, and one that does not fit the knots."""
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
         raise DomainError("lifting: the patch has none, and none is given")

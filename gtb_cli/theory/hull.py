@@ -1,12 +1,13 @@
-"""The convex hull of the knots, and within what distance knots are equal or on one line."""
+"""Convex polygons: the hull of the knots, depths in it, and within what distance knots are equal or on one line."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
 from gtb_cli.errors import DomainError
 
 KNOT_TOLERANCE = 1e-12
@@ -77,3 +78,21 @@ def convex_hull(points: FloatArray) -> IntArray:
     lowest = min(y[i] for i in hull) + tolerance
     start = min((i for i in range(len(hull)) if y[hull[i]] <= lowest), key=lambda i: x[hull[i]])
     return np.array(hull[start:] + hull[:start])
+
+
+def border_of(polygon: Sequence[int]) -> list[tuple[int, int]]:
+    """Directed edges of a polygon; of a segment, the segment."""
+    if len(polygon) == 2:
+        return [(polygon[0], polygon[1])]
+    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
+
+
+def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
+    """(m,) smallest signed distance from the lines of the polygon's edges, positive inside."""
+    if points.shape[1] == 1:
+        return np.asarray(np.minimum(points[:, 0] - polygon[0, 0], polygon[1, 0] - points[:, 0]))
+    depth = np.full(len(points), np.inf)
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        side = end - start
+        np.minimum(depth, planar_cross(side / np.hypot(*side), points - start), out=depth)
+    return depth

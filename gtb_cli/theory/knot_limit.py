@@ -1,5 +1,5 @@
-"""Knots that move to the place of others: the merged patch, their limit inside Δ, and films, which knots leave behind
-that move to the boundary: the limit as a set has them, too."""
+"""Knots that move to the places of others: the merged patch, which is the limit inside Δ, and the films that the limit
+has besides where knots come to the boundary."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, read_only
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.face import Face
 from gtb_cli.theory.patch import Patch
@@ -19,8 +19,8 @@ from gtb_cli.theory.patch import Patch
 PARALLEL = 1e-9
 """Speeds whose second singular value is below this fraction of the first are parallel: knots typed on one line."""
 
-
-SMALLEST = float(np.finfo(np.float64).tiny)
+SMALLEST_NORMAL = float(np.finfo(np.float64).tiny)
+"""Smallest weight that is a float with all its digits."""
 
 
 def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
@@ -43,7 +43,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     Raises
     ------
     DomainError
-        Indices that are none, cycles, or a move that would change the hull.
+        Indices out of range, cycles, or a move that would change the hull.
 
     Notes
     -----
@@ -57,7 +57,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     stays = targets == np.arange(len(targets))
     with np.errstate(over="ignore", under="ignore"):
         products = patch.coefficients * patch.weights
-        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= SMALLEST)
+        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= SMALLEST_NORMAL)
     points, weights, logarithms = (np.array(x) for x in (patch.control_points, patch.weights, patch.log_weights))
     for q in np.unique(targets[~stays]).tolist():
         members = np.flatnonzero(targets == q)
@@ -106,13 +106,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
 
 
 def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
-    """(n,) the knot at whose place each knot ends: itself, or the end of its chain.
-
-    Raises
-    ------
-    DomainError
-        Indices that are none, cycles, or a move that would change the hull.
-    """
+    """(n,) the knot at whose place each knot ends: itself, or the end of its chain; refuses what `merge_knots` does."""
     n = len(patch.knots)
     if not moves:
         raise DomainError("moves: expected at least one knot to move")
@@ -127,14 +121,14 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
             if way[-1] == k:
                 raise DomainError(f"moves: {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
             if len(way) > n:
-                break  # into a cycle that k is no part of; its own knots report it
+                break  # into a cycle without k, which its own knots report
         targets[k] = way[-1]
     _refuse_hull_change(patch, targets)
     return targets
 
 
 def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
-    """All ways are inside Δ, so that its hull stays the same if a knot stays at each of its corners."""
+    """All ways lie inside Δ, so that the hull stays the same if a knot stays at each corner."""
     shape = patch.domain
     stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
     corners = shape.faces.knots[shape.faces.corners]
@@ -207,16 +201,19 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class KnotLimit:
-    """The limit of patches whose knots move to others.
+    """The limit of patches whose knots move to others. Made by `knot_limit`.
 
     Attributes
     ----------
     patch : Patch
     moves : mapping of int to int
+    targets : (n,) int
+        The knot at whose place each knot ends.
     """
 
     patch: Patch
     moves: Mapping[int, int]
+    targets: IntArray
 
     @cached_property
     def merged(self) -> Patch:
@@ -226,22 +223,26 @@ class KnotLimit:
     @cached_property
     def films(self) -> tuple[Film, ...]:
         """What the limit as a set has beside the merged patch; nothing where the convergence is uniform."""
-        return tuple(_films(self.patch, ends_of_moves(self.patch, self.moves)))
+        return tuple(_films(self.patch, self.targets))
 
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
         """For each knot that comes to an end, corner or edge on which it is not: the number of that face."""
-        shape, ends = self.patch.domain, ends_of_moves(self.patch, self.moves)
-        comes = shape.incidence[ends] & ~shape.incidence
-        return {k: shape.faces.smallest(ends[k]).number for k in np.flatnonzero(comes.any(axis=1)).tolist()}
+        faces = self.patch.domain.faces
+        arriving = np.flatnonzero(self._comes.any(axis=1)).tolist()
+        return {k: faces.smallest(self.targets[k]).number for k in arriving}
 
     def nearness(self, step: float) -> float:
         """Smallest distance, at a step, of a knot from a facet that it comes to, as a fraction of Δ's size."""
         shape = self.patch.domain
-        ends = ends_of_moves(self.patch, self.moves)
-        comes = shape.incidence[ends] & ~shape.incidence
-        least = (shape.heights / shape.normal_lengths).min(where=comes, initial=np.inf)
+        least = (shape.heights / shape.normal_lengths).min(where=self._comes, initial=np.inf)
         return float(least) * (1 - step) / shape.size
+
+    @cached_property
+    def _comes(self) -> BoolArray:
+        """(n, r) whether each knot comes to a facet on which it is not."""
+        incidence = self.patch.domain.incidence
+        return np.asarray(incidence[self.targets] & ~incidence)
 
     @property
     def is_uniform(self) -> bool:
@@ -261,8 +262,6 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     Returns
     -------
     KnotLimit
-        The merged patch, to which the patches converge at every point inside Δ, and the films, which the limit as a
-        set has besides.
 
     Raises
     ------
@@ -271,17 +270,16 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
 
     Notes
     -----
-    A knot that comes to a boundary from inside does not count there before it has arrived: the
-    boundary of the patches stays what it was, while inside they tend to a patch with another boundary. The Hausdorff
-    limit is the merged patch with what is stretched between the two: a segment at the end of a curve (a curve where
-    several knots arrive there), a membrane at an edge.
+    A knot that comes to the boundary from inside does not count there before it has arrived: the boundary stays what
+    it was, while inside the patches tend to one with another boundary. The Hausdorff limit is the merged patch with
+    what is stretched between the two: a segment at the end of a curve (a curve where several knots arrive there), a
+    membrane at an edge.
 
     References
     ----------
     Thm 3.1, Thm 4.1, which claim the merged patch alone; Ex. 4.2.
     """
-    ends_of_moves(patch, moves)
-    return KnotLimit(patch, dict(moves))
+    return KnotLimit(patch, dict(moves), ends_of_moves(patch, moves))
 
 
 def _films(patch: Patch, targets: IntArray) -> list[Film]:
@@ -298,7 +296,7 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
             along = shape.along(face.index, patch.knots[targets[members]])
         elif shape.dimension == 2:
             # Where all come on one line, the film of the corner is a border of its edges' films.
-            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=np.finfo(float).tiny), compute_uv=False)
+            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=SMALLEST_NORMAL), compute_uv=False)
             if len(values) < 2 or values[1] <= PARALLEL * values[0]:
                 continue
         units = [column[column > 0].min(initial=np.inf) for column in speeds.T]

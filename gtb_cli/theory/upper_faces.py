@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.hull import convex_hull, knot_tolerance
+from gtb_cli.theory.hull import border_of, convex_hull, depth_in, knot_tolerance
 from gtb_cli.theory.upper_hull import UpperHull, height, integers, upper_hull
 
 GAP_TOLERANCE = 1e-12
@@ -178,15 +178,9 @@ def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
         if seed in taken or not proper[seed]:
             continue
         face = UpperFace(lifted, hull.simplices[seed], hull.planes[seed])
+        # The seed alone is convex in any case.
         for holds in (face.holds, face.holds_exactly, face.knots.__contains__):
-            region = [seed]
-            reached = set(taken)
-            reached.add(seed)
-            for current in region:
-                for other in hull.adjacent[current]:
-                    if other not in reached and all(holds(i) for i in hull.simplices[other]):
-                        reached.add(other)
-                        region.append(other)
+            region = _region(hull, seed, taken, holds)
             polygon = _outline(lifted, [hull.simplices[f] for f in region])
             if polygon is not None:
                 face.polygon = polygon
@@ -197,6 +191,17 @@ def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
     if not faces:
         raise DomainError(f"knots: all {len(lifted.points)} lie on one line to rounding, their hull is flat")
     return faces
+
+
+def _region(hull: UpperHull, seed: int, taken: set[int], holds: Callable[[int], bool]) -> list[int]:
+    """Simplices that hang together with a seed, are not taken yet, and whose knots a face holds."""
+    region, reached = [seed], {*taken, seed}
+    for current in region:
+        for other in hull.adjacent[current]:
+            if other not in reached and all(map(holds, hull.simplices[other])):
+                reached.add(other)
+                region.append(other)
+    return region
 
 
 def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
@@ -253,21 +258,3 @@ def _insert_corner(points: FloatArray, polygon: list[int], corner: int) -> None:
     distance[(along <= 0) | (along >= lengths)] = np.inf
     if np.isfinite(distance).any():
         polygon.insert(int(distance.argmin()) + 1, corner)
-
-
-def border_of(polygon: Sequence[int]) -> list[tuple[int, int]]:
-    """Directed edges of a polygon; of a segment, the segment."""
-    if len(polygon) == 2:
-        return [(polygon[0], polygon[1])]
-    return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
-
-
-def depth_in(polygon: FloatArray, points: FloatArray) -> FloatArray:
-    """(m,) smallest signed distance from the lines of the polygon's edges, positive inside."""
-    if points.shape[1] == 1:
-        return np.asarray(np.minimum(points[:, 0] - polygon[0, 0], polygon[1, 0] - points[:, 0]))
-    depth = np.full(len(points), np.inf)
-    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        side = end - start
-        np.minimum(depth, planar_cross(side / np.hypot(*side), points - start), out=depth)
-    return depth
