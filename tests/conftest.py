@@ -1,5 +1,7 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
+from functools import partial
+
 import pytest
 from hypothesis import settings
 
@@ -10,3 +12,13 @@ settings.register_profile("quick", settings.get_profile("gtb"), max_examples=15)
 def pytest_configure(config: pytest.Config) -> None:
     """Try fewer examples where `make test` leaves out what is long."""
     settings.load_profile("quick" if config.option.markexpr == "not long" else "gtb")
+
+
+@pytest.fixture
+def measured_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands make their sequences with rough distances, whose accuracy is tested elsewhere."""
+    from gtb_cli.tessellation import sequence
+
+    rough = sequence.Accuracy(chord_error=0.02, cells=16, points_in_all=100)
+    for name in ("degeneration_sequence", "knot_sequence"):
+        monkeypatch.setattr(sequence, name, partial(getattr(sequence, name), accuracy=rough))

@@ -12,8 +12,8 @@ LATTICE = 4
 CENTROID = 3
 """Steps of the lattice that has one inner point: enough for a triangle on which all samples are a quadratic's."""
 
-SAMPLES = 20_000
-"""A coarse mesh is verified on a finer lattice: at least about this many points in all."""
+POINTS_IN_ALL = 20_000
+"""A coarse mesh is verified on a finer lattice: at about this many points in all, or more."""
 
 FINEST_LATTICE = 32
 
@@ -25,9 +25,9 @@ def lattice(steps: int) -> FloatArray:
     return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
 
 
-def steps_for(width: FloatArray) -> IntArray:
+def steps_for(width: FloatArray, points: int = POINTS_IN_ALL) -> IntArray:
     """(k,) steps of the lattices of cells of given widths in Δ: many for few, and for wide ones among any number."""
-    few = np.clip(np.sqrt(2 * SAMPLES / len(width)) / LATTICE, 1, FINEST_LATTICE / LATTICE)
+    few = np.clip(np.sqrt(2 * points / len(width)) / LATTICE, 1, FINEST_LATTICE / LATTICE)
     wide = np.exp2(np.ceil(np.log2(np.maximum(width * FINEST_LATTICE / LATTICE, 1)) - 1e-9))
     return np.asarray(LATTICE * np.maximum(few.astype(np.int64), wide.astype(np.int64)))
 

@@ -17,7 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
-from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, lattice, quadratic_heights, steps_for
+from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.face import INTERIOR
@@ -61,7 +61,9 @@ SURE = 4.0
 """How many times the cells that are allowed they must be, so that it is given up."""
 
 
-def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> tuple[Complex, FloatArray]:
+def refine(
+    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int = POINTS_IN_ALL
+) -> tuple[Complex, FloatArray]:
     """Refine a complex until every sample of the surface is within a distance of its cell.
 
     Parameters
@@ -74,6 +76,8 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
     tolerance : float
         Largest distance from the surface to the mesh, in model units.
     max_cells : int
+    points_in_all : int
+        Where cells are few, they are sampled at about so many points together.
 
     Returns
     -------
@@ -92,7 +96,7 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
     have them, on a lattice of `FINE_LATTICE` steps; and at knots and between them. `MARGIN` is for what happens between
     samples.
     """
-    work = _Refinement(start, sampler, tolerance, max_cells)
+    work = _Refinement(start, sampler, tolerance, max_cells, points_in_all)
     while (marked := work.marks()).any():
         work.advance(marked)
     return work.mesh.result(), work.mesh.points
@@ -101,8 +105,8 @@ def refine(start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -
 class _Refinement:
     """A subdivision with what is known of its edges and cells."""
 
-    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int) -> None:
-        self.sampler, self.asked, self.max_cells = sampler, tolerance, max_cells
+    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int) -> None:
+        self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
         self.tolerance = MARGIN * tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
         scale = float(np.abs(points).max())
@@ -260,7 +264,8 @@ class _Refinement:
         """(k,) steps of the lattices of some cells."""
         corners = np.moveaxis(self.mesh.cells.corners.take(rows, axis=0), 1, 0)
         extent = reduce(np.maximum, corners) - reduce(np.minimum, corners)
-        return steps_for(np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows]))
+        width = np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows])
+        return steps_for(width, self.points_in_all)
 
     def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
         """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.

@@ -20,8 +20,10 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.family import Family, approaching, degenerating
 from gtb_cli.tessellation.film import film_mesh
+from gtb_cli.tessellation.lattice import POINTS_IN_ALL
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import vertex_normals
+from gtb_cli.tessellation.triangulation import cell_count_of
 from gtb_cli.theory.decomposition import regular_decomposition
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.knot_limit import knot_limit, move_knots
@@ -30,20 +32,37 @@ from gtb_cli.vocabulary import MAX_FACES
 
 INF = math.inf
 
-MEASURED = {1: 1e-5, 2: 1e-3}
-"""Chord error, as a fraction of the diagonal of the limit, of the meshes between which distances are measured."""
-
 FILM_ACCURACY = 0.25
 """Error of the distance from a film beside that of the meshes, as a fraction of it."""
 
-MEASURED_CELLS = {1: 64, 2: 4096}
-"""Roughly the cells that those start from."""
-
 COARSEST_MEASURED = 4
-"""But at least so many along each edge."""
+"""Least segments along each edge of the meshes that are measured."""
 
 MEASURED_FACES = 200_000
 """More are not made for measuring; then distances are between coarser meshes."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How finely distances from a limit are measured.
+
+    Attributes
+    ----------
+    chord_error : float
+        That of the meshes between which distances are measured, as a fraction of the diagonal of the limit.
+    cells : int
+        Roughly what those meshes start from.
+    points_in_all : int
+        As of `refine`.
+    """
+
+    chord_error: float
+    cells: int
+    points_in_all: int = POINTS_IN_ALL
+
+
+ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
+"""What is used for curves and for surfaces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +129,7 @@ def degeneration_sequence(
     *,
     normals: bool = True,
     max_faces: int = MAX_FACES,
+    accuracy: Accuracy | None = None,
 ) -> MeshSequence:
     """Mesh the patches with weights x^λ ω, and the regular control curve or surface they tend to.
 
@@ -130,6 +150,8 @@ def degeneration_sequence(
         Give surfaces their unit normals.
     max_faces : int
         Of all meshes together.
+    accuracy : Accuracy, optional
+        That of the distances; default `ACCURACY`.
 
     Returns
     -------
@@ -157,11 +179,14 @@ def degeneration_sequence(
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
-    few = degenerating(patch, [], decomposition)
-    _refuse_too_many(few, len(values) + 1, resolution if tolerance is None else 1, max_faces)
+    # Before there is a patch for each value and cell: both may be thousands.
+    n = resolution if tolerance is None else 1
+    cells = sum(cell_count_of(len(polygon), n) for polygon in decomposition.polygons)
+    _refuse_too_many(cells, len(values) + 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
+    measurement = _Measurement(family, None, accuracy or ACCURACY[patch.dimension])
     values.append(INF if upward else 0.0)
-    return _sequence(patch.name or "patch", "x", values, family, resolution, tolerance, normals, max_faces)
+    return _sequence(patch.name or "patch", "x", values, measurement, resolution, tolerance, normals, max_faces)
 
 
 def knot_sequence(
@@ -173,6 +198,7 @@ def knot_sequence(
     *,
     normals: bool = True,
     max_faces: int = MAX_FACES,
+    accuracy: Accuracy | None = None,
 ) -> MeshSequence:
     """Mesh the patches whose knots are on the way to others, and the merged patch.
 
@@ -183,7 +209,7 @@ def knot_sequence(
         As for `merge_knots`.
     steps : iterable of float
         From 0 to 1, which means the limit. Put in order; repeated ones count once.
-    resolution, tolerance, normals, max_faces
+    resolution, tolerance, normals, max_faces, accuracy
         As for `degeneration_sequence`.
 
     Returns
@@ -208,27 +234,27 @@ def knot_sequence(
     family = approaching([move_knots(patch, moves, step) for step in values], limit.merged, thickness)
     film = film_mesh(limit) if limit.films else None
     values.append(1.0)
-    return _sequence(patch.name or "patch", "step", values, family, resolution, tolerance, normals, max_faces, film)
+    measurement = _Measurement(family, film, accuracy or ACCURACY[patch.dimension])
+    return _sequence(patch.name or "patch", "step", values, measurement, resolution, tolerance, normals, max_faces)
 
 
 def _sequence(
     name: str,
     key: str,
     values: Sequence[float],
-    family: Family,
+    measurement: _Measurement,
     resolution: int,
     tolerance: float | None,
     normals: bool,
     max_faces: int,
-    film: Mesh | None = None,
 ) -> MeshSequence:
+    family, film = measurement.family, measurement.film
     if tolerance is None:
-        _refuse_too_many(family, len(values), resolution, max_faces)
+        _refuse_too_many(family.cell_count(resolution), len(values), max_faces)
         mosaic = family.uniform(resolution)
     else:
         mosaic = family.refined(tolerance, max_faces // len(values))
     meshes = tuple(_mesh(mosaic, sampler, name, normals) for sampler in family.samplers)
-    measurement = _Measurement(family, film)
     distances, film_distances, doubts = [], [], []
     for member, value in enumerate(values):
         plain, filmed, doubt = measurement.distances(member)
@@ -247,11 +273,10 @@ def _sequence(
     )
 
 
-def _refuse_too_many(family: Family, meshes: int, resolution: int, max_faces: int) -> None:
-    count = family.cell_count(resolution)
-    if count * meshes > max_faces:
+def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
+    if cells * meshes > max_faces:
         raise ToleranceError(
-            f"{meshes} meshes of {count} faces have more than {max_faces}: lower -n or raise --max-faces"
+            f"{meshes} meshes of {cells} faces have more than {max_faces}: lower -n or raise --max-faces"
         )
 
 
@@ -279,22 +304,22 @@ def _mesh(mosaic: Complex, sampler: Sampler, name: str, normals: bool) -> Mesh:
 class _Measurement:
     """Distances of surfaces from a limit.
 
-    Both are meshed with the same triangulation, refined until either mesh is within `MEASURED` of its surface, and
+    Both are meshed with the same triangulation, refined until either mesh is within a chord error of its surface, and
     the Hausdorff distance between the meshes is taken (`surface_distance`: between cells, not vertices). So it is
     off by twice that chord error at most, and by far less where surface and limit are nearly the same, as then the
     meshes' errors are. It does not depend on the resolution of the meshes that are written.
     """
 
-    def __init__(self, family: Family, film: Mesh | None) -> None:
-        self.family, self.film = family, film
+    def __init__(self, family: Family, film: Mesh | None, accuracy: Accuracy) -> None:
+        self.family, self.film, self.accuracy = family, film, accuracy
         self.starts: dict[float, tuple[Complex, str]] = {}
-        share = MEASURED_CELLS[family.dimension] / family.cell_count(1)
+        share = accuracy.cells / family.cell_count(1)
         self.resolution = max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension)))
         start = family.uniform(self.resolution)
         points = family.limit.points(start.patch, start.parameters, start.face)
         if film is not None:
             points = np.concatenate([points, film.vertices])
-        self.tolerance = MEASURED[family.dimension] * float(np.linalg.norm(np.ptp(points, axis=0)))
+        self.tolerance = accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def distances(self, member: int) -> tuple[float, float, str]:
         """A member's distance from the limit, from the limit with its film, and what is doubtful about them."""
@@ -321,7 +346,7 @@ class _Measurement:
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
         """The complex fine enough for a surface, or else as it is, and why."""
         try:
-            return refine(mosaic, sampler, self.tolerance, MEASURED_FACES)[0], ""
+            return refine(mosaic, sampler, self.tolerance, MEASURED_FACES, self.accuracy.points_in_all)[0], ""
         except ToleranceError as error:
             return mosaic, str(error)
 

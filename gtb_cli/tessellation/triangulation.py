@@ -42,10 +42,14 @@ class Triangulation:
 
 def cell_count(domain: Domain, resolution: int) -> int:
     """Number of cells of `triangulation`, without making it."""
-    r = len(domain.vertices)
-    if domain.dimension == 1:
+    return cell_count_of(len(domain.vertices), resolution)
+
+
+def cell_count_of(corners: int, resolution: int) -> int:
+    """The same for a polygon that is known by its number of corners; a segment has 2."""
+    if corners == 2:
         return resolution
-    return resolution**2 * {3: 1, 4: 2}.get(r, r)
+    return resolution**2 * {3: 1, 4: 2}.get(corners, corners)
 
 
 def triangulation(domain: Domain, resolution: int) -> Triangulation:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 
-import gtb_cli.tessellation.sequence as sequence_room
 from gtb_cli.spec.loading import parse
 from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import long, mostly_long
@@ -21,12 +20,7 @@ LINE = str(SPECS / "example-3.4.toml")
 PLAIN = str(SPECS / "example-3.1.toml")
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    """Distances measured roughly: their accuracy is tested in test_sequence."""
-    monkeypatch.setattr(sequence_room, "MEASURED", {1: 1e-3, 2: 0.02})
-    monkeypatch.setattr(sequence_room, "MEASURED_CELLS", {1: 16, 2: 100})
-    monkeypatch.setattr("gtb_cli.tessellation.lattice.SAMPLES", 100)
+pytestmark = pytest.mark.usefixtures("measured_roughly")
 
 
 def lines(path: Path, kind: str) -> list[str]:

@@ -11,7 +11,6 @@ import trimesh
 from trimesh.exchange.gltf import get_schema
 
 import gtb_cli.commands.console as console_room
-import gtb_cli.tessellation.sequence as sequence_room
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.morph import MOST, animated_glb
 from gtb_cli.meshes.mesh import Mesh
@@ -31,11 +30,7 @@ STORED = 2**-24
 """Half a unit in the last place of a 32-bit number of size 1."""
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    """No distances are measured, only told: that is tested in test_limits."""
-    monkeypatch.setattr(sequence_room._Measurement, "distances", lambda self, member: (member + 0.5, member + 0.25, ""))
-    monkeypatch.setattr(sequence_room, "MEASURED_CELLS", {1: 4, 2: 4})
+pytestmark = pytest.mark.usefixtures("measured_roughly")
 
 
 class Animation:
