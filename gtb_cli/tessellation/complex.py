@@ -11,6 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.theory.basis import Location
@@ -58,13 +59,9 @@ class Complex:
     @property
     def is_simplicial(self) -> bool:
         """Whether the vertices of a uniform complex tell its cells, and the sides of its cells, apart."""
-        ordered = np.sort(self.cells, axis=1)
-        if not (np.diff(ordered, axis=1) > 0).all() or len(np.unique(ordered, axis=0)) < len(ordered):
+        if not are_proper(self.cells).all() or _repeated(self.cells).any():
             return False
-        if ordered.shape[1] == 2:
-            return True
-        pairs = ordered[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
-        return self.cells.shape[1] == 2 or len(np.unique(pairs, axis=0)) == self.sides
+        return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
 
     @cached_property
     def without_collapsed(self) -> tuple[IntArray, IntArray]:
@@ -75,7 +72,7 @@ class Complex:
         if not len(self.collapsed):
             return self.cells, np.arange(len(self.cells))
         cells = merged(len(self.patch), self.collapsed)[self.cells]
-        rows = np.flatnonzero((np.diff(np.sort(cells, axis=1), axis=1) > 0).all(axis=1))
+        rows = np.flatnonzero(are_proper(cells))
         return cells[rows], rows
 
     @property
@@ -182,7 +179,7 @@ def _joined(
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
     """A vertex of each cell, and of each side inside a patch, between the same boundary vertices as another one."""
     cells = cells[on_boundary[cells].sum(axis=1) > 1]
-    cells = cells[(np.diff(np.sort(label[cells], axis=1), axis=1) > 0).all(axis=1)]
+    cells = cells[are_proper(label[cells])]
     flat = cells[on_boundary[cells].all(axis=1)]
     ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])
     ends = np.sort(ends[on_boundary[ends].all(axis=1)], axis=1)

@@ -6,6 +6,9 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.lattice import CENTROID, LATTICE, lattice
+from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch
 
 FOLD = 1e-9
@@ -33,3 +36,26 @@ def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: 
     if not len(far):
         return far
     return far[nearest.search(points[far], distance[far], own[far])[0] > tolerance]
+
+
+def folded_or_uncovered(
+    mesh: Subdivision, rows: IntArray, steps_at: IntArray, sampler: Sampler, within: float, tolerance: float
+) -> BoolArray:
+    """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all.
+
+    Sampled on lattices of the given steps, at places that may be off by `within` as of `Sampler.points`.
+    """
+    corners = np.stack(mesh.corners(rows), axis=1)
+    failing = turned_over(corners)
+    if failing.any():
+        return failing
+    places, owners = [], []
+    for steps in np.unique(steps_at).tolist():
+        part = np.flatnonzero(steps_at == steps)
+        weights = lattice(steps if steps > LATTICE else CENTROID)
+        places.append(np.einsum("wc,kcd->kwd", weights, mesh.cells.corners[rows[part]]).reshape(-1, 2))
+        owners.append(np.repeat(part, len(weights)))
+    u, own = np.concatenate(places), np.concatenate(owners)
+    sample = sampler.points(mesh.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), within)
+    failing[own[left_out(sample, own, corners, tolerance)]] = True
+    return failing

@@ -16,7 +16,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.complex import Complex, Sampler
-from gtb_cli.tessellation.flatness import is_flat, left_out, turned_over
+from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
@@ -186,13 +186,26 @@ class _Refinement:
             )
 
     def marks(self) -> BoolArray:
-        """(e,) which edges are to be split, by what is known of them, or else by verifying cells."""
-        again = True
-        while again:
+        """(e,) which edges are to be split: by what is known of them, or else by sampling cells not verified yet."""
+        while True:
             marked = self.error > self.tolerance
             self.mark_worst(marked, np.flatnonzero(self.bulging))
-            again = not marked.any() and self.verify(marked)
-        return marked
+            todo = np.flatnonzero(~self.verified)
+            if marked.any() or not len(todo):
+                return marked
+            self.sample_peaks(self.mesh.sides_of(todo))
+            is_flat, steps_at = self.flat.take(self.mesh.cells.patch[todo]), self.steps_at(todo)
+            bent, flat = todo[~is_flat], todo[is_flat]
+            failing, doubtful = self.sampled(bent, steps_at[~is_flat])
+            marked = self.error > self.tolerance
+            self.mark_worst(marked, failing)
+            self.verified[bent] = True
+            self.verified[failing] = self.verified[doubtful] = False
+            # Flat patches wait until the others hold.
+            if len(flat) and not marked.any():
+                marked = self.flat_marks(flat)
+            if marked.any():
+                return marked
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""
@@ -219,46 +232,24 @@ class _Refinement:
             return np.zeros(len(rows))
         return np.asarray(np.abs(BULGES @ self.heights(rows, self.mesh.corners(rows))).max(axis=0))
 
-    def verify(self, marked: BoolArray) -> bool:
-        """Sample the cells that were not verified yet on a lattice, and mark the worst edge of those that fail.
+    def sampled(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
+        """Sample cells on lattices of the given steps; which cells fail, and which are in doubt.
 
-        Cells that hold, but not because the surface is quadratic there, are sampled on a finer lattice. The result is
-        whether what is known of edges has changed instead.
+        Doubtful cells hold, but not because the surface is quadratic there. Where nothing else is left to split, they
+        are sampled on a finer lattice.
         """
-        todo = np.flatnonzero(~self.verified)
-        if not len(todo):
-            return False
-        chosen = np.zeros(len(self.error), dtype=bool)
-        chosen[self.mesh.cells.sides.take(todo, axis=0)] = True
-        sides = np.flatnonzero(chosen)
-        edges = self.mesh.edges[sides]
-        speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
-        self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
-        self.sample_peaks(sides)
-        marked[sides] = self.error[sides] > self.tolerance
-        flat = self.flat.take(self.mesh.cells.patch[todo])
-        bent = todo[~flat]
-        steps_at = self.steps_at(todo)
-        failing = np.zeros(len(self.verified), dtype=bool)
-        doubt = np.zeros(len(self.verified), dtype=bool)
-        for steps in np.unique(steps_at[~flat]).tolist():
-            rows = todo[~flat & (steps_at == steps)]
-            doubt[rows] = self.sample(rows, steps, failing, marked) & (steps < FINE_LATTICE)
-        doubtful = np.flatnonzero(doubt)
-        if not failing.any() and not marked.any() and len(doubtful):
-            self.sample(doubtful, FINE_LATTICE, failing, marked)
-            doubtful = todo[:0]
+        fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
+        for steps in np.unique(steps_at).tolist():
+            at = steps_at == steps
+            fails[at], doubts[at] = self.sample(rows[at], steps)
+            doubts[at] &= steps < FINE_LATTICE
+        if doubts.any() and not fails.any() and not (self.error > self.tolerance).any():
+            fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE)
+            doubts[:] = False
         if self.mesh.is_surface:
-            cell, u = self.mesh.peaks_inside(bent)
-            failing[cell[self.distance(cell, u) > self.tolerance]] = True
-            self.mark_worst(marked, np.flatnonzero(failing))
-        self.verified[todo] = ~failing[todo]
-        self.verified[doubtful] = False
-        if marked.any():
-            # Flat patches wait until the others hold.
-            self.verified[todo[flat]] = False
-            return False
-        return bool(flat.any()) and self.verify_flat(todo[flat], marked)
+            cell, u = self.mesh.peaks_inside(rows)
+            fails |= np.isin(rows, cell[self.distance(cell, u) > self.tolerance])
+        return rows[fails], rows[doubts]
 
     def steps_at(self, rows: IntArray) -> IntArray:
         """(k,) steps of the lattices of some cells."""
@@ -267,22 +258,22 @@ class _Refinement:
         width = np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows])
         return steps_for(width, self.points_in_all)
 
-    def verify_flat(self, todo: IntArray, marked: BoolArray) -> bool:
-        """Mark the boundaries of flat patches, or else see whether the mesh covers the surface and does not fold.
+    def flat_marks(self, todo: IntArray) -> BoolArray:
+        """(e,) which edges of flat patches are to be split: on their boundaries, or else where the mesh folds.
 
-        Where it does not, the patch is refined like others: the result is whether there is such a patch.
+        Or where it does not cover the surface. A patch on which that happens again and again is refined like others.
         """
-        sides = np.unique(self.mesh.cells.sides[todo])
-        sides = sides[self.mesh.edges.face[sides] != INTERIOR]
-        self.sample_sides(sides, np.arange(1, FINE_LATTICE) / FINE_LATTICE)
-        marked[sides] = self.error[sides] > self.tolerance
+        sides = self.mesh.sides_of(todo)
+        self.sample_sides(sides[self.mesh.edges.face[sides] > 0], np.arange(1, FINE_LATTICE) / FINE_LATTICE)
+        marked = self.error > self.tolerance
+        self.verified[todo] = not marked.any()
         if marked.any():
-            self.verified[todo] = False
-            return False
-        bent = False
+            return marked
         for index in np.unique(self.mesh.cells.patch[todo]).tolist():
             rows = np.flatnonzero(self.mesh.cells.patch == index)
-            failing = self.folded_or_not_covering(rows)
+            failing = folded_or_uncovered(
+                self.mesh, rows, self.steps_at(rows), self.sampler, self.nearby, self.tolerance
+            )
             if not failing.any():
                 continue
             self.verified[rows] = False
@@ -290,47 +281,24 @@ class _Refinement:
             if self.folds[index] <= FOLDS:
                 self.mark_worst(marked, rows[failing])
                 continue
-            bent = True
             self.flat[index] = False
-            sides = np.unique(self.mesh.cells.sides[rows])
-            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == INTERIOR)]
+            sides = self.mesh.sides_of(rows)
+            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == 0)]
             self.error[inner] = self.bend[inner]
-        return bent and not marked.any()
+        return marked
 
-    def folded_or_not_covering(self, rows: IntArray) -> BoolArray:
-        """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all."""
-        corners = np.stack(self.mesh.corners(rows), axis=1)
-        failing = turned_over(corners)
-        if failing.any():
-            return failing
-        steps_at = self.steps_at(rows)
-        places, owners = [], []
-        for steps in np.unique(steps_at).tolist():
-            part = np.flatnonzero(steps_at == steps)
-            weights = lattice(steps if steps > LATTICE else CENTROID)
-            places.append(np.einsum("wc,kcd->kwd", weights, self.mesh.cells.corners[rows[part]]).reshape(-1, 2))
-            owners.append(np.repeat(part, len(weights)))
-        u, own = np.concatenate(places), np.concatenate(owners)
-        sample = self.sampler.points(
-            self.mesh.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), self.nearby
-        )
-        failing[own[left_out(sample, own, corners, self.tolerance)]] = True
-        return failing
-
-    def sample(self, rows: IntArray, steps: int, failing: BoolArray, marked: BoolArray) -> BoolArray:
-        """Sample cells on a lattice; note which fail, or mark their sides; (rows,) which are in doubt."""
+    def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
+        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are in doubt."""
         cells = self.mesh.cells[rows]
-        chosen = np.zeros(len(self.error), dtype=bool)
-        chosen[cells.sides] = True
+        sides = self.mesh.sides_of(rows)
         if steps <= LATTICE:
-            chosen &= np.isnan(self.roughness)
-            sides = np.flatnonzero(chosen)
+            sides = sides[np.isnan(self.roughness[sides])]
             quarter = self.sample_sides(sides, np.array([0.25]))
             sides = sides[(self.roughness[sides] > EVEN * self.tolerance) | self.slides(sides, quarter[:, 0])]
             self.sample_sides(sides, np.array([0.75]))
         else:
-            self.sample_sides(np.flatnonzero(chosen), np.arange(1, steps) / steps)
-        marked[chosen] = self.error[chosen] > self.tolerance
+            self.sample_sides(sides, np.arange(1, steps) / steps)
+        fails = np.zeros(len(rows), dtype=bool)
         rough = reduce(np.maximum, [self.roughness.take(side) for side in cells.sides.T])
         seen = reduce(np.maximum, [self.error.take(side) for side in cells.sides.T])
         weights = lattice(steps if steps > LATTICE else CENTROID)
@@ -339,14 +307,13 @@ class _Refinement:
         for begin in range(0, len(rows) if self.mesh.is_surface else 0, length):
             block = slice(begin, begin + length)
             part = rows[block]
-            corners = self.mesh.corners(part)
             u = np.einsum("wc,kcd->kwd", weights, cells.corners[block]).reshape(-1, 2)
             distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
-            failing[part] = (distance > self.tolerance).any(axis=1)
-            expected = np.abs(expected_of @ self.heights(part, corners)).T
+            fails[block] = (distance > self.tolerance).any(axis=1)
+            expected = np.abs(expected_of @ self.heights(part, self.mesh.corners(part))).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
-        return np.asarray((rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance))
+        return fails, (rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance)
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
         """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
@@ -370,7 +337,10 @@ class _Refinement:
         return samples
 
     def sample_peaks(self, sides: IntArray) -> None:
-        """Note how far edges are from their curves where these may have peaks."""
+        """Note how far edges are from their curves where these may have peaks, and how near samples must be."""
+        edges = self.mesh.edges[sides]
+        speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
+        self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
         rows, u = self.mesh.peaks_along(sides)
         edges = self.mesh.edges[rows]
         sample = self.sampler.points(edges.patch, u, edges.face)

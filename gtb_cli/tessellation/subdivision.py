@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
+from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
-from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 
 THIN = 12.0
@@ -34,7 +34,7 @@ class Subdivision:
     def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
         self.patch, self.parameters, self.face = start.patch, start.parameters, start.face
         self.points, self.collapsed = points, start.collapsed
-        self.edges, sides = sides_of(start, patches)
+        self.edges, sides = edges_of(start, patches)
         self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
         self.growth = Growth()
         self.peaks = [peaks_of(patch) for patch in patches]
@@ -54,6 +54,12 @@ class Subdivision:
         """(e, 3) points of both ends of some edges."""
         ends = self.edges.ends.take(rows, axis=0)
         return [self.points.take(end, axis=0) for end in ends.T]
+
+    def sides_of(self, rows: IntArray) -> IntArray:
+        """The sides of some cells, each once, ascending."""
+        chosen = np.zeros(len(self.edges.ends), dtype=bool)
+        chosen[self.cells.sides.take(rows, axis=0)] = True
+        return np.flatnonzero(chosen)
 
     def lengths(self, sides: IntArray) -> FloatArray:
         """Lengths of edges, in the shape of their numbers."""
@@ -125,35 +131,23 @@ class Subdivision:
 
     def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
         """Edges on the boundary of Δ, or of curves, with peaks between their ends, and these; see `peaks_of`."""
-        sides = sides[self.edges.face[sides] != INTERIOR] if self.is_surface else sides
-        found_sides, found = [np.empty(0, dtype=np.int64)], [np.empty((0, self.parameters.shape[1]))]
+        lowest = 1 if self.is_surface else 0
+        sides = sides[self.edges.face[sides] >= lowest]
+        groups = []
         for index, peaks in enumerate(self.peaks):
             own = sides[self.edges.patch[sides] == index]
-            for face in range(1 if self.is_surface else 0, len(peaks)):
+            for face in range(lowest, len(peaks)):
                 rows = own[self.edges.face[own] == face]
-                start, end = np.moveaxis(self.edges.parameters.take(rows, axis=0), 1, 0)
-                length = ((end - start) ** 2).sum(axis=1)
-                for peak in peaks[face]:
-                    along = ((peak - start) * (end - start)).sum(axis=1)
-                    inside = rows[(along > 0) & (along < length)]
-                    found_sides.append(inside)
-                    found.append(np.repeat(peak[None], len(inside), axis=0))
-        return np.concatenate(found_sides), np.concatenate(found)
+                groups.append((rows, self.edges.parameters.take(rows, axis=0), peaks[face]))
+        return _with_peaks(groups, _is_between, self.parameters.shape[1])
 
     def peaks_inside(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
         """Triangles with peaks inside, and these; see `peaks_of`."""
-        found_cells, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
+        groups = []
         for index, peaks in enumerate(self.peaks):
             own = rows[self.cells.patch[rows] == index]
-            a, b, c = np.moveaxis(self.cells.corners.take(own, axis=0), 1, 0)
-            for peak in peaks[0]:
-                signs = np.stack(
-                    [planar_cross(b - a, peak - a), planar_cross(c - b, peak - b), planar_cross(a - c, peak - c)]
-                )
-                inside = own[(signs > 0).all(axis=0) | (signs < 0).all(axis=0)]
-                found_cells.append(inside)
-                found.append(np.repeat(peak[None], len(inside), axis=0))
-        return np.concatenate(found_cells), np.concatenate(found)
+            groups.append((own, self.cells.corners.take(own, axis=0), peaks[0]))
+        return _with_peaks(groups, _is_inside, 2)
 
     def result(self) -> Complex:
         """The complex; cells ordered by patch, else in the order in which they were made."""
@@ -162,24 +156,23 @@ class Subdivision:
         return Complex(self.patch, self.parameters, self.face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
-def sides_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
+def edges_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
     """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
     k = start.cells.shape[1]
     if k == 2:
         edges = Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
         return edges, np.arange(len(start.cells))[:, None]
-    following = [1, 2, 0]
-    pairs = np.stack([start.cells, start.cells[:, following]], axis=2).reshape(-1, 2)
-    places = np.stack([start.corners, start.corners[:, following]], axis=2).reshape(-1, 2, 2)
+    sides = sides_of(start.cells)
+    first = sides.first
+    places = np.stack([start.corners, start.corners[:, [1, 2, 0]]], axis=2).reshape(-1, 2, 2)
     patch = np.repeat(start.cell_patch, 3)
-    _, first, sides = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_inverse=True)
     # A side lies on an edge of its domain if both ends do.
     face = np.zeros(len(first), dtype=np.int64)
     for index, domain in enumerate(shape.domain for shape in patches):
         rows = np.flatnonzero(patch[first] == index)
         heights = [domain.heights_of_columns(places[first[rows], end]) for end in (0, 1)]
         face[rows] = domain.faces.at(np.maximum(*heights))
-    return Edges(pairs[first], patch[first], places[first], face), sides.reshape(-1, 3)
+    return Edges(sides.directed[first], patch[first], places[first], face), sides.edge
 
 
 def peaks_of(patch: Patch) -> list[FloatArray]:
@@ -199,6 +192,33 @@ def peaks_of(patch: Patch) -> list[FloatArray]:
         ordered = knots[domain.edge_knots(edge)]
         peaks.append(np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2]))
     return peaks
+
+
+def _with_peaks(
+    groups: Sequence[tuple[IntArray, FloatArray, FloatArray]],
+    holds: Callable[[FloatArray, FloatArray], BoolArray],
+    dimension: int,
+) -> tuple[IntArray, FloatArray]:
+    """Rows, and peaks that their cells hold; groups are of rows, the corners of their cells, and peaks to be tried."""
+    rows_found, found = [np.empty(0, dtype=np.int64)], [np.empty((0, dimension))]
+    for rows, corners, peaks in groups:
+        for peak in peaks:
+            chosen = rows[holds(corners, peak)]
+            rows_found.append(chosen)
+            found.append(np.repeat(peak[None], len(chosen), axis=0))
+    return np.concatenate(rows_found), np.concatenate(found)
+
+
+def _is_between(ends: FloatArray, peak: FloatArray) -> BoolArray:
+    start, end = np.moveaxis(ends, 1, 0)
+    along = ((peak - start) * (end - start)).sum(axis=1)
+    return np.asarray((along > 0) & (along < ((end - start) ** 2).sum(axis=1)))
+
+
+def _is_inside(corners: FloatArray, peak: FloatArray) -> BoolArray:
+    a, b, c = np.moveaxis(corners, 1, 0)
+    signs = np.stack([planar_cross(b - a, peak - a), planar_cross(c - b, peak - b), planar_cross(a - c, peak - c)])
+    return np.asarray((signs > 0).all(axis=0) | (signs < 0).all(axis=0))
 
 
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:

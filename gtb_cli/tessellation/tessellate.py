@@ -10,6 +10,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.meshes.topology import sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.triangulation import cell_count
@@ -160,17 +161,11 @@ def _mesh(
 
 def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray, count: int) -> BoolArray:
     """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces look inwards."""
-    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(face_patch, 3)
-    order = np.lexsort(sides.T)
-    sides, owner = sides[order], owner[order]
-    same = (sides[1:] == sides[:-1]).all(axis=1)
-    body = merged(count, np.unique(np.stack([owner[1:][same], owner[:-1][same]], axis=1), axis=0))
-    paired = np.zeros(len(sides), dtype=np.int64)
-    paired[1:] += same
-    paired[:-1] += same
+    sides = sides_of(faces)
+    owner, edge = np.repeat(face_patch, 3), sides.edge.ravel()
+    body = merged(count, np.unique(np.stack([owner, owner[sides.first[edge]]], axis=1), axis=0))
     is_open = np.zeros(count, dtype=bool)
-    is_open[body[owner[paired != 1]]] = True
+    is_open[body[owner[sides.uses[edge] != 2]]] = True
     a, b, c = (vertices[corner] - vertices.mean(axis=0) for corner in faces.T)
     volume = np.bincount(body[face_patch], dot(a, cross(b, c)), minlength=count)
     return np.asarray((volume < 0)[body] & ~is_open[body])
