@@ -28,7 +28,8 @@ SAFE_EXPONENT = 250.0
 """Exponents up to this size, either sign, neither over- nor underflow, nor do their products with coordinates: the
 largest of each column, two passes over the numbers, need not be taken off first."""
 
-SMALLEST = float(np.exp(UNDERFLOW))
+CUT_OFF_SHARE = float(np.exp(UNDERFLOW))
+"""What is left of a weight at `UNDERFLOW`: shares up to it are none."""
 
 NOTHING: IntArray = np.empty(0, dtype=np.int64)
 

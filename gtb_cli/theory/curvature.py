@@ -16,12 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents
-from gtb_cli.theory.domain import Domain
-from gtb_cli.theory.hull import knot_tolerance
-from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL
+from gtb_cli.theory.frame import LAYER, PARALLEL, Frame, cleared, coordinate_rounding, frame
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
@@ -122,8 +120,8 @@ class _CurvatureField:
         # With points of size 1 no product of derivatives leaves the range of floats.
         self.extent = float(np.abs(points - middle).max()) or 1.0
         self.points = (points - middle) / self.extent
-        self.rounding = COINCIDENT_ULPS * EPS * float(np.abs(points).max()) / self.extent
-        self.axes: dict[int, _Axes] = {}
+        self.rounding = coordinate_rounding(points) / self.extent
+        self.frames: dict[int, Frame] = {}
 
     def at(self, location: Location) -> Curvature:
         """Curvatures at the parameters of a location."""
@@ -169,25 +167,24 @@ class _CurvatureField:
         """Curvatures where T has given (n, m) logarithms, up to an addend for each column."""
         leader = np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)
         gaussian, mean = np.empty(e.shape[1]), np.empty(e.shape[1])
-        for k in np.flatnonzero(np.bincount(leader)).tolist():
-            here = np.flatnonzero(leader == k)
-            if k not in self.axes:
-                self.axes[k] = _axes(self.domain, k)
+        for k, here in groups(leader):
+            if k not in self.frames:
+                self.frames[k] = frame(self.domain, k)
             gaussian[here], mean[here] = self._about(k, e[:, here] - e[k, here], layers)
         return Curvature(gaussian, mean)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of points without a normal or a finite limit
     def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures where knot k has the largest T, with respect to which the logarithms are."""
-        axes, columns = self.axes[k], np.arange(e.shape[1])
+        axes, columns = self.frames[k], np.arange(e.shape[1])
         # The other two: as pivots, so that the triangle is neither light nor narrow.
-        one = np.where(layers.xi[:, None], e + axes.log_lengths[:, None], -np.inf).argmax(axis=0)
-        other = np.where(layers.eta[:, None], e + axes.log_across[:, one], -np.inf).argmax(axis=0)
+        away = np.isin(np.arange(len(e)), axes.away)[:, None]
+        one = np.where(layers.xi[:, None] & away, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
+        other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(axes.across[:, one])), -np.inf).argmax(axis=0)
         e_one, e_other = e[one, columns], e[other, columns]
         xi = axes.across[:, other] / axes.across[one, other]
         eta = axes.across[:, one] / axes.across[other, one]
-        deltas = self.points - self.points[k]
-        deltas[np.abs(deltas) <= self.rounding] = 0.0
+        deltas = cleared(self.points - self.points[k], self.rounding)
 
         def sums(members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
             """(n, m) factor · T up to exp(shift), of members; exact zeros stay."""
@@ -222,41 +219,6 @@ class _CurvatureField:
         mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
         unlimited = (d[layers.against] != 0).any(axis=0) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
         return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
-
-
-class _Axes(NamedTuple):
-    """Tables about a knot k.
-
-    Attributes
-    ----------
-    across : (n, n) float
-        How far knot i is from the line through knots k and j, up to a factor for each j that is positive to the left
-        of it; exactly 0 on the line, in particular for knots on the same edge.
-    log_across : (n, n) float
-        Logarithm of its square.
-    log_lengths : (n,) float
-        Logarithm of the square of the distance from knot k, −inf within rounding.
-    """
-
-    across: FloatArray
-    log_across: FloatArray
-    log_lengths: FloatArray
-
-
-def _axes(shape: Domain, k: int) -> _Axes:
-    steps = (shape.knots - shape.knots[k]) / shape.size
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    tolerance = knot_tolerance(shape.knots) / shape.size
-    across = steps[:, 1:] * steps[:, 0] - steps[:, :1] * steps[:, 1]
-    across[np.abs(across) <= tolerance * lengths] = 0.0
-    for edge in np.flatnonzero(shape.incidence[k]).tolist():
-        on_edge = np.flatnonzero(shape.incidence[:, edge])
-        away = shape.heights[:, [edge]] / (shape.normal_lengths[edge] * shape.size)
-        across[:, on_edge] = away * (steps[on_edge] @ shape.direction(edge))
-    across[:, lengths <= tolerance] = 0.0
-    with np.errstate(divide="ignore"):
-        log_lengths = np.where(lengths > tolerance, 2 * np.log(lengths), -np.inf)
-        return _Axes(across, 2 * np.log(np.abs(across)), log_lengths)
 
 
 def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:

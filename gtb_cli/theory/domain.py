@@ -24,7 +24,7 @@ PARAMETER_ULPS = 4
 EXTENTS = (1e-100, 1e100)
 """Sizes of Δ, and edge scales, between which no product of two over- or underflows."""
 
-NEAR = 2.0**-10
+CANCELLING_DISTANCE = 2.0**-10
 """Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
 
 
@@ -108,7 +108,7 @@ class Domain:
         Notes
         -----
         The relative error is below 1e-12 however near the edge is, and a few roundings for edges along an axis: within
-        `NEAR` of a slanted one the distance is computed from exact differences.
+        `CANCELLING_DISTANCE` of a slanted one the distance is computed from exact differences.
         """
         return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
 
@@ -196,7 +196,7 @@ class Domain:
     def _near(self) -> FloatArray:
         """(r,): edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
-        return np.asarray(np.where(slanted, NEAR * self.size, self.tolerance) * self.normal_lengths)
+        return np.asarray(np.where(slanted, CANCELLING_DISTANCE * self.size, self.tolerance) * self.normal_lengths)
 
     def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
         """Signed distance of u[k] from edge edges[k], with a relative error of a few roundings."""

@@ -47,7 +47,7 @@ itself it is infinite."""
 HALVINGS = 60
 """Largest number of times a start that is far too far out is drawn in."""
 
-NEAR = 1.0
+SEEING_REACH = 1.0
 """Torus coordinates of unit knots from which a start is not drawn in further: it sees all knots."""
 
 WEAKEST = 1e-8
@@ -287,7 +287,7 @@ class MomentMap:
             curvature = _dot(hessian[: len(s)], s**2)
             if len(s) == 2:
                 curvature += 2 * hessian[2] * s[0] * s[1]
-            rows = np.flatnonzero((_dot(gradient, s) > curvature) & (_size(s) > NEAR))
+            rows = np.flatnonzero((_dot(gradient, s) > curvature) & (_size(s) > SEEING_REACH))
             if not len(rows):
                 break
             s = s.copy()

@@ -7,31 +7,24 @@ equal numbers, unless the coordinates are exactly 0 for those knots; so the coor
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import UNDERFLOW, Location, exponents
+from gtb_cli.theory.basis import Location, exponents
 from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.frame import PARALLEL, cleared, coordinate_rounding, covariance, frame, layers, shares
 from gtb_cli.theory.hull import knot_tolerance
-
-LAYER = 1e-9
-"""Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
-
-PARALLEL = 1e-12
-"""Sine of the angle below which two unit vectors give no normal: a few thousand roundings."""
-
-COINCIDENT_ULPS = 8
-"""Units in the last place of the largest coordinate by which control points meant to be equal may differ."""
 
 DOUBT = 1e-3
 """Where a derivative or the angle between the two is smaller than this fraction of what was summed, three digits are
 lost, and coordinates about the two leading knots are used: these keep all digits, in four times the time."""
 
-SMALLEST = 1e-280
+CUT_OFF_SUM = 1e-280
 """Sums below this may consist of exponents that were cut off at `UNDERFLOW`."""
 
 
@@ -102,14 +95,13 @@ class NormalField:
         extent = np.abs(points).max()
         result = np.empty((heights.shape[1], 3))
         doubtful = np.empty(heights.shape[1], dtype=bool)
-        for k in np.flatnonzero(np.bincount(corner)).tolist():
-            here = np.flatnonzero(corner == k)
+        for k, here in groups(corner):
             eta = shape.heights[:, [k - 1, k]] / shape.size
             part = t[:, here]
             mean, middle = points.T @ part, eta.T @ part
             first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
             result[here], sine = _unit_cross(first, second)
-            doubtful[here] = ~((sine > DOUBT) & (middle > SMALLEST).all(axis=0))
+            doubtful[here] = ~((sine > DOUBT) & (middle > CUT_OFF_SUM).all(axis=0))
             for derivative, summed in zip((first, second), middle, strict=True):
                 doubtful[here] |= np.abs(derivative).max(axis=0) < DOUBT * extent * summed
         return result, doubtful
@@ -117,43 +109,24 @@ class NormalField:
     def _about_leaders(self, e: FloatArray) -> FloatArray:
         leader = e.argmax(axis=0)
         result = np.empty((e.shape[1], 3))
-        for k in np.flatnonzero(np.bincount(leader)).tolist():
-            here = np.flatnonzero(leader == k)
-            along, across, away = self._coordinates(k)
-            deltas, part = self._deltas(k), e[:, here]
+        for k, here in groups(leader):
+            axes, deltas, part = frame(self.domain, k), self._deltas(k), e[:, here]
             mean = deltas.T @ shares(part)
-            second = away[part[away].argmax(axis=0)]
+            second = axes.away[part[axes.away].argmax(axis=0)]
             result[here], _ = _unit_cross(
-                *(covariance(part, table[:, second], deltas, mean) for table in (along, across))
+                *(covariance(part, table[:, second], deltas, mean) for table in (axes.along, axes.across))
             )
         return result
 
-    def _coordinates(self, k: int) -> tuple[FloatArray, FloatArray, IntArray]:
-        """(n, n) coordinates of knots i along and across the line from knot k to knot j, and the knots away from k.
-
-        Up to factors for each j. Exactly 0 across for the knots on that line, in particular for those on an edge.
-        """
-        shape = self.domain
-        steps = shape.knots - shape.knots[k]
-        lengths = np.hypot(steps[:, 0], steps[:, 1])
-        tolerance = knot_tolerance(shape.knots)
-        along = steps @ steps.T
-        across = steps[:, 1:] * steps[:, 0] - steps[:, :1] * steps[:, 1]
-        across[np.abs(across) <= tolerance * lengths] = 0.0
-        for edge in np.flatnonzero(shape.incidence[k]).tolist():
-            on_edge = np.flatnonzero(shape.incidence[:, edge])
-            across[:, on_edge] = shape.heights[:, [edge]] * np.sign(steps[on_edge] @ shape.direction(edge))
-        along[lengths <= tolerance] = 0.0
-        return along, across, np.flatnonzero(lengths > tolerance)
-
     def _deltas(self, k: int) -> FloatArray:
-        """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding."""
         return self._cleared(self.control_points - self.control_points[k])
 
     def _cleared(self, differences: FloatArray) -> FloatArray:
-        """Differences of points, with zeros for what may be rounding."""
-        rounding = COINCIDENT_ULPS * EPS * np.abs(self.control_points).max()
-        return np.where(np.abs(differences) <= rounding, 0.0, differences)
+        return cleared(differences, self._rounding)
+
+    @cached_property
+    def _rounding(self) -> float:
+        return coordinate_rounding(self.control_points)
 
     def _on_edge(self, location: Location) -> FloatArray:
         edge = location.face.index
@@ -162,14 +135,13 @@ class NormalField:
         e = exponents(location.knots, self.log_weights[on_edge], location.s)
         leader = e.argmax(axis=0)
         result = np.full((e.shape[1], 3), np.nan)
-        for k in np.flatnonzero(np.bincount(leader)).tolist():
-            rows = np.flatnonzero(leader == k)
+        for k, rows in groups(leader):
             deltas = self._deltas(int(on_edge[k]))
             position = deltas[on_edge].T @ shares(e[:, rows])
             step = along[on_edge] - along[on_edge[k]]
             step[np.abs(step) <= knot_tolerance(self.domain.knots)] = 0.0
             tangent = covariance(e[:, rows], step[:, None], deltas[on_edge], position)
-            for layer in self._layers(self.domain.heights[:, edge]):
+            for layer in layers(self.domain.heights[:, edge]):
                 t = shares(exponents(along[layer, None], self.log_weights[layer], location.s[:, rows]))
                 result[rows], _ = _unit_cross(tangent, self._cleared(deltas[layer].T @ t - position))
                 todo = np.isnan(result[rows, 0])
@@ -189,48 +161,11 @@ class NormalField:
 
         first, second = (
             self._cleared(
-                mean(next(self._layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0))))
-                - mean(at_corner)
+                mean(next(layers(np.where(shape.incidence[:, edge], shape.heights[:, other], 0.0)))) - mean(at_corner)
             )
             for edge, other in ((after, before), (before, after))
         )
         return _unit_cross(first, second)[0]
-
-    def _layers(self, heights: FloatArray) -> Iterator[IntArray]:
-        """Yield the indices of the knots of equal positive height, lowest first."""
-        order = np.argsort(heights, kind="stable")
-        order = order[heights[order] > 0]
-        breaks = np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1
-        yield from np.split(order, breaks)
-
-
-def shares(e: FloatArray) -> FloatArray:
-    """(n, m) softmax of each column of exponents."""
-    t = e - e.max(axis=0)
-    np.maximum(t, UNDERFLOW, out=t)
-    np.exp(t, out=t)
-    t /= t.sum(axis=0)
-    return np.asarray(t)
-
-
-def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor for each column.
-
-    Parameters
-    ----------
-    e : (n, m) float
-        Logarithms of T, up to an addend for each column.
-    eta : (n, m) or (n, 1) float
-        Coordinates of the knots. Those with an exact 0 do not count, however large their T.
-    deltas : (n, 3) float
-    mean : (3, m) float
-        Σ_i T_i δ_i.
-    """
-    x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
-    np.clip(x, UNDERFLOW, 0.0, out=x)
-    np.exp(x, out=x)
-    x *= eta
-    return np.asarray(deltas.T @ x - mean * x.sum(axis=0))
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:

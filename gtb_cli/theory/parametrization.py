@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import (
+    CUT_OFF_SHARE,
     NOTHING,
-    SMALLEST,
     Location,
     block_length,
     exponentials,
@@ -105,7 +105,7 @@ class RationalBasis:
         for rows, face, knots, s, _ in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
             e /= e.sum(axis=0)
-            e[e <= SMALLEST] = 0.0
+            e[e <= CUT_OFF_SHARE] = 0.0
             values = np.zeros((e.shape[1], result.shape[1]))
             values[:, face.knots] = e.T
             result[rows] = values

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray
+from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, exponents
+from gtb_cli.theory.frame import PARALLEL, cleared, coordinate_rounding, covariance, layers, shares
 from gtb_cli.theory.hull import knot_tolerance
-from gtb_cli.theory.normals import COINCIDENT_ULPS, LAYER, PARALLEL, covariance, shares
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
@@ -63,9 +63,8 @@ def _inside(patch: Patch, location: Location) -> FloatArray:
     e = exponents(location.knots, patch.log_products, location.s)
     leader = e.argmax(axis=0)
     result = np.empty((e.shape[1], 3))
-    for k in np.flatnonzero(np.bincount(leader)).tolist():
-        rows = np.flatnonzero(leader == k)
-        deltas = _deltas(patch, k)
+    for k, rows in groups(leader):
+        deltas, _ = _deltas(patch, k)
         step = patch.knots[:, 0] - patch.knots[k, 0]
         step[np.abs(step) <= knot_tolerance(patch.knots)] = 0.0
         part = e[:, rows]
@@ -75,23 +74,24 @@ def _inside(patch: Patch, location: Location) -> FloatArray:
 
 
 def _at_end(patch: Patch, end: int) -> FloatArray:
-    heights, log_weights = patch.domain.heights[:, end], patch.log_products
-    order = np.argsort(heights, kind="stable")
-    layers = np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1)
-    deltas = _deltas(patch, int(layers[0][0]))
-    point, *others = (deltas[layer].T @ shares(log_weights[layer, None])[:, 0] for layer in layers)
-    rounding = COINCIDENT_ULPS * EPS * float(np.abs(patch.control_points).max())
-    for other in others:
-        if np.abs(other - point).max() > rounding:
-            return np.asarray(_unit((other - point)[None], 0.0)[0] * (1.0 if end == 0 else -1.0))
+    heights = patch.domain.heights[:, end]
+    at_end = np.flatnonzero(heights == 0)
+    deltas, rounding = _deltas(patch, int(at_end[0]))
+
+    def mean(knots: IntArray) -> FloatArray:
+        return np.asarray(deltas[knots].T @ shares(patch.log_products[knots, None])[:, 0])
+
+    for layer in layers(heights):
+        step = mean(layer) - mean(at_end)
+        if np.abs(step).max() > rounding:
+            return np.asarray(_unit(step[None], 0.0)[0] * (1.0 if end == 0 else -1.0))
     return np.full(3, np.nan)
 
 
-def _deltas(patch: Patch, k: int) -> FloatArray:
-    """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding."""
-    deltas = patch.control_points - patch.control_points[k]
-    deltas[np.abs(deltas) <= COINCIDENT_ULPS * EPS * np.abs(patch.control_points).max()] = 0.0
-    return np.asarray(deltas)
+def _deltas(patch: Patch, k: int) -> tuple[FloatArray, float]:
+    """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding; what that is."""
+    rounding = coordinate_rounding(patch.control_points)
+    return cleared(patch.control_points - patch.control_points[k], rounding), rounding
 
 
 def _unit(vectors: FloatArray, smallest: float) -> FloatArray:
