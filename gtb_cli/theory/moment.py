@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
 from gtb_cli.theory.basis import (
     NOTHING,
@@ -261,77 +262,89 @@ class MomentMap:
                 break
         return solution, np.concatenate([*left, active])
 
-    def _newton(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
-        """Minimise log Σ c ω e^<a, s> − <unit, s> from `start`, or from a cell's limit where that is lower.
+    def _newton(self, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
+        """Minimise log Σ c ω e^<a, s> − <p, s> by regularised steps.
 
         Returns the columns, and (m,) residuals of those that did not come near enough, 0 of the others.
         """
-        s = start
-        value, mu, hessian = self._evaluate(s)
-        value -= _dot(unit, s)
-        poor = np.flatnonzero(_size(mu - unit) > POOR) if self._cells else NOTHING
-        for cell, gradient in self._cells if len(poor) else ():
-            limit = cell._layer_starts(((unit[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
-            other = limit / cell._extents[:, None] - gradient[:, None]
-            their_value, their_mu, their_hessian = self._evaluate(other)
-            their_value -= _dot(unit[:, poor], other)
-            better = their_value < value[poor]
-            rows = poor[better]
-            s = s.copy()
-            s[:, rows], value[rows] = other[:, better], their_value[better]
-            mu[:, rows], hessian[:, rows] = their_mu[:, better], their_hessian[:, better]
-        gradient = mu - unit
-        # Far beyond its solution a start sees no curvature: it is drawn in while, to second order, the minimum along
-        # its ray is on the other side of 0.
-        for _ in range(HALVINGS):
-            curvature = _dot(hessian[: len(s)], s**2)
-            if len(s) == 2:
-                curvature += 2 * hessian[2] * s[0] * s[1]
-            rows = np.flatnonzero((_dot(gradient, s) > curvature) & (_size(s) > SEEING_REACH))
-            if not len(rows):
-                break
-            s = s.copy()
-            s[:, rows] /= 2
-            value[rows], mu, hessian[:, rows] = self._evaluate(s[:, rows])
-            value[rows] -= _dot(unit[:, rows], s[:, rows])
-            gradient[:, rows] = mu - unit[:, rows]
-        solution = s.copy()
-        active = np.arange(s.shape[1])
-        sigma = np.full(s.shape[1], FIRST)
-        refusals = np.zeros(s.shape[1], dtype=np.int64)
+        at = self._drawn_in(p, self._better_start(p, self._state(p, start.copy())))
+        solution = at.s.copy()
+        active = np.arange(len(at.value))
+        sigma = np.full(len(active), FIRST)
+        refusals = np.zeros(len(active), dtype=np.int64)
         for _ in range(ITERATIONS):
-            residual = _size(gradient)
+            residual = _size(at.gradient)
             going = (residual > target) & ((refusals < REFUSALS) | (residual > ACCEPTED))
             count = int(going.sum())
             if not count:
                 break
             if count < 0.5 * len(going):
-                solution[:, active] = s
+                solution[:, active] = at.s
+                at, p = at.columns(going), p[:, going]
                 active, refusals = active[going], refusals[going]
-                value, sigma, residual = value[going], sigma[going], residual[going]
-                s, gradient, hessian, unit = s[:, going], gradient[:, going], hessian[:, going], unit[:, going]
-            step = _regularised_step(gradient, hessian, sigma * residual)
-            trial = s + step
-            new_value, mu, new_hessian = self._evaluate(trial)
-            new_value -= _dot(unit, trial)
-            new_gradient = mu - unit
-            slope = _dot(gradient, step)
+                sigma, residual = sigma[going], residual[going]
+            step = _regularised_step(at.gradient, at.hessian, sigma * residual)
+            trial = self._state(p, at.s + step)
+            slope = _dot(at.gradient, step)
             # Below the rounding of the objective only the gradient can tell a better point.
-            rounding = -slope < 64 * EPS * (1 + np.abs(value) + _dot(np.abs(unit), np.abs(trial)))
-            lower = np.where(rounding, _size(new_gradient) < residual, new_value <= value + 1e-4 * slope)
+            rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + _dot(np.abs(p), np.abs(trial.s)))
+            lower = np.where(rounding, _size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
             if lower.all():
-                s, value, gradient, hessian = trial, new_value, new_gradient, new_hessian
+                at = trial
             else:
-                s, value, gradient, hessian = (
-                    np.where(lower, new, old)
-                    for new, old in ((trial, s), (new_value, value), (new_gradient, gradient), (new_hessian, hessian))
-                )
+                at = _State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
             sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
-        solution[:, active] = s
+        solution[:, active] = at.s
         residuals = np.zeros(solution.shape[1])
-        residuals[active] = _size(gradient)
+        residuals[active] = _size(at.gradient)
         return solution, residuals
+
+    def _state(self, p: FloatArray, s: FloatArray) -> _State:
+        value, mu, hessian = self._evaluate(s)
+        return _State(s, value - _dot(p, s), mu - p, hessian)
+
+    def _better_start(self, p: FloatArray, at: _State) -> _State:
+        """Go over to a cell's limit where the objective is lower there."""
+        poor = np.flatnonzero(_size(at.gradient) > POOR) if self._cells else NOTHING
+        for cell, gradient in self._cells if len(poor) else ():
+            limit = cell._layer_starts(((p[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
+            other = self._state(p[:, poor], limit / cell._extents[:, None] - gradient[:, None])
+            better = np.flatnonzero(other.value < at.value[poor])
+            at.put(poor[better], other.columns(better))
+        return at
+
+    def _drawn_in(self, p: FloatArray, at: _State) -> _State:
+        """Draw in starts far beyond their solutions, which see no curvature there.
+
+        By halves, while, to second order, the minimum along the ray of a start is on the other side of 0.
+        """
+        for _ in range(HALVINGS):
+            s, hessian = at.s, at.hessian
+            curvature = _dot(hessian[: len(s)], s**2)
+            if len(s) == 2:
+                curvature += 2 * hessian[2] * s[0] * s[1]
+            rows = np.flatnonzero((_dot(at.gradient, s) > curvature) & (_size(s) > SEEING_REACH))
+            if not len(rows):
+                break
+            at.put(rows, self._state(p[:, rows], s[:, rows] / 2))
+        return at
+
+
+class _State(NamedTuple):
+    """Columns s, and the objective there with its gradient and Hessian."""
+
+    s: FloatArray
+    value: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+
+    def columns(self, chosen: IntArray | BoolArray) -> _State:
+        return _State(*(x[..., chosen] for x in self))
+
+    def put(self, rows: IntArray, other: _State) -> None:
+        for mine, theirs in zip(self, other, strict=True):
+            mine[..., rows] = theirs
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
