@@ -33,7 +33,7 @@ SHELL = {"console", "streams", "processes", "meshing", "manifest", "options", "s
 RECIPE = "tessellation.recipe"
 """What the options of commands become: all that they import of the library."""
 
-LONGEST, LARGEST = 440, 4200
+LONGEST, LARGEST = 440, 4230
 """Lines of a module, and of a wing."""
 
 

@@ -176,38 +176,21 @@ class _CurvatureField:
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of points without a normal or a finite limit
     def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures where knot k has the largest T, with respect to which the logarithms are."""
-        axes, columns = self.frames[k], np.arange(e.shape[1])
-        # The other two: as pivots, so that the triangle is neither light nor narrow.
-        away = np.isin(np.arange(len(e)), axes.away)[:, None]
-        one = np.where(layers.xi[:, None] & away, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
-        other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(axes.across[:, one])), -np.inf).argmax(axis=0)
-        e_one, e_other = e[one, columns], e[other, columns]
-        xi = axes.across[:, other] / axes.across[one, other]
-        eta = axes.across[:, one] / axes.across[other, one]
+        xi, eta, e_one, e_other, turn = _triangle(self.frames[k], e, layers)
         deltas = cleared(self.points - self.points[k], self.rounding)
-
-        def sums(members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
-            """(n, m) factor · T up to exp(shift), of members; exact zeros stay."""
-            x = np.exp(np.clip(e - shift, UNDERFLOW, -UNDERFLOW)) * factor
-            x[~members] = 0.0
-            return x
-
-        t = sums(layers.point, 0.0, 1.0)
+        t = _weighted(e, layers.point, 0.0, 1.0)
         total = t.sum(axis=0)
         p = deltas.T @ t / total
         first, second = (
-            deltas.T @ x - p * x.sum(axis=0) for x in (sums(layers.xi, e_one, xi), sums(layers.eta, e_other, eta))
+            deltas.T @ x - p * x.sum(axis=0)
+            for x in (_weighted(e, layers.xi, e_one, xi), _weighted(e, layers.eta, e_other, eta))
         )
         cross = np.cross(first, second, axis=0)
         lengths = [np.sqrt((v**2).sum(axis=0)) for v in (first, second, cross)]
         regular = lengths[2] > PARALLEL * lengths[0] * lengths[1]
-        normal = np.where(regular, cross / lengths[2] * np.sign(axes.across[other, one]), np.nan)
-        # How far control points are from the tangent plane. Those of knot k and its likes are as near as p is.
-        d = deltas @ normal - (normal * p).sum(axis=0)
-        near = ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
-        d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
+        d = self._depths(deltas, p, np.where(regular, cross / lengths[2] * turn, np.nan))
         xi_xi, xi_eta, eta_eta = (
-            total * (sums(members, shift, factor) * d).sum(axis=0)
+            total * (_weighted(e, members, shift, factor) * d).sum(axis=0)
             for members, shift, factor in (
                 (layers.xi_xi, 2 * e_one, xi * (xi - 1)),
                 (layers.xi_eta, e_one + e_other, xi * eta),
@@ -219,6 +202,56 @@ class _CurvatureField:
         mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
         unlimited = (d[layers.against] != 0).any(axis=0) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
         return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
+
+    def _depths(self, deltas: FloatArray, p: FloatArray, normal: FloatArray) -> FloatArray:
+        """(n, m) distances of control points from the tangent planes, 0 for what may be rounding."""
+        d = deltas @ normal - (normal * p).sum(axis=0)
+        # The leading knot's and its likes are as near as p is.
+        near = ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
+        d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
+        return np.asarray(d)
+
+
+class _Triangle(NamedTuple):
+    """Coordinates in which the three knots with most of T, each time, are 0 and 1.
+
+    Attributes
+    ----------
+    xi, eta : (n, m) float
+        0 at the leading knot; ξ is 1 at the second and 0 at the third, η the other way.
+    e_one, e_other : (m,) float
+        Logarithms of T of the second and the third.
+    turn : (m,) float
+        1 where the three are counter-clockwise, else −1.
+    """
+
+    xi: FloatArray
+    eta: FloatArray
+    e_one: FloatArray
+    e_other: FloatArray
+    turn: FloatArray
+
+
+def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> _Triangle:
+    """Choose the other two knots as pivots, so that the triangle is neither light nor narrow."""
+    columns = np.arange(e.shape[1])
+    candidates = layers.xi[:, None] & np.isin(np.arange(len(e)), axes.away)[:, None]
+    one = np.where(candidates, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
+    other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(axes.across[:, one])), -np.inf).argmax(axis=0)
+    return _Triangle(
+        axes.across[:, other] / axes.across[one, other],
+        axes.across[:, one] / axes.across[other, one],
+        e[one, columns],
+        e[other, columns],
+        np.sign(axes.across[other, one]),
+    )
+
+
+def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
+    """(n, m) factor · T up to exp(shift), of members; exact zeros stay."""
+    x = np.exp(np.clip(e - shift, UNDERFLOW, -UNDERFLOW)) * factor
+    x[~members] = 0.0
+    return np.asarray(x)
 
 
 def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
