@@ -6,7 +6,7 @@ import click
 
 from gtb_cli.commands.console import Console
 from gtb_cli.commands.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
-from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
+from gtb_cli.commands.streams import about, read_patch, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 
@@ -28,10 +28,8 @@ def boundary(spec: str, edge: int | None, output: str, spec_format: str | None, 
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.model import Model
 
-    loaded = read_spec(spec, spec_format)
+    loaded = read_patch(spec, spec_format)
     with about(shown_input(spec)):
-        if isinstance(loaded, Model):
-            raise SpecError(f"is a model of {len(loaded.patches)} patches, and boundary is for one")
         if loaded.dimension == 1:
             raise SpecError("is a curve, and has no boundary curves")
         if edge is None:

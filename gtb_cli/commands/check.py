@@ -40,7 +40,7 @@ def check(spec: str, as_json: bool, output: str, spec_format: str | None, consol
 
     A line for each: whether it holds, the largest violation and what rounding allows (relative to sizes), where the
     paper states it, and what was measured. A property that is claimed under conditions only is "not applicable" where
-    they are not fulfilled, and a number without a verdict is "measured". Of a model each patch is checked, and the
+    they are not fulfilled, and a number without a verdict is "measured". In a model each patch is checked, and the
     joints between patches; what fails is listed, and --json has the rest. Exit status 1 if a property fails.
     """
     from gtb_cli.checks.check import check as measure

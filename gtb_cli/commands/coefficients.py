@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import click
 
 from gtb_cli.commands.console import Console
@@ -14,7 +12,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
+from gtb_cli.commands.streams import about, read_patch, shown_input, write_text
 from gtb_cli.errors import SpecError
 
 
@@ -45,12 +43,9 @@ def coefficients(
 
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.basis import partition_of_unity_coefficients
-    from gtb_cli.theory.model import Model
 
-    loaded = read_spec(spec, spec_format)
+    loaded = read_patch(spec, spec_format)
     with about(shown_input(spec)):
-        if isinstance(loaded, Model):
-            raise SpecError(f"is a model of {len(loaded.patches)} patches, and coefficients is for one")
         if at is not None and len(at) != loaded.knots.size:
             raise SpecError(
                 f"--at: expected {loaded.knots.size} numbers, {len(loaded.knots)} parameters, got {len(at)}"
@@ -58,5 +53,5 @@ def coefficients(
         places = None if at is None else np.array(at).reshape(loaded.knots.shape)
         with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
             c = partition_of_unity_coefficients(loaded.domain, places)
-        text = dump(replace(loaded, coefficients=c))
+        text = dump(loaded.replace(coefficients=c))
     write_text(output, text)

@@ -23,10 +23,9 @@ from gtb_cli.commands.sequences import (
     check_length,
     is_animation,
     output_option,
-    read_patch,
     write_sequence,
 )
-from gtb_cli.commands.streams import about, shown_input
+from gtb_cli.commands.streams import about, read_patch, shown_input
 from gtb_cli.errors import DomainError, SpecError
 
 if TYPE_CHECKING:

@@ -50,7 +50,7 @@ class Side(NamedTuple):
     "--tolerance",
     callback=tolerance_of,
     metavar="T",
-    help="Largest distance that is no difference, in model units, or as 1% of the size. 1e-9 of the size without it.",
+    help="Largest distance that counts as none, in model units, or as 1% of the size. 1e-9 of the size without it.",
 )
 @click.option(
     "-n",
@@ -97,7 +97,7 @@ def diff(
 
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
     a point of one from the other, both ways. Normals and texture coordinates do not count; where faces are the same but
-    look to the other side, a warning says how many. Of two folders, files of the same name are compared, and a missing
+    look to the other side, a warning says how many. In two folders, files of the same name are compared, and a missing
     or an extra file is a difference. The tolerance is never less than what the numbers in the files can hold; the size
     is the diagonal of the bounding box of the smaller mesh. The distance of surfaces is found to a tenth of the
     tolerance; of large meshes a warning, the report and "proved" in JSON say where that took too long. Exit status 0

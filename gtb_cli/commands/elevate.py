@@ -32,7 +32,7 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
     Print the spec of the same curve or surface with more knots, weights and control points to work with.
 
     For Bézier curves, triangles and tensor product patches this is the classical elevation of the degree. A lifting is
-    left out. Of a model, each patch is elevated.
+    left out. Each patch of a model is elevated.
     """
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.elevation import elevate as elevated

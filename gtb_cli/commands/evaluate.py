@@ -21,7 +21,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.streams import opened, read_spec, shown_input, write_blocks
+from gtb_cli.commands.streams import opened, read_patch, shown_input, write_blocks
 from gtb_cli.errors import DomainError, GtbError, SpecError
 
 if TYPE_CHECKING:
@@ -68,11 +68,7 @@ def evaluate(
     """
     if spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
-    from gtb_cli.theory.model import Model
-
-    loaded = read_spec(spec, spec_format)
-    if isinstance(loaded, Model):
-        raise SpecError(f"{shown_input(spec)}: is a model of {len(loaded.patches)} patches, and eval is for one")
+    loaded = read_patch(spec, spec_format)
     evaluated = loaded.basis if basis else loaded.evaluate
     values = partial(evaluated, parametrization="linear" if parametrization == "linear" else "toric")
     batches = _batches(loaded, params, values)

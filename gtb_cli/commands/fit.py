@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 MAX_BYTES = 1_000_000
-"""Of a file of points: a hundred lines are far less."""
+"""Largest file of points; a hundred lines are far less."""
 
 
 @click.command

@@ -15,10 +15,9 @@ from gtb_cli.commands.sequences import (
     check_length,
     is_animation,
     output_option,
-    read_patch,
     write_sequence,
 )
-from gtb_cli.commands.streams import about, shown_input, write_text
+from gtb_cli.commands.streams import about, read_patch, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit

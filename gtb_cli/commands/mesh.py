@@ -73,7 +73,7 @@ def mesh(
 
     Turn curves, patches and models into meshes.
 
-    A curve becomes a polyline. Of several specs, OUT is a folder, made if missing, and each file in it is named after
+    A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
     its spec file. A spec with an error is reported and left out, and the exit status is 2.
     """
     if specs.count(STANDARD) > 1:

@@ -37,7 +37,7 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     except ValueError:
         number = math.nan
     if not 0 < number < math.inf:
-        raise click.BadParameter(f"{value!r} is no positive number or percentage, such as 0.01 or 1%", ctx, param)
+        raise click.BadParameter(f"{value!r} is not a positive number or percentage, such as 0.01 or 1%", ctx, param)
     return text if text.endswith("%") else number
 
 

@@ -12,8 +12,8 @@ import click
 from gtb_cli.commands.console import STANDARD, Console
 from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.commands.options import OUTPUT, check_outputs
-from gtb_cli.commands.streams import file_stem, is_device, is_folder, read_spec, shown_input, write_blocks
-from gtb_cli.errors import ExportError, SpecError
+from gtb_cli.commands.streams import file_stem, is_device, is_folder, write_blocks
+from gtb_cli.errors import ExportError
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
@@ -38,16 +38,6 @@ output_option = click.option(
     type=OUTPUT,
     help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
 )
-
-
-def read_patch(path: str, spec_format: str | None) -> Patch:
-    """Read a spec of a single patch."""
-    from gtb_cli.theory.patch import Patch
-
-    spec = read_spec(path, spec_format)
-    if not isinstance(spec, Patch):
-        raise SpecError(f"{shown_input(path)}: expected a single patch, this is a model of {len(spec.patches)}")
-    return spec
 
 
 def is_animation(options: MeshOptions, output: str) -> bool:

@@ -45,6 +45,16 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     return load(path)
 
 
+def read_patch(path: str, spec_format: str | None = None) -> Patch:
+    """Read a spec of a single patch, as `read_spec` does."""
+    from gtb_cli.theory.patch import Patch
+
+    spec = read_spec(path, spec_format)
+    if not isinstance(spec, Patch):
+        raise SpecError(f"{shown_input(path)}: expected a single patch, this is a model of {len(spec.patches)}")
+    return spec
+
+
 def read_bytes(path: str, limit: int) -> bytes:
     """Read at most `limit` bytes of a file, or of standard input."""
     with opened(path) as file:
@@ -82,7 +92,7 @@ def shown_input(path: str) -> str:
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
     """Raise a usage error for an output that is one of the inputs, by whatever name.
 
-    What is no regular file, such as a terminal, may be both.
+    What is not a regular file, such as a terminal, may be both.
     """
     read = [status for path in inputs if (status := _status(path)) is not None]
     for output in outputs:

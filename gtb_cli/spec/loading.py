@@ -29,7 +29,7 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
     Raises
     ------
     SpecError
-        The file cannot be read, or what it says is no patch: one line for each error, with file, line where known,
+        The file cannot be read, or what it says is not a patch: one line for each error, with file, line where known,
         key path and what was found.
     """
     source = os.fspath(path)

@@ -65,7 +65,7 @@ class _Open:
 
 
 class Scanner:
-    """A walk over the words of a text. Of one that is not well-formed, some places are found."""
+    """A walk over the words of a text. It finds some places of a text that is not well-formed, too."""
 
     def __init__(self, text: str, format: Format) -> None:
         self._text = text
