@@ -156,7 +156,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     Raises
     ------
     DomainError
-        Repeated knots (the system is singular), or a solution that is not positive: it is no basis. The message has
+        Repeated knots (the system is singular), or a solution that is not positive, hence not a basis. The message has
         the values.
 
     Notes

@@ -58,7 +58,7 @@ FIRST = 1e-2
 """The same to begin with, and after a step that was refused: `REFUSALS` of these lead to short steps."""
 
 CANCELLED = 1 - 8 * EPS
-"""Of μ², what is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
+"""Share of μ² that is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
 
 TINY = 1e-300
 """Smallest curvature that is divided by."""

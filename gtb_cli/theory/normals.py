@@ -35,7 +35,7 @@ class NormalField:
     Parameters
     ----------
     domain : Domain
-        Of a surface.
+        A surface's.
     log_weights : (n,) float
         log(c_i ω_i).
     control_points : (n, 3) float

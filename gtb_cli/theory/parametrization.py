@@ -70,7 +70,7 @@ class RationalBasis:
         faces : (m,) int, optional
             Numbers of the faces of Δ on which the parameters are known to lie, whatever rounding has made of them.
         within : float
-            Of linear parameters: a fraction of Δ's size by which they may be off, where that is enough.
+            A fraction of Δ's size by which linear parameters may be off, where that is enough.
 
         Raises
         ------

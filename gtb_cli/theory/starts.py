@@ -17,7 +17,7 @@ COARSE = 8
 """The same, for the parts of which nothing is known."""
 
 FARTHEST = 1.0
-"""Largest exponent by which the slope of a correction may move a start: beyond, it is no guide."""
+"""Largest exponent by which the slope of a correction may move a start: beyond, it does not guide."""
 
 
 class LayerStarts:

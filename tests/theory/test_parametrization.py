@@ -6,9 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-import gtb_cli.theory.patch
 from gtb_cli.errors import DomainError
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.patches import pentagon
 
@@ -46,19 +44,6 @@ def test_a_part_has_what_belongs_to_its_knots():
         assert (getattr(part, name) == getattr(patch, name)[members]).all()
     heavier = patch.part(members, weights=WEIGHTS[:4])
     assert (heavier.log_weights == np.log(WEIGHTS[:4])).all()
-
-
-def test_a_spec_builds_its_hull_once(monkeypatch, tmp_path):
-    built = []
-    original = gtb_cli.theory.patch.domain
-    monkeypatch.setattr(gtb_cli.theory.patch, "domain", lambda *a: built.append(a) or original(*a))
-    path = tmp_path / "square.toml"
-    path.write_text(
-        "knots = [[0, 0], [1, 0], [1, 1], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [1, 1], [0, 1]]\n"
-        'edge_scale = [1, 2, 3, 4]\ncoefficients = "binomial"\n'
-    )
-    load(path)
-    assert len(built) == 1
 
 
 def test_calls_do_not_learn_from_each_other():
