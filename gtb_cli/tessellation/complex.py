@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
 
@@ -200,12 +200,17 @@ class Sampler:
 
     With `shared_edges`, edges are sampled by their own data (linearly) in the toric parametrisation too, so that
     patches which share an edge have the same points there.
+
+    Where `wholes` are given, each patch only says where a part of a larger one lies, which is evaluated in its place;
+    `faces` (patches, faces) has the number of the larger one's face that holds each face of the part.
     """
 
     patches: Sequence[Patch]
     parametrization: Parametrization
     shared_edges: bool
-    flipped: Sequence[bool] = field(default=())
+    flipped: Sequence[bool] = ()
+    wholes: Sequence[Patch] = ()
+    faces: IntArray | None = None
 
     def __post_init__(self) -> None:
         if self.parametrization not in get_args(Parametrization):
@@ -217,27 +222,33 @@ class Sampler:
         Or of parameters that are nearer than `within`, a fraction of the domain's size: linear ones are found sooner.
         """
         result = np.empty((len(patch), 3))
+        face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
             where = self.locations(index, parameters[rows], face[rows], within)
-            result[rows] = self.patches[index].points_at(where, len(parameters[rows]))
+            result[rows] = self._evaluated[index].points_at(where, len(parameters[rows]))
         return result
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
         """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
         result = np.empty((len(patch), 3))
+        face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
             where = self.locations(index, parameters[rows], face[rows])
             sign = -1.0 if self.flipped and self.flipped[index] else 1.0
-            result[rows] = sign * self.patches[index].normals_at(where, len(parameters[rows]))
+            result[rows] = sign * self._evaluated[index].normals_at(where, len(parameters[rows]))
         return result
+
+    @property
+    def _evaluated(self) -> Sequence[Patch]:
+        return self.wholes or self.patches
 
     @cached_property
     def _locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator(self.parametrization) for patch in self.patches]
+        return [patch.rational_basis.locator(self.parametrization) for patch in self._evaluated]
 
     @cached_property
     def _edge_locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator("linear") for patch in self.patches]
+        return [patch.rational_basis.locator("linear") for patch in self._evaluated]
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -117,26 +117,12 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     for logarithm in logarithms:
         # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
         whole = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
-        members.append(_Whole(cells, "linear", True, whole=Sampler(whole, "linear", False), faces=faces))
+        members.append(Sampler(cells, "linear", True, wholes=whole, faces=faces))
     return Family((*members, Sampler(cells, "linear", True)), joints)
 
 
 def _linear(patch: Patch) -> Sampler:
     return Sampler((patch,), "linear", False)
-
-
-@dataclass(frozen=True, eq=False)
-class _Whole(Sampler):
-    """One patch, in one form for each cell of its limit, at parameters known by that cell and by the face of it."""
-
-    whole: Sampler = field(kw_only=True)
-    faces: IntArray = field(kw_only=True)
-
-    def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
-        return self.whole.points(patch, parameters, self.faces[patch, face], within)
-
-    def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
-        return self.whole.normals(patch, parameters, self.faces[patch, face])
 
 
 def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
