@@ -21,7 +21,7 @@ from gtb_cli.commands.options import (
     spec_format_option,
     tolerance_of,
 )
-from gtb_cli.commands.streams import about, read_bytes, refuse_overwriting, shown_input, write_text
+from gtb_cli.commands.streams import about, opened, refuse_overwriting, shown_input, write_text
 from gtb_cli.errors import GtbError
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
     from gtb_cli.meshes.known import KnownMesh
     from gtb_cli.theory.parametrization import Parametrization
+
+BEGINNING = 1 << 16
+"""Bytes by which a mesh is told from a spec."""
 
 DIFFERENT, TROUBLE = 1, 2
 """Exit statuses, as those of diff(1)."""
@@ -134,17 +137,25 @@ def _compared(first: Side, second: Side, tolerance: float | str | None) -> Diffe
 
 def _load(side: Side) -> KnownMesh:
     """Read a mesh file, or make the mesh of a spec: what the content says, else the suffix."""
-    from gtb_cli.formats.meshfiles import MAX_BYTES, decode_mesh, format_of
+    from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
     from gtb_cli.meshes.known import known_exactly
     from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
     from gtb_cli.spec.loading import parse
 
     path, recipe, spec_format = side
     shown, suffix = shown_input(path), os.path.splitext(path)[1][1:].lower()
-    data = read_bytes(path, (MAX_SPEC_BYTES if suffix in SPEC_FORMATS else MAX_BYTES) + 1)
+    with opened(path) as file:
+        start = file.read(BEGINNING)
+        limit = MAX_SPEC_BYTES if suffix in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+        if file.seekable():  # so that a large file is in memory once and not twice
+            file.seek(-len(start), os.SEEK_CUR)
+            start = b""
+        data = start + file.read(limit + 1 - len(start))
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return decode_mesh(data, shown, kind)
+    if b"\0" in data[:BEGINNING] and not spec_format:
+        raise GtbError(f"{shown}: is neither a mesh nor a spec")
     spec = parse(data, shown, spec_format or (suffix if suffix in SPEC_FORMATS else None))  # type: ignore[arg-type]
     with about(shown):
         recipe.check_size(spec)

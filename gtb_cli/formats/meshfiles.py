@@ -19,6 +19,12 @@ from gtb_cli.vocabulary import FORMATS
 MAX_BYTES = 1 << 31
 """Larger files are refused."""
 
+STL_HEADER = 84
+"""Bytes before the facets of a binary STL file, the last four their number."""
+
+TEXT = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
+"""Bytes of text."""
+
 LARGEST = 2.0**1000
 """Of a coordinate; differences of larger ones may be no numbers."""
 
@@ -76,6 +82,19 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
     half_steps = content.half_steps + rounding(content.vertices)
     return KnownMesh(Mesh(content.vertices, content.cells, groups=groups), half_steps, kind)
+
+
+def size_limit(start: bytes, otherwise: int) -> int:
+    """Return how many bytes a file that starts so is read at most.
+
+    A mesh is read to `MAX_BYTES`, or to the size that its beginning says; what is not a mesh only to `otherwise`, as a
+    device or a pipe may have no end.
+    """
+    if format_of(start) is not None or len(start) < STL_HEADER:
+        return MAX_BYTES
+    said = STL_HEADER + 50 * int.from_bytes(start[STL_HEADER - 4 : STL_HEADER], "little")
+    is_text = not start.translate(None, TEXT)
+    return max(otherwise, 0 if is_text else min(said, MAX_BYTES))
 
 
 def format_of(data: bytes) -> str | None:

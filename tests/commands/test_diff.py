@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import threading
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +86,33 @@ def test_what_cannot_be_read_is_an_error_that_names_the_file(text, tmp_path):
     assert result.status == 2
     assert str(broken) in result.err
     assert "internal" not in result.err
+
+
+@pytest.mark.parametrize("source", ["device", "sparse file", "pipe"])
+def test_what_has_no_end_is_not_read_to_it(source, tmp_path):
+    path = tmp_path / "endless"
+    if source == "device":
+        path = Path("/dev/zero")
+    elif source == "sparse file":
+        path.touch()
+        os.truncate(path, 1 << 32)
+    else:
+        os.mkfifo(path)
+
+        def write() -> None:
+            with contextlib.suppress(BrokenPipeError), path.open("wb") as pipe:
+                while True:
+                    pipe.write(b"y\n" * 50_000)
+
+        threading.Thread(target=write, daemon=True).start()
+    gtb("diff", PENTAGON, PENTAGON)  # what is imported does not count
+    tracemalloc.start()
+    result = gtb("diff", path, PENTAGON)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert result.status == 2
+    assert ("a spec has at most" if source == "pipe" else "is neither a mesh nor a spec") in result.err
+    assert peak < 50e6
 
 
 def plane(n: int) -> Mesh:
