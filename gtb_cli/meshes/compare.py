@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,11 +12,12 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
 from gtb_cli.meshes.overlay import Pieces
+from gtb_cli.meshes.topology import are_used
 
-RELATIVE = 1e-3
+RELATIVE_ERROR = 1e-3
 """The search for farther points ends where none can be farther than the farthest one by more than this part."""
 
-EXACT = 1e-5
+IGNORED_GAIN = 1e-5
 """Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
 
 ROUNDING = 1e-14
@@ -31,13 +33,13 @@ CELLS = 1 << 16
 """Cells that are bounded at the same time, so that memory is."""
 
 EFFORT = 250_000
-"""Pieces that are cut in the search at most; what is proved by then is the bound."""
+"""Pieces that are cut in the search at most, in each direction; what is proved by then is the bound."""
 
-FIRST_LOOK = 4
+CELLS_PER_CUT = 4
 """Cells that cost as much, without being cut, as one that is; a large mesh leaves less for cuts."""
 
-LEAST_EFFORT = 40_000
-"""Pieces that are cut of a large mesh."""
+LEAST_SHARE = 0.16
+"""Part of the effort that is left for cuts of any large mesh."""
 
 BATCH = 20_000
 """Pieces that are cut at the same time."""
@@ -48,7 +50,7 @@ HOPELESS = 10
 TRIED = 64
 """Corners of the pieces with the largest bounds whose distances are found exactly, each time."""
 
-LARGE = 100_000
+CONCURRENT = 100_000
 """Cells of a mesh from which on the two directions are measured at the same time."""
 
 
@@ -79,7 +81,9 @@ class Distance:
         return max(self.forward, self.backward)
 
 
-def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
+def surface_distance(
+    a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = EFFORT, concurrent: int = CONCURRENT
+) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
     Parameters
@@ -89,6 +93,10 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     accuracy : float
         An error of the distance that does not matter, in model units: the search ends there, or at a thousandth of
         the distance, whichever is more.
+    effort : int
+        How many pieces may be cut in each direction; with none, the bound is that of whole cells.
+    concurrent : int
+        Cells of the larger mesh from which on both directions are searched at the same time: the result is the same.
 
     Returns
     -------
@@ -106,23 +114,26 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from any
     single cell there. Pieces for which this bound exceeds what was found are cut where they leave the region over the
     cell below them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that there
-    is. This ends when nothing more than `accuracy` can be gained, or `EFFORT` is spent; `Distance.bound` says what is
+    is. This ends when nothing more than `accuracy` can be gained, or the effort is spent; `Distance.bound` says what is
     proved then: of meshes of up to some ten thousand cells the distance itself; of a million cells each that do not
     match, only about the length of the cells.
     """
+    used = []
     for mesh in (a, b):
         if not len(mesh.cells):
             raise DomainError("mesh: has no cells, there is no distance to it")
-        if not np.isfinite(mesh.vertices[_used(mesh)]).all():
+        used.append(mesh.vertices[are_used(mesh.cells, len(mesh.vertices))])
+        if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
     # A common power of two and origin, so that squares neither over- nor underflow.
-    ends = [(points.min(axis=0), points.max(axis=0)) for points in (a.vertices[_used(a)], b.vertices[_used(b)])]
-    low, high = np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])
+    low = np.minimum(*(points.min(axis=0) for points in used))
+    high = np.maximum(*(points.max(axis=0) for points in used))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))
     directions = [(first, a.cells, second[b.cells]), (second, b.cells, first[a.cells])]
-    forward, backward = _both(directions, allowed)
+    at_once = max(len(a.cells), len(b.cells)) >= concurrent
+    forward, backward = (_at_once if at_once else _in_turn)(directions, allowed, effort)
 
     def place(point: FloatArray) -> tuple[float, float, float]:
         x, y, z = (np.ldexp(point, exponent) + origin).tolist()
@@ -137,39 +148,39 @@ def surface_distance(a: Mesh, b: Mesh, accuracy: float = 0.0) -> Distance:
     )
 
 
-def _used(mesh: Mesh) -> IntArray:
-    """Vertices that cells have as corners."""
-    return np.flatnonzero(np.bincount(mesh.cells.ravel()))
+Direction: TypeAlias = tuple[FloatArray, IntArray, FloatArray]
 
 
-def _both(directions: list[tuple[FloatArray, IntArray, FloatArray]], accuracy: float) -> list[_Search]:
-    """Search in both directions: of large meshes at the same time, as numpy and scipy let each other run."""
-    if max(len(cells) for _, cells, _ in directions) < LARGE:
-        return [_directed(*direction, accuracy) for direction in directions]
+def _in_turn(directions: list[Direction], accuracy: float, effort: int) -> list[_Search]:
+    return [_directed(*direction, accuracy, effort) for direction in directions]
+
+
+def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[_Search]:
+    """The same in two threads, as numpy and scipy let each other run."""
     import threading
 
     results: list[_Search | BaseException] = []
 
     def run() -> None:
         try:
-            results.append(_directed(*directions[1], accuracy))
+            results.append(_directed(*directions[1], accuracy, effort))
         except BaseException as error:  # noqa: BLE001 -- it is raised again where it is waited for
             results.append(error)
 
     # A daemon: Ctrl-C ends the process and does not wait for it.
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    forward = _directed(*directions[0], accuracy)
+    forward = _directed(*directions[0], accuracy, effort)
     thread.join()
     if isinstance(results[0], BaseException):
         raise results[0]
     return [forward, results[0]]
 
 
-def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float) -> _Search:
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _Search:
     """Search the cells given for the point that is farthest from the cells with the corners `other`."""
     search = _Search(NearestCells(other), accuracy)
-    used = np.flatnonzero(np.bincount(cells.ravel()))
+    used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
@@ -179,7 +190,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = Pieces.together(kept)
-    effort = max(EFFORT - len(cells) // FIRST_LOOK, LEAST_EFFORT)
+    effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * LEAST_SHARE))
     by_sample = False
     if len(pieces.bounds) > HOPELESS * effort:
         effort, by_sample = min(BATCH, effort), True
@@ -212,12 +223,12 @@ class _Search:
     @property
     def enough(self) -> float:
         """What a bound need not go below."""
-        return self.found + max(self.found * RELATIVE, self.accuracy, ROUNDING)
+        return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, ROUNDING)
 
     @property
     def low(self) -> float:
         """Points that are no farther than this need not be looked at exactly."""
-        return self.found * (1 + EXACT) + ROUNDING
+        return self.found * (1 + IGNORED_GAIN) + ROUNDING
 
     def needed(self, pieces: Pieces) -> Pieces:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""

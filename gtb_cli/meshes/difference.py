@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.meshes.compare import surface_distance
+from gtb_cli.meshes.compare import EFFORT, surface_distance
 from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
@@ -20,7 +20,7 @@ DEFAULT_TOLERANCE = 1e-9
 """Part of the diagonal of the bounding box. Other processors and libraries change meshes by 1e-13 of it or so; a
 control point that is moved by 1e-6 moves the surface by more than this wherever it has a thousandth of the weight."""
 
-PART = 0.1
+ALLOWED_ERROR = 0.1
 """Part of the tolerance that the error of a distance between surfaces is to stay below."""
 
 Method: TypeAlias = Literal["vertices", "surface"]
@@ -102,10 +102,10 @@ class Difference:
     @property
     def is_proved(self) -> bool:
         """Whether nothing can be farther apart than the tolerance by more than a tenth of it, if they are the same."""
-        return not self.same or self.bound <= (1 + PART) * self.tolerance
+        return not self.same or self.bound <= (1 + ALLOWED_ERROR) * self.tolerance
 
 
-def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None) -> Difference:
+def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None, *, effort: int = EFFORT) -> Difference:
     """Compare two meshes.
 
     Parameters
@@ -114,6 +114,8 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
     tolerance : float or str, optional
         In model units, or as ``"1%"`` of the diagonal of the bounding box of the smaller mesh. By default
         `DEFAULT_TOLERANCE` of it. In any case not less than the resolution.
+    effort : int
+        As of `surface_distance`.
 
     Returns
     -------
@@ -159,7 +161,7 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None)
             group=_group(a.mesh, vertex),
             turned=turned,
         )
-    found = surface_distance(a.mesh, b.mesh, PART * allowed)
+    found = surface_distance(a.mesh, b.mesh, ALLOWED_ERROR * allowed, effort=effort)
     return made(
         method="surface",
         distance=found.value,

@@ -7,8 +7,7 @@ the tube has no twist. Where the direction changes at a vertex, the ring lies in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -16,22 +15,13 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.paths import SHORTEST_SEGMENT, Path, paths
 from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
 
 SIDES = 24
 """Vertices of a ring: the polygon is within 0.9 % of the radius from the circle, and has corners on both axes."""
-
-SHORTEST = 1024
-"""Segments of fewer roundings of the largest coordinate have no direction of their own, and are passed over."""
-
-TRANSVERSE = 0.5
-"""Least cosine of the angle between a tangent and the segments beside it: else the mesh is too coarse for the tangent,
-and the segments' directions are taken."""
-
-COINCIDENT = 1e-9
-"""Part of the extent within which the ends of a closed polyline meet."""
 
 ROUNDING = 1e-9
 """Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is no sharp one, and
@@ -102,7 +92,7 @@ def tube(
     vertices, normals, owners, cells = [], [], [], []
     groups: list[tuple[str, int, int]] = []
     first = made = 0
-    for path in _paths(mesh, tangents):
+    for path in paths(mesh, tangents):
         sweep = _sweep(path, radius, int(count))
         vertices.append(sweep.vertices)
         normals.append(sweep.normals)
@@ -145,7 +135,7 @@ def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = 
     """
     _check(mesh, radius, tangents)
     found = [np.empty(0, dtype=np.int64)]
-    for path in _paths(mesh, tangents):
+    for path in paths(mesh, tangents):
         found.append(path.segments[_sweep(path, radius, SIDES).folded])
     return np.unique(np.concatenate(found))
 
@@ -158,101 +148,16 @@ def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
     if not (math.isfinite(radius) and radius > 0):
         raise DomainError(f"radius: must be positive, got {radius!r}")
     rounding = EPS * float(np.abs(mesh.vertices).max())
-    if not radius > SHORTEST * rounding:
+    if not radius > SHORTEST_SEGMENT * rounding:
         raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {rounding / EPS:.3g}")
     if tangents is not None and tangents.shape != (len(mesh.cells), 2, 3):
         raise DomainError(f"tangents: expected shape ({len(mesh.cells)}, 2, 3), got {tangents.shape}")
 
 
-def _name(mesh: Mesh, path: _Path) -> str:
+def _name(mesh: Mesh, path: Path) -> str:
     """The group of a path's first segment."""
     first = int(path.segments[0])
     return next((name for name, start, stop in mesh.groups if start <= first < stop), mesh.name)
-
-
-@dataclass(frozen=True, eq=False)
-class _Path:
-    """A polyline from end to end, or around: each segment with its directions at both ends.
-
-    Attributes
-    ----------
-    segments : (s,) int
-        Cells of the mesh.
-    vertices : (s + 1,) or, closed, (s,) int
-    points : (s + 1, 3) float
-        Where the segments begin and end.
-    directions : (s, 2, 3) float
-        Unit vectors.
-    closed : bool
-    """
-
-    segments: IntArray
-    vertices: IntArray
-    points: FloatArray
-    directions: FloatArray
-    closed: bool
-
-
-def _paths(mesh: Mesh, tangents: FloatArray | None) -> Iterator[_Path]:
-    size = float(np.ptp(mesh.vertices, axis=0).max())
-    shortest = SHORTEST * EPS * float(np.abs(mesh.vertices).max())
-    for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
-        points = mesh.vertices[vertices]
-        steps = np.diff(points, axis=0)
-        lengths = np.abs(steps).max(axis=1)
-        # Where segments are passed over, the next one begins at their start; the last ends at the very end.
-        long = np.flatnonzero(lengths > shortest)
-        if not len(long):
-            raise DomainError(f"radius: the curve {mesh.name!r} is a single point at {_place(points[0])}")
-        kept = np.append(long, len(segments))
-        kept[0] = 0
-        points, vertices, segments = points[kept], vertices[kept], segments[long]
-        chords = np.diff(points, axis=0)
-        chords /= np.abs(chords).max(axis=1, keepdims=True)
-        chords /= np.linalg.norm(chords, axis=1, keepdims=True)
-        directions = np.repeat(chords[:, None], 2, axis=1)
-        if tangents is not None:
-            given = tangents[segments]
-            given = np.where(backwards[long, None, None], -given[:, ::-1], given)
-            along = np.einsum("sij,sj->si", given, chords)
-            directions = np.where((along > TRANSVERSE)[:, :, None], given, directions)
-        # Two segments that end where they begin are no ring, but the same way there and back.
-        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= COINCIDENT * size)
-        yield _Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
-
-
-def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, BoolArray]]:
-    """Order segments into chains between vertices that are not in two of them, then into rings.
-
-    Yields the s + 1 vertices of each, its s segments, and which of these it runs through backwards.
-    """
-    degree = np.bincount(cells.ravel(), minlength=count)
-    order = np.argsort(cells.ravel(), kind="stable")
-    first = np.concatenate([[0], np.cumsum(degree)]).tolist()
-    incident, inner = (order // 2).tolist(), (degree == 2).tolist()
-    ends = cells.tolist()
-    used = [False] * len(ends)
-    starts = [k for k in range(len(ends)) if not (inner[ends[k][0]] and inner[ends[k][1]])]
-    for start in (*starts, *range(len(ends))):
-        if used[start]:
-            continue
-        # A chain begins at an end or a branching, forwards where both of a segment's ends are.
-        vertex = ends[start][0] if not inner[ends[start][0]] or inner[ends[start][1]] else ends[start][1]
-        vertices, segments, backwards = [vertex], [], []
-        segment = start
-        while True:
-            used[segment] = True
-            segments.append(segment)
-            backwards.append(ends[segment][0] != vertex)
-            vertex = ends[segment][0] if backwards[-1] else ends[segment][1]
-            vertices.append(vertex)
-            if not inner[vertex]:
-                break
-            pair = incident[first[vertex] : first[vertex + 1]]
-            segment = pair[0] if pair[1] == segment else pair[1]
-            if used[segment]:
-                break
-        yield np.array(vertices), np.array(segments), np.array(backwards)
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +192,7 @@ class _Sections:
     closed: bool
 
 
-def _sections(path: _Path) -> _Sections:
+def _sections(path: Path) -> _Sections:
     """A section at each vertex of a path, two where the turn is sharp."""
     before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
     after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
@@ -304,9 +209,31 @@ def _sections(path: _Path) -> _Sections:
     return _Sections(at, path.points[at], before, after, path.closed)
 
 
-def _sweep(path: _Path, radius: float, sides: int) -> _Sweep:
+def _sweep(path: Path, radius: float, sides: int) -> _Sweep:
+    """A ring at each section of a path, a band of triangles between rings, and caps at the ends of an open path."""
     sections = _sections(path)
     angle, shift = _frame(sections, sides)
+    rings, normals = _rings(sections, radius, angle, sides)
+    index = np.arange(len(rings) * sides).reshape(-1, sides)
+    # Each ring with the one that follows: in a closed tube the first one, `shift` sides ahead, after the last.
+    ahead = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
+    behind = index[: len(ahead)]
+    tube = _Sweep(
+        rings.reshape(-1, 3),
+        normals.reshape(-1, 3),
+        np.repeat(path.vertices[sections.at], sides),
+        _bands(behind, ahead),
+        _folded(path, sections, rings.reshape(-1, 3)[ahead] - rings.reshape(-1, 3)[behind]),
+    )
+    if not path.closed:
+        tube = _capped(tube, path, sections, sides)
+    twins = np.flatnonzero(np.diff(sections.at) == 0)
+    met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ROUNDING * radius
+    return _joined(tube, np.stack([index[twins][met], index[twins + 1][met]], axis=1)) if len(twins) else tube
+
+
+def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) -> tuple[FloatArray, FloatArray]:
+    """(m, sides, 3) vertices of the rings, and their normals."""
     turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
     start = _perpendicular(sections.before)
     other = cross(sections.before, start)
@@ -316,40 +243,47 @@ def _sweep(path: _Path, radius: float, sides: int) -> _Sweep:
     beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
     rings = sections.centers[:, None] + radius * (radial - beyond * before)
     normals = radial + (radial - beyond * (before + after))
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
-    index = np.arange(rings.shape[0] * sides).reshape(-1, sides)
-    following = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
-    a, d = index[: len(following)], following
-    b, c = np.roll(a, -1, axis=1), np.roll(d, -1, axis=1)
-    cells = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3)
-    vertices, normals = rings.reshape(-1, 3), normals.reshape(-1, 3)
-    owners = np.repeat(path.vertices[sections.at], sides)
 
-    rows = np.append(sections.at, 0)[1:] if path.closed else sections.at[1:]
-    ahead = vertices[d] - vertices[a]
-    chords = np.roll(path.points, -1, axis=0)[sections.at[: len(rows)]] - path.points[sections.at[: len(rows)]]
-    backwards = ((ahead * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (rows != sections.at[: len(rows)])
+def _bands(behind: IntArray, ahead: IntArray) -> IntArray:
+    """Two triangles for each side of each ring, between it and the ring ahead."""
+    b, c = np.roll(behind, -1, axis=1), np.roll(ahead, -1, axis=1)
+    return np.stack([behind, b, c, behind, c, ahead], axis=2).reshape(-1, 3)
+
+
+def _folded(path: Path, sections: _Sections, steps: FloatArray) -> BoolArray:
+    """(s,) segments of the path along which a (rings, sides, 3) step from ring to ring leads backwards."""
+    start = sections.at[: len(steps)]
+    end = np.append(sections.at, 0)[1 : len(steps) + 1]
+    chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]
+    backwards = ((steps * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (end != start)
     folded = np.zeros(len(path.segments), dtype=bool)
-    folded[sections.at[: len(rows)][backwards]] = True
+    folded[start[backwards]] = True
+    return folded
 
-    if not path.closed:
-        ends = len(vertices) + np.arange(2)
-        first, last = index[0], index[-1]
-        caps = [(ends[0], np.roll(first, -1), first), (ends[1], last, np.roll(last, -1))]
-        cells = np.concatenate([cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)])
-        vertices = np.concatenate([vertices, sections.centers[[0, -1]]])
-        normals = np.concatenate([normals, -sections.before[:1], sections.after[-1:]])
-        owners = np.concatenate([owners, path.vertices[[0, -1]]])
-    twins = np.flatnonzero(np.diff(sections.at) == 0)
-    if len(twins):
-        near = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ROUNDING * radius
-        pairs = np.stack([index[twins][near], index[twins + 1][near]], axis=1)
-        label = merged(len(vertices), pairs)
-        cells = label[cells]
-        used, cells = compacted(cells[are_proper(cells)])
-        vertices, normals, owners = vertices[used], normals[used], owners[used]
-    return _Sweep(vertices, normals, owners, cells, folded)
+
+def _capped(tube: _Sweep, path: Path, sections: _Sections, sides: int) -> _Sweep:
+    """The tube with a vertex at each end, and triangles around it."""
+    count = len(tube.vertices)
+    first, last = np.arange(sides), np.arange(count - sides, count)
+    caps = [(count, np.roll(first, -1), first), (count + 1, last, np.roll(last, -1))]
+    return replace(
+        tube,
+        vertices=np.concatenate([tube.vertices, sections.centers[[0, -1]]]),
+        normals=np.concatenate([tube.normals, -sections.before[:1], sections.after[-1:]]),
+        owners=np.concatenate([tube.owners, path.vertices[[0, -1]]]),
+        cells=np.concatenate([tube.cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)]),
+    )
+
+
+def _joined(tube: _Sweep, pairs: IntArray) -> _Sweep:
+    """The tube with (c, 2) pairs of vertices made one, without the triangles that vanish."""
+    cells = merged(len(tube.vertices), pairs)[tube.cells]
+    used, cells = compacted(cells[are_proper(cells)])
+    return replace(
+        tube, vertices=tube.vertices[used], normals=tube.normals[used], owners=tube.owners[used], cells=cells
+    )
 
 
 def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
@@ -390,7 +324,3 @@ def _perpendicular(vectors: FloatArray) -> FloatArray:
     axis = np.eye(3)[np.abs(vectors).argmin(axis=1)]
     across = axis - dot(axis, vectors)[:, None] * vectors
     return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
-
-
-def _place(point: FloatArray) -> str:
-    return f"({', '.join(f'{x:g}' for x in point)})"

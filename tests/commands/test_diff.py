@@ -7,13 +7,14 @@ import json
 import os
 import threading
 import tracemalloc
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gtb_cli.formats.export import write_mesh
-from gtb_cli.meshes import compare
+from gtb_cli.meshes.difference import difference
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
 from gtb_cli.spec.writer import dump
@@ -121,8 +122,7 @@ def plane(n: int) -> Mesh:
 
 
 def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):
-    monkeypatch.setattr(compare, "EFFORT", 0)
-    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
+    monkeypatch.setattr("gtb_cli.meshes.difference.difference", partial(difference, effort=0))
     for n in (5, 7):
         write_mesh(plane(n), tmp_path / f"{n}.obj")
     result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "-q")

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes import compare
-from gtb_cli.meshes.compare import RELATIVE, surface_distance
+from gtb_cli.meshes.compare import RELATIVE_ERROR, surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
@@ -64,7 +64,7 @@ def test_parallel_planes(scale, shift):
     found = surface_distance(one, two)
     at_edge = 0.25  # at the upper edge the plane ends: the nearest point of the lower one is on its own edge
     assert height * scale <= found.value <= at_edge * scale * (1 + 1e-6)
-    assert found.value <= found.bound <= found.value * (1 + RELATIVE) + shift * scale * 1e-12
+    assert found.value <= found.bound <= found.value * (1 + RELATIVE_ERROR) + shift * scale * 1e-12
 
 
 def test_a_point_above_a_plane():
@@ -84,7 +84,7 @@ def test_the_farthest_point_may_be_inside_a_face():
     big = Mesh(np.array([[0.0, 0, 0], [6, 0, 0], [0, 6, 0]]), np.array([[0, 1, 2]]))
     corners = Mesh(big.vertices[np.array([0, 0, 1, 1, 2, 2])], np.array([[0, 1, 1], [2, 3, 3], [4, 5, 5]]))
     found = surface_distance(big, corners)
-    assert found.forward == pytest.approx(3 * math.sqrt(2), rel=2 * RELATIVE)  # the middle of the long side
+    assert found.forward == pytest.approx(3 * math.sqrt(2), rel=2 * RELATIVE_ERROR)  # the middle of the long side
     assert found.backward == 0
 
 
@@ -130,7 +130,7 @@ def test_distance_as_by_dense_sampling(name):
     found = surface_distance(a, b)
     expected, error = sampled_distance(a, b)
     assert abs(found.value - expected) <= error
-    assert found.value <= found.bound <= found.value * (1 + RELATIVE) + ROUNDING
+    assert found.value <= found.bound <= found.value * (1 + RELATIVE_ERROR) + ROUNDING
 
 
 @pytest.mark.parametrize("name", PAIRS)
@@ -151,27 +151,24 @@ def test_an_accuracy_is_kept_and_saves_work(name):
     assert exact.value <= found.bound <= found.value + accuracy * (1 + 1e-9)
 
 
-def test_without_effort_the_bound_is_still_one(monkeypatch):
+def test_without_effort_the_bound_is_still_one():
     a, b = pairs()["pentagon"]
     exact = surface_distance(a, b)
-    monkeypatch.setattr(compare, "EFFORT", 0)
-    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
-    found = surface_distance(a, b)
+    found = surface_distance(a, b, effort=0)
     assert found.value <= exact.value <= found.bound
 
 
 def test_large_meshes_take_both_directions_at_once_with_the_same_result(monkeypatch):
     a, b = pairs()["pentagon"]
     expected = surface_distance(a, b)
-    monkeypatch.setattr(compare, "LARGE", 0)
-    assert surface_distance(a, b) == expected
+    assert surface_distance(a, b, concurrent=0) == expected
 
     def broken(*arguments):
         raise MemoryError
 
     monkeypatch.setattr(compare, "_directed", broken)
     with pytest.raises(MemoryError):
-        surface_distance(a, b)
+        surface_distance(a, b, concurrent=0)
 
 
 @pytest.mark.parametrize("exponent", [-290, 290])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gtb_cli.formats.meshfiles import decode_mesh
-from gtb_cli.meshes import compare
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
 from gtb_cli.meshes.known import KnownMesh, known_exactly
 from gtb_cli.meshes.mesh import Mesh
@@ -201,11 +200,11 @@ def test_other_faces_of_the_same_surface_are_proved_to_be_the_same():
     assert found.bound <= 1.1 * found.tolerance
 
 
-def test_what_could_not_be_proved_is_said(monkeypatch):
-    monkeypatch.setattr(compare, "EFFORT", 0)
-    monkeypatch.setattr(compare, "LEAST_EFFORT", 0)
-    found = difference(known_exactly(plane(5)), known_exactly(plane(7)))
+def test_what_could_not_be_proved_is_said():
+    found = difference(known_exactly(plane(5)), known_exactly(plane(7)), effort=0)
     assert (found.same, found.is_proved) == (True, False)
     assert found.bound > 0.01
-    assert difference(known_exactly(plane(5)), known_exactly(plane(7)), 1.0).is_proved
-    assert difference(known_exactly(plane(5)), known_exactly(surface(7))).is_proved  # a distance that there is
+    assert difference(known_exactly(plane(5)), known_exactly(plane(7)), 1.0, effort=0).is_proved
+    assert difference(
+        known_exactly(plane(5)), known_exactly(surface(7)), effort=0
+    ).is_proved  # a distance that there is

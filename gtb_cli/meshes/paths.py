@@ -1,0 +1,118 @@
+"""Paths: segments of a polyline in the order in which they are run through, with directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+
+SHORTEST_SEGMENT = 1024
+"""Roundings of the largest coordinate: shorter segments have no direction of their own, and are passed over."""
+
+LEAST_COSINE = 0.5
+"""Of the angle between a tangent and the segments beside it: if it is less, the mesh is too coarse for the tangent,
+and the segments' directions are taken."""
+
+CLOSING_GAP = 1e-9
+"""Part of the extent within which the ends of a closed polyline meet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A polyline from end to end, or around: each segment with its directions at both ends.
+
+    Attributes
+    ----------
+    segments : (s,) int
+        Cells of the mesh.
+    vertices : (s + 1,) or, closed, (s,) int
+    points : (s + 1, 3) float
+        Where the segments begin and end.
+    directions : (s, 2, 3) float
+        Unit vectors.
+    closed : bool
+    """
+
+    segments: IntArray
+    vertices: IntArray
+    points: FloatArray
+    directions: FloatArray
+    closed: bool
+
+
+def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
+    """Yield the paths of a mesh of segments, whose directions are the tangents (k, 2, 3) where these make sense.
+
+    Raises
+    ------
+    DomainError
+        A path is a single point.
+    """
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    shortest = SHORTEST_SEGMENT * EPS * float(np.abs(mesh.vertices).max())
+    for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
+        points = mesh.vertices[vertices]
+        steps = np.diff(points, axis=0)
+        lengths = np.abs(steps).max(axis=1)
+        # Where segments are passed over, the next one begins at their start; the last ends at the very end.
+        long = np.flatnonzero(lengths > shortest)
+        if not len(long):
+            raise DomainError(f"radius: the curve {mesh.name!r} is a single point at {_place(points[0])}")
+        kept = np.append(long, len(segments))
+        kept[0] = 0
+        points, vertices, segments = points[kept], vertices[kept], segments[long]
+        chords = np.diff(points, axis=0)
+        chords /= np.abs(chords).max(axis=1, keepdims=True)
+        chords /= np.linalg.norm(chords, axis=1, keepdims=True)
+        directions = np.repeat(chords[:, None], 2, axis=1)
+        if tangents is not None:
+            given = tangents[segments]
+            given = np.where(backwards[long, None, None], -given[:, ::-1], given)
+            along = np.einsum("sij,sj->si", given, chords)
+            directions = np.where((along > LEAST_COSINE)[:, :, None], given, directions)
+        # Two segments that end where they begin are no ring, but the same way there and back.
+        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
+        yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
+
+
+def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, BoolArray]]:
+    """Order segments into chains between vertices that are not in two of them, then into rings.
+
+    Yields the s + 1 vertices of each, its s segments, and which of these it runs through backwards.
+    """
+    degree = np.bincount(cells.ravel(), minlength=count)
+    order = np.argsort(cells.ravel(), kind="stable")
+    first = np.concatenate([[0], np.cumsum(degree)]).tolist()
+    incident, inner = (order // 2).tolist(), (degree == 2).tolist()
+    ends = cells.tolist()
+    used = [False] * len(ends)
+    starts = [k for k in range(len(ends)) if not (inner[ends[k][0]] and inner[ends[k][1]])]
+    for start in (*starts, *range(len(ends))):
+        if used[start]:
+            continue
+        # A chain begins at an end or a branching, forwards where both of a segment's ends are.
+        vertex = ends[start][0] if not inner[ends[start][0]] or inner[ends[start][1]] else ends[start][1]
+        vertices, segments, backwards = [vertex], [], []
+        segment = start
+        while True:
+            used[segment] = True
+            segments.append(segment)
+            backwards.append(ends[segment][0] != vertex)
+            vertex = ends[segment][0] if backwards[-1] else ends[segment][1]
+            vertices.append(vertex)
+            if not inner[vertex]:
+                break
+            pair = incident[first[vertex] : first[vertex + 1]]
+            segment = pair[0] if pair[1] == segment else pair[1]
+            if used[segment]:
+                break
+        yield np.array(vertices), np.array(segments), np.array(backwards)
+
+
+def _place(point: FloatArray) -> str:
+    return f"({', '.join(f'{x:g}' for x in point)})"

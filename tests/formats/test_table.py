@@ -1,0 +1,59 @@
+"""The table of what each format holds, against the files that are written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import ExportError
+from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.meshfiles import decode_mesh
+from gtb_cli.vocabulary import FORMATS
+from tests.tiny_meshes import curve, encoded, model, surface
+
+FAR = 1e4 + 1 / 3
+"""A coordinate that neither 32 bits nor 9 digits hold."""
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_format_has_curves_or_refuses_them(format):
+    if FORMATS[format].curves:
+        assert decode_mesh(encoded(curve(), format), "file").mesh.is_curve
+    else:
+        with pytest.raises(ExportError, match="a curve has none"):
+            encode_mesh(curve(), format)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("values", ["normals", "uv"])
+def test_values_at_vertices_are_written_where_the_format_has_them(format, values):
+    longer = len(encoded(surface(), format, **{values: True})) > len(encoded(surface(), format))
+    assert longer == getattr(FORMATS[format], values)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_attributes_are_written_where_the_format_has_them(format):
+    mesh = replace(surface(), attributes={"height": surface().vertices[:, 2]})
+    assert (encoded(mesh, format) != encoded(surface(), format)) == FORMATS[format].attributes
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_groups_are_written_where_the_format_has_them(format):
+    groups = decode_mesh(encoded(model(), format), "file").mesh.groups
+    assert len(groups) == (len(model().groups) if FORMATS[format].groups else 0)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("ascii", [False, True])
+def test_text_holds_digits_that_32_bits_do_not(format, ascii):
+    holds, mesh = FORMATS[format], replace(surface(), vertices=surface().vertices + FAR)
+    if ascii and holds.text == "never":
+        with pytest.raises(ExportError, match="no text form"):
+            encode_mesh(mesh, format, ascii=True)
+        return
+    data = encoded(mesh, format, ascii=ascii)
+    assert (b"\0" not in data) == holds.is_text(ascii)
+    moved = np.abs(decode_mesh(data, "file").mesh.bounds - mesh.bounds).max()
+    assert (moved > 1e-5) == holds.is_single(ascii)
