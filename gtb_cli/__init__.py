@@ -10,10 +10,10 @@ TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a t
 if TYPE_CHECKING:
     from gtb_cli.errors import DomainError, ExportError, GtbError, SpecError, ToleranceError
     from gtb_cli.formats.export import write_mesh
+    from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.spec.loading import load
     from gtb_cli.tessellation.tessellate import tessellate
-    from gtb_cli.theory.decomposition import regular_decomposition
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.knot_limit import merge_knots, move_knots
     from gtb_cli.theory.model import Model
@@ -55,7 +55,7 @@ _ROOMS = {
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",
     "regular_control_surface": "theory.degeneration",
-    "regular_decomposition": "theory.decomposition",
+    "regular_decomposition": "knots.decomposition",
     "tessellate": "tessellation.tessellate",
     "write_mesh": "formats.export",
 }

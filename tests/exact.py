@@ -14,7 +14,7 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.theory.domain import Domain
+from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
 CONTEXT = mpmath.mp.clone()

@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from gtb_cli.commands.sequences import RECORD
+from gtb_cli.shell.sequences import RECORD
 from tests.mutations import mutation
 from tests.shell import SPECS, command, environment, gtb
 

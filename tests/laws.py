@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location, torus_coordinates
-from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 
 EPS = float(np.finfo(np.float64).eps)

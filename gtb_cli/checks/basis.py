@@ -9,8 +9,8 @@ from gtb_cli.checks.description import description
 from gtb_cli.checks.probe import ROUNDINGS, Probe, largest, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.knots.hull import convex_hull
 from gtb_cli.theory.basis import partition_of_unity_coefficients
-from gtb_cli.theory.hull import convex_hull
 from gtb_cli.theory.moment import RESIDUAL
 
 THIN = 1e-9

@@ -8,8 +8,8 @@ import numpy as np
 
 from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
+from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
-from gtb_cli.theory.decomposition import regular_decomposition
 from gtb_cli.theory.degeneration import cells_of, degenerate
 
 FADED = 30 * math.log(10)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
-from gtb_cli.commands.streams import about, is_terminal, read_spec, shown_input, write_text
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option, json_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report

@@ -10,8 +10,8 @@ from importlib import import_module
 import click
 
 from gtb_cli import __version__
-from gtb_cli.commands.console import abandon, complain, lines_about, say
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.console import abandon, complain, lines_about, say
 
 AS_JSON = "gtb_cli.as_json"
 """Key of what the context of `gtb` knows: whether --json is among its own options."""
@@ -95,7 +95,7 @@ def _versions() -> str:
     import json
     import platform
 
-    from gtb_cli.commands.manifest import versions
+    from gtb_cli.shell.manifest import versions
 
     return json.dumps(versions(("numpy", "scipy", "trimesh", "click")) | {"python": platform.python_version()})
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import (
+from gtb_cli.errors import SpecError
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import (
     console_option,
     numbers_of,
     output_option,
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.streams import about, read_patch, shown_input, write_text
-from gtb_cli.errors import SpecError
+from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
 
 
 @click.command

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, output_option
-from gtb_cli.commands.streams import write_text
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option, output_option
+from gtb_cli.shell.streams import write_text
 from gtb_cli.vocabulary import SHELLS
 
 VARIABLE = "_GTB_COMPLETE"

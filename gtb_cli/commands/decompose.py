@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.meshing import MeshOptions, summary
-from gtb_cli.commands.options import (
+from gtb_cli.errors import SpecError
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.meshing import MeshOptions, summary
+from gtb_cli.shell.options import (
     console_option,
     json_option,
     lifting_option,
@@ -18,13 +19,12 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.streams import about, read_spec, shown_input, write_blocks, write_text
-from gtb_cli.errors import SpecError
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_blocks, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
+    from gtb_cli.knots.decomposition import RegularDecomposition
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.theory.decomposition import RegularDecomposition
     from gtb_cli.theory.patch import Patch
 
 
@@ -83,7 +83,7 @@ def decompose(
 
 
 def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str) -> RegularDecomposition:
-    from gtb_cli.theory.decomposition import regular_decomposition
+    from gtb_cli.knots.decomposition import regular_decomposition
 
     values = patch.lifting if lifting is None else lifting
     if values is None:
@@ -95,8 +95,8 @@ def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: 
     """Control points, and lines between them; a group for each patch of a model."""
     import numpy as np
 
+    from gtb_cli.knots.decomposition import control_net
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.theory.decomposition import control_net
 
     first = np.cumsum([0] + [len(patch.knots) for patch in patches])
     lines = [np.array(control_net(part)) + start for part, start in zip(parts, first, strict=False)]

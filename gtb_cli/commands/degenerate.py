@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import MeshOptions
-from gtb_cli.commands.options import (
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.meshing import MeshOptions
+from gtb_cli.shell.options import (
     WholeNumber,
     console_option,
     mesh_options,
@@ -17,7 +18,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.sequences import (
+from gtb_cli.shell.sequences import (
     SHORT,
     check_kind,
     check_length,
@@ -25,8 +26,7 @@ from gtb_cli.commands.sequences import (
     output_option,
     write_sequence,
 )
-from gtb_cli.commands.streams import about, read_patch, shown_input
-from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.shell.streams import about, read_patch, shown_input
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
@@ -143,7 +143,7 @@ def degenerate(
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
     if isinstance(lifting, int):
-        from gtb_cli.theory.decomposition import lifting_of_knot
+        from gtb_cli.knots.decomposition import lifting_of_knot
 
         return lifting_of_knot(len(patch.knots), lifting)
     if lifting is None and patch.lifting is None:

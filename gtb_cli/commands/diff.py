@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, complain
-from gtb_cli.commands.options import (
+from gtb_cli.errors import GtbError
+from gtb_cli.shell.console import STANDARD, Console, complain
+from gtb_cli.shell.options import (
     INPUT,
     MAX_RESOLUTION,
     WholeNumber,
@@ -21,8 +22,7 @@ from gtb_cli.commands.options import (
     spec_format_option,
     tolerance_of,
 )
-from gtb_cli.commands.streams import about, opened, refuse_overwriting, shown_input, write_text
-from gtb_cli.errors import GtbError
+from gtb_cli.shell.streams import about, opened, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
 

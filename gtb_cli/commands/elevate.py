@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
-from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 MAX_TIMES = 1000
 

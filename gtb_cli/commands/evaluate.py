@@ -11,8 +11,9 @@ from typing import IO, TYPE_CHECKING, NoReturn
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import (
+from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import (
     INPUT,
     console_option,
     json_option,
@@ -21,8 +22,7 @@ from gtb_cli.commands.options import (
     spec_argument,
     spec_format_option,
 )
-from gtb_cli.commands.streams import opened, read_patch, shown_input, write_blocks
-from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.shell.streams import opened, read_patch, shown_input, write_blocks
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray

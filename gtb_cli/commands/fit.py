@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import INPUT, console_option, numbers_of, output_option
-from gtb_cli.commands.streams import about, file_stem, read_bytes, shown_input, write_text
 from gtb_cli.errors import SpecError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import INPUT, console_option, numbers_of, output_option
+from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

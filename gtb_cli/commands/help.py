@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option
 
 
 @click.command("help")

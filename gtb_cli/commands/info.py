@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, json_option, output_option, spec_argument, spec_format_option
-from gtb_cli.commands.streams import read_spec, write_text
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option, json_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.streams import read_spec, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model

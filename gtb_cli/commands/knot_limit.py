@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import MeshOptions
-from gtb_cli.commands.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
-from gtb_cli.commands.sequences import (
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.meshing import MeshOptions
+from gtb_cli.shell.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
+from gtb_cli.shell.sequences import (
     check_kind,
     check_length,
     is_animation,
     output_option,
     write_sequence,
 )
-from gtb_cli.commands.streams import about, read_patch, shown_input, write_text
+from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit

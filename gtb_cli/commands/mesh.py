@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, lines_about
-from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
-from gtb_cli.commands.options import (
+from gtb_cli.errors import ExportError, GtbError, RequirementError
+from gtb_cli.shell.console import STANDARD, Console, lines_about
+from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
+from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
     WholeNumber,
@@ -22,14 +23,13 @@ from gtb_cli.commands.options import (
     output_option,
     spec_format_option,
 )
-from gtb_cli.commands.processes import MAX_JOBS, in_processes
-from gtb_cli.commands.streams import about, file_stem, is_folder, is_terminal, read_spec, shown_input, write_blocks
-from gtb_cli.errors import ExportError, GtbError, RequirementError
+from gtb_cli.shell.processes import MAX_JOBS, in_processes
+from gtb_cli.shell.streams import about, file_stem, is_folder, is_terminal, read_spec, shown_input, write_blocks
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
-    from gtb_cli.commands.manifest import Manifest
     from gtb_cli.meshes.measures import Measures
+    from gtb_cli.shell.manifest import Manifest
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -87,7 +87,7 @@ def mesh(
         into_folder = True
     book = None
     if manifest is not None:
-        from gtb_cli.commands.manifest import Manifest
+        from gtb_cli.shell.manifest import Manifest
 
         place = os.path.join(output, "") if into_folder else output
         settings = replace(options, format=options.format_for(place)).settings

@@ -6,9 +6,9 @@ import os
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import WholeNumber, console_option, output_option
-from gtb_cli.commands.streams import write_text
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import WholeNumber, console_option, output_option
+from gtb_cli.shell.streams import write_text
 from gtb_cli.vocabulary import TEMPLATES
 
 

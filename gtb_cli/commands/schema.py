@@ -6,9 +6,9 @@ import json
 
 import click
 
-from gtb_cli.commands.console import Console
-from gtb_cli.commands.options import console_option, output_option
-from gtb_cli.commands.streams import write_text
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option, output_option
+from gtb_cli.shell.streams import write_text
 
 
 @click.command

@@ -11,13 +11,13 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.knots.domain import Domain, EdgeNormals
+from gtb_cli.knots.hull import convex_hull
 from gtb_cli.spec.document import Faults, shown
 from gtb_cli.spec.expression import evaluate_expression
 from gtb_cli.spec.scanner import Path
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 from gtb_cli.theory.bezier import binomial_coefficients
-from gtb_cli.theory.domain import Domain, EdgeNormals
-from gtb_cli.theory.hull import convex_hull
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

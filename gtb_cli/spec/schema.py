@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
+from gtb_cli.knots.domain import EdgeNormals
 from gtb_cli.spec.expression import MAX_LENGTH
 from gtb_cli.spec.reader import CONTROL, LARGEST, MAX_KNOTS, MAX_NAME, MAX_PATCHES, NAMED_COEFFICIENTS
-from gtb_cli.theory.domain import EdgeNormals
 
 
 def schema() -> dict[str, Any]:

@@ -14,13 +14,13 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.theory.face import INTERIOR
 
 ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Complex, Sampler
@@ -24,7 +25,6 @@ from gtb_cli.tessellation.lattice import POINTS_IN_ALL
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.tessellation.triangulation import cell_count_of
-from gtb_cli.theory.decomposition import regular_decomposition
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.knot_limit import knot_limit, move_knots
 from gtb_cli.theory.patch import Patch

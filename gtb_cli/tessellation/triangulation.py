@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.theory.domain import Domain
+from gtb_cli.knots.domain import Domain
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import Domain
-from gtb_cli.theory.face import Face
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import Face
 
 BLOCK = 1 << 18
 """Numbers per work array: knots times parameters of a block, two megabytes, so that it stays in the cache."""

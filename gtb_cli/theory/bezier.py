@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import Domain
+from gtb_cli.knots.domain import Domain
 
 LATTICE_TOLERANCE = 1e-6
 """Fraction of a step by which knots may be off their lattice: thirds typed with seven digits pass."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.decomposition import RegularDecomposition, regular_decomposition
+from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.theory.basis import UNDERFLOW
-from gtb_cli.theory.domain import Domain
-from gtb_cli.theory.hull import knot_tolerance
 
 LAYER = 1e-9
 """Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location, face_knots
-from gtb_cli.theory.domain import Domain
-from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.moment import MomentMap
 
 LAST_CORNER = 1e-6

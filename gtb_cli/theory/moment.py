@@ -14,6 +14,8 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
+from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.knots.domain import domain
 from gtb_cli.theory.basis import (
     NOTHING,
     SAFE_EXPONENT,
@@ -21,8 +23,6 @@ from gtb_cli.theory.basis import (
     block_length,
     weighted_sums,
 )
-from gtb_cli.theory.decomposition import regular_decomposition
-from gtb_cli.theory.domain import domain
 from gtb_cli.theory.starts import Corrections, LayerStarts
 
 RESIDUAL = 1e-12

@@ -15,10 +15,10 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.theory.basis import Location, exponents
-from gtb_cli.theory.domain import Domain
 from gtb_cli.theory.frame import PARALLEL, cleared, coordinate_rounding, covariance, frame, layers, shares
-from gtb_cli.theory.hull import knot_tolerance
 
 DOUBT = 1e-3
 """Where a derivative or the angle between the two is smaller than this fraction of what was summed, three digits are

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import (
     CUT_OFF_SHARE,
     NOTHING,
@@ -25,8 +27,6 @@ from gtb_cli.theory.basis import (
     torus_coordinates,
     weighted_sums,
 )
-from gtb_cli.theory.domain import Domain
-from gtb_cli.theory.face import INTERIOR
 
 if TYPE_CHECKING:
     from gtb_cli.theory.linear import LinearParametrization

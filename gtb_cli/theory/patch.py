@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import Location, exponentials
-from gtb_cli.theory.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.normals import NormalField
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 
@@ -42,7 +42,7 @@ class Patch:
     coefficients : (n,) float, optional
         c_i > 0, default 1. They act only through the products c_i ω_i.
     edge_normals, edge_scale
-        Scale of the edge functions, see `gtb_cli.theory.domain.domain`: changes the parametrisation, not the image.
+        Scale of the edge functions, see `gtb_cli.knots.domain.domain`: changes the parametrisation, not the image.
     lifting : (n,) float, optional
         λ_i, for the toric degeneration.
     name : str, optional

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.theory.domain import Domain
+from gtb_cli.knots.domain import Domain
 
 START_FLOOR = 1e-17
 """Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gtb_cli
-from gtb_cli.commands import console, streams
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
 from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
 from gtb_cli.errors import GtbError
+from gtb_cli.shell import console, streams
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import FORMATS
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gtb_cli.commands.meshing import MeshOptions
+from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import PENTAGON, command, environment, gtb, process
 

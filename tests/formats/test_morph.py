@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from trimesh.exchange.gltf import get_schema
 
-import gtb_cli.commands.console as console_room
+import gtb_cli.shell.console as console_room
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.morph import MOST, animated_glb
 from gtb_cli.meshes.mesh import Mesh
@@ -307,7 +307,7 @@ def test_what_is_refused(arguments, message, tmp_path, monkeypatch):
 
 
 def test_no_animation_on_a_terminal(monkeypatch):
-    monkeypatch.setattr("gtb_cli.commands.meshing.is_terminal", lambda output: output == console_room.STANDARD)
+    monkeypatch.setattr("gtb_cli.shell.meshing.is_terminal", lambda output: output == console_room.STANDARD)
     result = gtb(*DEGENERATE_LINE, "-f", "glb")
     assert (result.status, result.out) == (2, b"")
     assert "GLB is binary, and standard output a terminal: give -o FILE" in result.err

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gtb_cli.commands.meshing import MeshOptions
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.sequence import degeneration_sequence

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
 from gtb_cli.theory.bezier import MAX_DEGREE, binomial_coefficients
-from gtb_cli.theory.domain import domain
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""

@@ -8,8 +8,8 @@ from math import sqrt
 import numpy as np
 import pytest
 
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location, gt_bernstein
-from gtb_cli.theory.face import INTERIOR
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import linear_points

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
 from gtb_cli.theory import moment
-from gtb_cli.theory.domain import domain
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.parametrization import RationalBasis

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.face import Faces
-from gtb_cli.theory.hull import convex_hull, knot_tolerance
+from gtb_cli.knots.face import Faces
+from gtb_cli.knots.hull import convex_hull, knot_tolerance
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 

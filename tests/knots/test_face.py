@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from gtb_cli.theory.domain import domain
-from gtb_cli.theory.face import INTERIOR
+from gtb_cli.knots.domain import domain
+from gtb_cli.knots.face import INTERIOR
 from tests.patches import pentagon
 
 SQUARE = domain([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0], [0.5, 0.5]])

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import MeshOptions
-from gtb_cli.commands.streams import refuse_overwriting
 from gtb_cli.errors import SpecError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.meshing import MeshOptions
+from gtb_cli.shell.streams import refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import ATTRIBUTES, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.meshing import MeshOptions, expected_bytes, summary
-from gtb_cli.commands.options import OUTPUT, check_outputs
-from gtb_cli.commands.streams import file_stem, is_device, is_folder, write_blocks
 from gtb_cli.errors import ExportError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
+from gtb_cli.shell.options import OUTPUT, check_outputs
+from gtb_cli.shell.streams import file_stem, is_device, is_folder, write_blocks
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:

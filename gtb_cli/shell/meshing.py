@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gtb_cli.commands.console import STANDARD
-from gtb_cli.commands.streams import is_device, is_folder, is_terminal
 from gtb_cli.errors import ExportError
+from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.streams import is_device, is_folder, is_terminal
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import PARAMETER_ULPS
-from gtb_cli.theory.hull import border_of, depth_in, knot_tolerance
-from gtb_cli.theory.upper_faces import lifted_knots, upper_faces
+from gtb_cli.knots.domain import PARAMETER_ULPS
+from gtb_cli.knots.hull import border_of, depth_in, knot_tolerance
+from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli import __version__
-from gtb_cli.commands.console import STANDARD
-from gtb_cli.commands.streams import is_device, write_blocks, write_text
 from gtb_cli.errors import ExportError
+from gtb_cli.shell.console import STANDARD
+from gtb_cli.shell.streams import is_device, write_blocks, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.files import StagedFiles

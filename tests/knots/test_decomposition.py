@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.decomposition import control_net, lifting_of_knot, regular_decomposition
+from gtb_cli.knots.decomposition import control_net, lifting_of_knot, regular_decomposition
 from tests.marks import mostly_long
 
 # Knots Ã of Examples 4.1 and 4.4, and the lifting of mathematics.md section 7.

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.domain import domain
-from gtb_cli.theory.hull import convex_hull
+from gtb_cli.knots.domain import domain
+from gtb_cli.knots.hull import convex_hull
 from gtb_cli.theory.patch import Patch
 from tests.patches import NAMES, SHIFT, any_patch, named, regular
 

@@ -10,8 +10,8 @@ from typing import IO, TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, abandon
 from gtb_cli.errors import ExportError, GtbError, SpecError
+from gtb_cli.shell.console import STANDARD, abandon
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.hull import border_of, convex_hull, depth_in, knot_tolerance
-from gtb_cli.theory.upper_hull import UpperHull, height, integers, upper_hull
+from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
+from gtb_cli.knots.upper_hull import UpperHull, height, integers, upper_hull
 
 GAP_TOLERANCE = 1e-12
 """A knot within this fraction of the lifting's range of a face lies on it: a thousand times below the gaps that
@@ -55,7 +55,7 @@ class Lifted:
 
 
 def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
-    """Lift knots; see `gtb_cli.theory.decomposition.regular_decomposition` for arguments and errors."""
+    """Lift knots; see `gtb_cli.knots.decomposition.regular_decomposition` for arguments and errors."""
     points = finite("knots", knots)
     if points.ndim == 1:
         points = read_only(points[:, None])

@@ -1,0 +1,1 @@
+"""What commands share: streams, messages, options, processes, manifests. No mathematics, no geometry."""
