@@ -33,6 +33,7 @@ COMMANDS = {
     "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
+    "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
     "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
     "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
     "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),

@@ -1,0 +1,80 @@
+"""`gtb bezier`: exact rational Bézier pieces."""
+
+from __future__ import annotations
+
+import click
+
+from gtb_cli.errors import SpecError
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import (
+    WholeNumber,
+    console_option,
+    numbers_of,
+    output_option,
+    spec_argument,
+    spec_format_option,
+)
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+
+DEGREE = 25
+"""Highest degree of a piece without an option: that of `gtb_cli.theory.bezier_pieces`."""
+
+MAX_DEGREE = 1000
+"""Binomial coefficients of higher degrees are beyond the range of floats."""
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--split",
+    callback=numbers_of,
+    metavar="T",
+    help="Split a curve at this parameter. Without it, where all knots have equal shares of the weights.",
+)
+@click.option(
+    "--max-degree",
+    type=WholeNumber(1, MAX_DEGREE),
+    metavar="D",
+    default=DEGREE,
+    help=f"Highest degree of a piece; {DEGREE} without this option.",
+)
+@output_option
+@spec_format_option
+@console_option
+def bezier(
+    spec: str,
+    split: tuple[float, ...] | None,
+    max_degree: int,
+    output: str,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb bezier specs/example-4.1-integer.toml | gtb info -
+
+    Print the exact rational Bézier pieces as a model: a rectangle for each corner of a surface, two curves of a curve.
+
+    There are such pieces where the distances of the knots from each edge are multiples of a common step, as with
+    integers; otherwise the error says why not. The image is the same, all weights are positive, and pieces of patches
+    that share an edge share it, too.
+    """
+    from gtb_cli.spec.writer import dump
+    from gtb_cli.theory.bezier_pieces import bezier_pieces, split_curve
+    from gtb_cli.theory.model import Model
+
+    if split is not None and len(split) != 1:
+        raise click.UsageError(f"--split: expected one parameter, got {len(split)}")
+    loaded = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        if split is None:
+            pieces = bezier_pieces(loaded, max_degree)
+        elif isinstance(loaded, Model):
+            raise SpecError(f"is a model of {len(loaded.patches)} patches, and --split is for one curve")
+        else:
+            pieces = split_curve(loaded, split[0], max_degree)
+        text = dump(pieces)
+    write_text(output, text)
+    if isinstance(loaded, Model) and loaded.dimension == 2:
+        opened = len(pieces.joints.open) - 2 * len(loaded.joints.open)
+        if opened > 0:
+            console.warn(f"{opened} edges of pieces are open where patches are joined: these divide them elsewhere")

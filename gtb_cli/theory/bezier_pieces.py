@@ -1,0 +1,252 @@
+"""Exact Bézier pieces: a patch with commensurable exponents as rational Bézier rectangles, a curve as two curves.
+
+In the coordinates (s, t) at corner i of Δ in which all edge functions but h_{i−1} and h_i are 1, the basis is
+``β_a = c_a s^{h_{i−1}(a)} t^{h_i(a)}``, (s, t) in [0, 1]². The r charts tile the patch, as the cones of the normal fan
+tile the plane of torus coordinates. Where the exponents are whole multiples of a step, monomials become Bernstein
+polynomials by ``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
+from gtb_cli.knots.hull import KNOT_TOLERANCE
+from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.elevation import MAX_KNOTS, ORDINARY
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+DEGREE = 25
+"""Highest degree of a piece, where nothing else is asked for."""
+
+SEARCHED = 2000
+"""Highest degree that is looked for, and named where it is higher than what is allowed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """The part of a patch about a corner of Δ, as a rational Bézier rectangle; of a curve, that about an end.
+
+    Attributes
+    ----------
+    corner : int
+    steps : (d,) float
+        Values of the edge functions h_{i−1}, h_i (of a curve, of the end's own) that are one power of s, t.
+    patch : Patch
+        With the knots 0 … D_1 × 0 … D_2, by rows in ascending t, and binomial coefficients: at (D_1 s, D_2 t) it is the
+        point of these coordinates. The second half of a curve runs towards its end, and is at N (1 − s).
+    """
+
+    corner: int
+    steps: FloatArray
+    patch: Patch
+
+
+def bezier_pieces(spec: Patch | Model, max_degree: int = DEGREE) -> Model:
+    """Return the exact rational Bézier pieces of a patch, or of all patches of a model.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+    max_degree : int
+        Highest degree of a piece.
+
+    Returns
+    -------
+    Model
+        The charts of each patch, corner by corner. All weights are positive.
+
+    Raises
+    ------
+    DomainError
+        There are none, or only of a higher degree: says why, and what can be had.
+
+    Notes
+    -----
+    Each edge is divided where the knots on it have equal shares c ω of the sum of these, which is up to the data of
+    that edge: pieces of patches that share them are joined as the patches were.
+    """
+    if isinstance(spec, Patch):
+        return Model(tuple(chart.patch for chart in bezier_charts(spec, max_degree)), spec.name)
+    pieces: list[Patch] = []
+    for index, patch in enumerate(spec.patches):
+        try:
+            pieces += (chart.patch for chart in bezier_charts(patch, max_degree))
+        except DomainError as error:
+            raise DomainError(f"{patch.name or f'patches[{index}]'}: {error}") from None
+    return Model(tuple(pieces), spec.name)
+
+
+def bezier_charts(patch: Patch, max_degree: int = DEGREE) -> tuple[Chart, ...]:
+    """Return the charts of a patch, one for each corner of Δ; of a curve two, one for each end.
+
+    Raises
+    ------
+    DomainError
+        As `bezier_pieces`.
+
+    References
+    ----------
+    Krasauskas' charts of toric patches; for real knots, whatever makes the exponents commensurable.
+    """
+    if patch.dimension == 1:
+        return _halves(patch, 0.0, max_degree)
+    powers, steps = _powers(patch, max_degree)
+    r = len(steps)
+    charts = []
+    for i in range(r):
+        before = (i - 1) % r
+        logs, points = _bernstein(patch, powers[:, [before, i]])
+        charts.append(Chart(i, steps[[before, i]], _rectangle(patch, i, logs, points)))
+    return tuple(charts)
+
+
+def split_curve(curve: Patch, at: float, max_degree: int = DEGREE) -> Model:
+    """Split a curve exactly at a parameter, into two rational Bézier curves with positive weights.
+
+    Parameters
+    ----------
+    curve : Patch
+    at : float
+        Between its ends.
+    max_degree : int
+
+    Returns
+    -------
+    Model
+        What de Casteljau's algorithm gives for the homogeneous control points of the Bézier form of the whole curve, in
+        which those of missing knots are zero.
+
+    Raises
+    ------
+    DomainError
+        A surface; a parameter that is an end or lies outside; or no such form, as for `bezier_pieces`.
+    """
+    if curve.dimension != 1:
+        raise DomainError("split: is for curves, and this is a surface")
+    low, high = curve.domain.vertices[:, 0].tolist()
+    if not low < at < high:
+        raise DomainError(f"split: expected a parameter between the ends {low:g} and {high:g}, got {at:g}")
+    heights = curve.domain.edge_functions(np.array([at]))[0]
+    if not heights.all():
+        raise DomainError(f"split: {at:g} is an end of the curve, to rounding")
+    halves = _halves(curve, float(curve.domain.normals[:, 0] @ np.log(heights)), max_degree)
+    return Model(tuple(half.patch for half in halves), curve.name)
+
+
+def bezier_degree(values: FloatArray, rounding: float) -> int | None:
+    """Find the least D for which D v / max(v) are whole numbers, for (n,) numbers v ≥ 0; None beyond `SEARCHED`.
+
+    `rounding` is that of each number.
+    """
+    shares = values / values.max()
+    error = rounding / float(values.max()) + 4 * EPS
+    for degree in range(1, SEARCHED + 1):
+        scaled = degree * shares
+        if np.abs(scaled - np.rint(scaled)).max() <= degree * error:
+            return degree
+    return None
+
+
+def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
+    """(n, r) exponents h_j(a_i) in whole steps, and (r,) the steps."""
+    shape = patch.domain
+    rounding = KNOT_TOLERANCE * shape.size + 4 * EPS * float(np.abs(shape.knots).max())
+    degrees = []
+    for j, (heights, length) in enumerate(zip(shape.heights.T, shape.normal_lengths.tolist(), strict=True)):
+        degree = bezier_degree(heights, rounding * length)
+        where = "" if patch.dimension == 1 else f" from edge {j}"
+        if degree is None:
+            raise DomainError(
+                f"has no Bézier pieces: the distances of the knots{where} have no common step, or one that makes "
+                f"degrees above {SEARCHED}. What can be had is a mesh within --tolerance"
+            )
+        if degree > max_degree:
+            raise DomainError(
+                f"has Bézier pieces of degree {degree} only: the distances of the knots{where}, as fractions of the "
+                f"largest, have the common denominator {degree}, and at most {max_degree} is allowed (--max-degree). "
+                "What else can be had is a mesh within --tolerance"
+            )
+        degrees.append(degree)
+    if patch.dimension == 2:
+        most = max((degrees[j - 1] + 1) * (degrees[j] + 1) for j in range(len(degrees)))
+        if most > MAX_KNOTS:
+            raise DomainError(f"has Bézier pieces of {most} control points each, at most {MAX_KNOTS} are allowed")
+    steps = shape.heights.max(axis=0) / degrees
+    return np.rint(shape.heights / steps).astype(np.int64), steps
+
+
+def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Chart, ...]:
+    """The two parts of a curve that meet at a torus coordinate."""
+    powers, steps = _powers(curve, max_degree)
+    degree = int(powers.max())
+    # De Casteljau's weights are these, times a power for each: v = x/(1 + x) is where the Bézier form is split.
+    x = s * (float(np.ptp(curve.domain.vertices)) / degree)
+    charts = []
+    for end, place in enumerate(curve.domain.vertices[:, 0].tolist()):
+        shifted = curve.replace(log_weights=curve.log_weights + (curve.knots[:, 0] - place) * s)
+        logs, points = _bernstein(shifted, powers[:, [end]])
+        rate = -np.logaddexp(0.0, x if end == 0 else -x)
+        logs = logs[:, 0] + rate * np.arange(degree + 1)
+        order = slice(None) if end == 0 else slice(None, None, -1)
+        part = _bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}")
+        charts.append(Chart(end, steps[[end]], part))
+    return tuple(charts)
+
+
+def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) -> Patch:
+    """The rectangle of (D_1 + 1, D_2 + 1) log weights and control points."""
+    along, across = (np.arange(count, dtype=np.float64) for count in logs.shape)
+    knots = np.column_stack([np.tile(along, len(across)), np.repeat(across, len(along))])
+    return _bezier(patch, knots, logs.T.ravel(), points.transpose(1, 0, 2).reshape(-1, 3), f"piece{corner}")
+
+
+def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
+    ordinary = np.abs(logs).max() < math.log(ORDINARY)
+    name = f"{patch.name or 'patch'}-{suffix}"
+    piece = Patch(knots, points, coefficients=binomial_coefficients(domain(knots)), name=name)
+    return piece.replace(weights=np.exp(logs)) if ordinary else piece.replace(log_weights=logs)
+
+
+def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Log weights, and control points, of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l.
+
+    Returns
+    -------
+    (D_1 + 1, D_2 + 1) float, (D_1 + 1, D_2 + 1, 3) float
+        All sums are of positive terms; that of the corner's knot is in every one. Of one power, D_2 is 0.
+    """
+    first, *others = (_conversion(column) for column in powers.T)
+    second = others[0] if others else np.zeros((1, len(powers)))
+    middle = (patch.control_points.min(axis=0) + patch.control_points.max(axis=0)) / 2
+    centred = patch.control_points - middle
+    logs = np.empty((len(first), len(second)))
+    points = np.empty((*logs.shape, 3))
+    for i, row in enumerate(first):
+        terms = second + row + patch.log_products
+        top = terms.max(axis=1, keepdims=True)
+        shares = np.exp(terms - top)
+        totals = shares.sum(axis=1)
+        logs[i] = top[:, 0] + np.log(totals)
+        points[i] = shares @ centred / totals[:, None] + middle
+    # The corner is the mean of the control points of the knots there, and of one of them that one.
+    at_corner = np.flatnonzero((powers == 0).all(axis=1))
+    if len(at_corner) == 1:
+        points[0, 0] = patch.control_points[at_corner[0]]
+    return logs, points
+
+
+def _conversion(powers: IntArray) -> FloatArray:
+    """(D + 1, n) logarithms of C(j, k)/C(D, k) for (n,) powers k, D the largest; −inf where k > j."""
+    degree = int(powers.max())
+    table = np.full((degree + 1, degree + 1), -np.inf)
+    for k in range(degree + 1):
+        for j in range(k, degree + 1):
+            table[j, k] = math.log(math.comb(j, k) / math.comb(degree, k))
+    return table[:, powers]

@@ -1,0 +1,228 @@
+"""Bézier pieces against the patch in exact fractions, and against 50 digits."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.compare import surface_distance
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.basis import torus_coordinates
+from gtb_cli.theory.bezier import lattice_of
+from gtb_cli.theory.bezier_pieces import Chart, bezier_charts, bezier_degree, bezier_pieces, split_curve
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests import exact
+from tests.patches import bicubic, cubic_curve, integer_pentagon, irrational_curve, named
+from tests.shell import SPECS
+
+AGREEMENT = 1e-13
+"""What mathematics.md and the issue ask of a piece, as a fraction of the patch's size."""
+
+COMMENSURABLE = ["bicubic", "bezier_triangle", "integer_pentagon", "trapezoid", "repeated_knots"]
+COMMENSURABLE += ["collapsed_edge", "cubic_curve", "repeated_curve"]
+
+
+def size(patch: Patch) -> float:
+    return float(np.ptp(patch.control_points, axis=0).max())
+
+
+def chart_coordinates(patch: Patch, charts: tuple[Chart, ...], u: np.ndarray) -> tuple[Chart, np.ndarray]:
+    """The chart that holds the point at u, and its (s, t): the torus coordinate in the cone of two normals."""
+    s = torus_coordinates(patch.domain, patch.domain.edge_functions(u[None]).T)[:, 0]
+    r = len(charts)
+    for chart in charts:
+        edges = [(chart.corner - 1) % r, chart.corner] if patch.dimension == 2 else [chart.corner]
+        logs = np.linalg.solve(patch.domain.normals[edges].T, s)
+        if (logs <= 1e-12).all():
+            return chart, np.exp(np.minimum(logs, 0.0) * chart.steps)
+    raise AssertionError("the charts do not cover the patch")
+
+
+def parameters_of(chart: Chart, coordinates: np.ndarray) -> np.ndarray:
+    """Parameters of a chart's patch: its knots are 0 … D."""
+    degrees = chart.patch.knots.max(axis=0)
+    if len(degrees) == 1 and chart.corner == 1:
+        coordinates = 1 - coordinates
+    return (degrees * coordinates)[None]
+
+
+@pytest.mark.parametrize("name", COMMENSURABLE)
+def test_charts_tile_the_patch(name: str) -> None:
+    patch = named(name)
+    charts = bezier_charts(patch)
+    assert len(charts) == len(patch.domain.vertices)
+    v = patch.domain.vertices
+    for u in np.random.default_rng(3).dirichlet(np.ones(len(v)), 40) @ v:
+        chart, coordinates = chart_coordinates(patch, charts, u)
+        found = chart.patch.evaluate(parameters_of(chart, coordinates))
+        if patch.dimension == 2 and coordinates.min() > 1e-3:
+            assert np.abs(found - patch.evaluate(u[None])).max() <= AGREEMENT * size(patch)
+        elif patch.dimension == 2:
+            assert np.abs(found - patch.evaluate(u[None])).max() <= 10 * AGREEMENT * size(patch)
+
+
+def test_the_scale_of_edges_changes_nothing() -> None:
+    patch = integer_pentagon()
+    scaled = patch.replace(edge_scale=[1, 0.5, 3, 0.1, math.pi])
+    for piece, other in zip(bezier_pieces(patch), bezier_pieces(scaled), strict=True):
+        assert np.abs(piece.control_points - other.control_points).max() <= AGREEMENT * size(patch)
+
+
+def test_a_chart_is_the_patch_in_fractions() -> None:
+    patch = integer_pentagon()
+    charts = bezier_charts(patch)
+    products = [Fraction(x) for x in (patch.weights * patch.coefficients).tolist()]
+    points = [[Fraction(x) for x in row] for row in patch.control_points.tolist()]
+    for chart in charts:
+        powers = [[round(h / g) for h, g in zip(row, chart.steps.tolist(), strict=True)]
+                  for row in patch.domain.heights[:, [chart.corner - 1, chart.corner]].tolist()]  # fmt: skip
+        assert chart.patch.knots.max(axis=0).tolist() == np.max(powers, axis=0).tolist()
+        for s, t in ((Fraction(1, 3), Fraction(3, 4)), (Fraction(1), Fraction(2, 7)), (Fraction(0), Fraction(5, 9))):
+            terms = [p * s**i * t**j for p, (i, j) in zip(products, powers, strict=True)]
+            expected = [
+                float(sum(w * b[axis] for w, b in zip(terms, points, strict=True)) / sum(terms)) for axis in range(3)
+            ]
+            found = chart.patch.evaluate(parameters_of(chart, np.array([float(s), float(t)])))[0]
+            assert np.abs(found - expected).max() <= AGREEMENT * size(patch)
+
+
+@pytest.mark.parametrize("name", COMMENSURABLE)
+def test_pieces_are_bezier_patches_with_positive_weights(name: str) -> None:
+    for piece in bezier_pieces(named(name)):
+        assert lattice_of(piece.domain) is not None
+        assert (piece.weights > 0).all()
+        assert piece.coefficients[0] == 1.0
+
+
+def test_pieces_share_their_edges_and_the_middle() -> None:
+    pieces = bezier_pieces(integer_pentagon())
+    assert len(pieces.joints.shared) == 5
+    assert len(pieces.joints.open) == 10
+    last = [piece.control_points[-1] for piece in pieces]
+    assert np.abs(np.array(last) - last[0]).max() <= AGREEMENT * size(integer_pentagon())
+    assert not any(pieces.joints.flipped)
+
+
+def test_the_meshes_agree_as_surfaces() -> None:
+    patch = integer_pentagon()
+    tolerance = 1e-3 * size(patch)
+    first, second = (tessellate(shape, tolerance=tolerance) for shape in (patch, bezier_pieces(patch)))
+    distance = surface_distance(first, second, tolerance)
+    assert distance.bound <= 3 * tolerance
+
+
+def test_a_model_keeps_its_joints() -> None:
+    teapot = load(SPECS / "teapot.toml")
+    assert isinstance(teapot, Model)
+    part = Model(teapot.patches[:8])
+    pieces = bezier_pieces(part)
+    assert len(pieces) == 32
+    assert len(pieces.joints.open) == 2 * len(part.joints.open)
+    assert len(pieces.joints.collapsed) == 2 * len(part.joints.collapsed)
+
+
+@pytest.mark.parametrize("at", [0.25, 1.0, 1.5, 2.999])
+def test_a_curve_is_split_where_it_is_asked_for(at: float) -> None:
+    curve = cubic_curve()
+    left, right = split_curve(curve, at)
+    expected = np.array([float(x) for x in exact.point(curve, [at])])
+    for found in (left.control_points[-1], right.control_points[0]):
+        assert np.abs(found - expected).max() <= AGREEMENT * size(curve)
+    for u in np.linspace(0, 3, 31):
+        piece, v = (left, 3 * u / at) if u <= at else (right, 3 * (u - at) / (3 - at))
+        assert np.abs(piece.evaluate(np.array([min(v, 3.0)])) - curve.evaluate(np.array([u]))).max() <= AGREEMENT * 5
+
+
+def test_split_weights_are_de_casteljaus_in_fractions() -> None:
+    curve, at = cubic_curve(), Fraction(3, 4)
+    v = at / 3
+    weights = [Fraction(x) for x in curve.weights.tolist()]
+    rows = [[(w, *(w * Fraction(x) for x in b)) for w, b in zip(weights, curve.control_points.tolist(), strict=True)]]
+    while len(rows[-1]) > 1:
+        row = rows[-1]
+        rows.append([tuple((1 - v) * x + v * y for x, y in zip(a, b, strict=True)) for a, b in pairwise(row)])
+    left, right = split_curve(curve, float(at))
+    for piece, triangle in ((left, [row[0] for row in rows]), (right, [row[-1] for row in rows[::-1]])):
+        np.testing.assert_allclose(piece.weights, [float(row[0]) for row in triangle], rtol=1e-14)
+        points = [[float(x / row[0]) for x in row[1:]] for row in triangle]
+        np.testing.assert_allclose(piece.control_points, points, rtol=1e-14, atol=1e-14)
+
+
+def test_missing_knots_have_pieces_of_the_common_denominator() -> None:
+    curve = Patch([0, 1 / 3, 1 / 2, 1], [[0, 0], [1, 2], [2, -1], [3, 0]], [1, 2, 3, 4])
+    left, right = bezier_pieces(curve)
+    assert len(left.knots) == len(right.knots) == 7
+    assert np.abs(left.control_points[-1] - right.control_points[0]).max() == 0
+    total = np.array([1, 2, 3, 4.0])
+    np.testing.assert_allclose(left.control_points[-1], total @ curve.control_points / 10, atol=1e-15)
+
+
+@pytest.mark.parametrize(("factor", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7), (math.pi, 0.0)])
+def test_any_scale_and_place_of_the_knots(factor: float, shift: float) -> None:
+    patch = integer_pentagon()
+    moved = patch.replace(knots=factor * patch.knots + shift)
+    for piece, other in zip(bezier_pieces(patch), bezier_pieces(moved), strict=True):
+        assert np.array_equal(piece.knots, other.knots)
+        assert np.abs(piece.control_points - other.control_points).max() <= AGREEMENT * size(patch)
+
+
+@pytest.mark.parametrize(("factor", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_any_scale_and_place_of_the_control_points(factor: float, shift: float) -> None:
+    patch = integer_pentagon()
+    moved = patch.replace(control_points=factor * patch.control_points + shift)
+    error = AGREEMENT * size(moved) + 4 * np.finfo(float).eps * shift
+    for piece, other in zip(bezier_pieces(patch), bezier_pieces(moved), strict=True):
+        assert np.abs(factor * piece.control_points + shift - other.control_points).max() <= error
+
+
+def test_weights_beyond_the_range_of_floats_stay_logarithms() -> None:
+    patch = bicubic()
+    steep = patch.replace(log_weights=np.linspace(-900, 900, 16))
+    for piece in bezier_pieces(steep):
+        assert np.isfinite(piece.log_weights).all()
+        assert np.isfinite(piece.control_points).all()
+
+
+@pytest.mark.parametrize(
+    ("patch", "most", "message"),
+    [
+        (irrational_curve(), 25, "no common step"),
+        (Patch([0, 0.3, 1], [[0, 0], [1, 1], [2, 0]]), 9, "degree 10 only.*common denominator 10, and at most 9"),
+        (named("pentagon"), 25, "from edge 0, as fractions of the largest, have the common denominator 70"),
+        (named("irrational_hexagon"), 25, "from edge 0 have no common step"),
+    ],
+)
+def test_the_reason_where_there_are_none(patch: Patch, most: int, message: str) -> None:
+    with pytest.raises(DomainError, match=message):
+        bezier_pieces(patch, most)
+
+
+def test_a_model_names_the_patch_without_pieces() -> None:
+    flat = [[0, 0], [1, 1], [2, 0]]
+    model = Model((Patch([0, 1, 2], flat), Patch([0, math.sqrt(2), 2], flat, name="bow")))
+    with pytest.raises(DomainError, match=r"^bow: has no Bézier pieces"):
+        bezier_pieces(model)
+
+
+@pytest.mark.parametrize("at", [0.0, 3.0, -1.0, 4.0, math.nan, 1e-320])
+def test_a_split_is_between_the_ends(at: float) -> None:
+    with pytest.raises(DomainError, match="split: "):
+        split_curve(cubic_curve(), at)
+
+
+def test_a_surface_is_not_split() -> None:
+    with pytest.raises(DomainError, match="split: is for curves"):
+        split_curve(bicubic(), 0.5)
+
+
+def test_degrees() -> None:
+    assert bezier_degree(np.array([0, 2.0, 4.0]), 0.0) == 2
+    assert bezier_degree(np.array([0, 1 / 3, 1 / 7, 1.0]), 0.0) == 21
+    assert bezier_degree(np.array([0, math.sqrt(2), 2.0]), 0.0) is None
