@@ -31,6 +31,8 @@ COMMANDS = {
     "knot-limit": ("gtb_cli.commands.knot_limit:knot_limit", "Mesh a patch whose knots move to others, and the limit."),
     "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
     "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
+    "plot": ("gtb_cli.commands.plot:plot", "Draw a figure for print: PNG, SVG or PDF."),
+    "view": ("gtb_cli.commands.view:view", "Make a page to look at surfaces in a browser."),
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
     "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),

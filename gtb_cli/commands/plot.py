@@ -1,0 +1,393 @@
+"""`gtb plot`: specs and sequences → figures."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import click
+
+from gtb_cli.commands.console import STANDARD, Console, is_terminal, read_spec, shown_input, write_blocks
+from gtb_cli.commands.meshing import about, is_device
+from gtb_cli.commands.options import console_option, file_names, numbers_of, spec_format_option
+from gtb_cli.errors import DomainError, ExportError, SpecError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from gtb_cli.arrays import FloatArray
+    from gtb_cli.pictures.look import Look
+    from gtb_cli.pictures.sequences import Frames
+    from gtb_cli.theory.patch import Model, Patch
+
+FORMATS = ("png", "svg", "pdf")
+
+WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
+
+MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
+"""As `gtb_cli.pictures.colours.MAPS`, which costs an import of numpy."""
+
+INCHES = (0.5, 40.0)
+"""Least and largest width and height of a figure."""
+
+PIXELS = 60_000_000
+"""Largest figure."""
+
+X = (1.0, 10.0, 100.0)
+"""Of a degeneration, where none is given."""
+
+SWEEP = tuple(10 ** (k / 2) for k in range(9))
+"""The same for distances."""
+
+STEPS = (0.0, 0.4, 0.8)
+"""Of a knot limit."""
+
+NEARER = tuple(1 - 10 ** (-k / 2) for k in range(7))
+"""The same for distances."""
+
+PANEL_RESOLUTION = 24
+"""Segments of each edge of each cell, in the panels of a sequence."""
+
+VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
+
+
+class Variation(NamedTuple):
+    """One number of a spec, and what it is to be, one after the other."""
+
+    key: Literal["knots", "weights", "coefficients"]
+    knot: int
+    values: tuple[float, ...]
+    texts: tuple[str, ...]
+
+
+def size_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float]:
+    """Read width and height."""
+    numbers = numbers_of(ctx, param, value) or ()
+    if len(numbers) != 2 or not all(INCHES[0] <= number <= INCHES[1] for number in numbers):
+        raise click.BadParameter(f"{value!r}: expected width,height in inches, such as 6,4.5", ctx, param)
+    return numbers[0], numbers[1]
+
+
+def camera_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float]:
+    """Read two angles."""
+    numbers = numbers_of(ctx, param, value) or ()
+    if len(numbers) != 2 or not (abs(numbers[0]) <= 360 and abs(numbers[1]) <= 90):
+        raise click.BadParameter(f"{value!r}: expected azimuth,elevation in degrees, such as -60,30", ctx, param)
+    return numbers[0], numbers[1]
+
+
+def stretch_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float, float]:
+    """Read three factors."""
+    numbers = numbers_of(ctx, param, value) or ()
+    if len(numbers) != 3 or not all(1e-6 <= number <= 1e6 for number in numbers):
+        raise click.BadParameter(f"{value!r}: expected three positive factors, such as 1,1,0.2", ctx, param)
+    return numbers[0], numbers[1], numbers[2]
+
+
+def x_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[float, ...]:
+    """Read x, several times."""
+    from gtb_cli.commands.degenerate import x_of as read
+
+    return tuple(read(ctx, param, value))  # type: ignore[arg-type]
+
+
+def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
+    """Read lifting values, or the index of a knot."""
+    from gtb_cli.commands.degenerate import lifting_of as read
+
+    return read(ctx, param, value)
+
+
+def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
+    """Read pairs K:Q."""
+    from gtb_cli.commands.knot_limit import moves_of as read
+
+    return read(ctx, param, value)
+
+
+def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
+    """Read what is to vary."""
+    if value is None:
+        return None
+    match = VARIATION.fullmatch(value)
+    if match is None:
+        raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
+    values = numbers_of(ctx, param, match[3]) or ()
+    texts = tuple(part.strip() for part in match[3].split(","))
+    return Variation(match[1], int(match[2]), values, texts)  # type: ignore[arg-type]
+
+
+@click.command
+@click.argument("spec", metavar="SPEC|FOLDER", shell_complete=file_names)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FIG",
+    default=STANDARD,
+    shell_complete=file_names,
+    help="Write to this file: PNG, SVG or PDF, by its suffix. Without it, or with -, to standard output.",
+)
+@click.option("--what", type=click.Choice(WHAT), help="What to draw; without it a curve, a surface, or a sequence.")
+@click.option(
+    "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG. On standard output png."
+)
+@click.option("--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="In inches.")
+@click.option("--dpi", type=click.IntRange(20, 1200), default=150, show_default=True, help="Pixels per inch.")
+@click.option(
+    "--camera",
+    callback=camera_of,
+    default="-60,30",
+    show_default=True,
+    metavar="AZ,EL",
+    help="Where the eye is: degrees around the z axis, and above the xy plane.",
+)
+@click.option(
+    "--stretch",
+    callback=stretch_of,
+    default="1,1,1",
+    show_default=True,
+    metavar="X,Y,Z",
+    help="Factors along the axes, where a shape is too long or too flat to be seen.",
+)
+@click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; else where they are few.")
+@click.option("--net/--no-net", default=None, help="Draw control points and net; else for a single patch.")
+@click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
+@click.option("--colours", "colour_map", type=click.Choice(MAPS), help="Map of numbers to colours.")
+@click.option(
+    "--isolines", type=click.IntRange(0, 200), default=0, metavar="N", help="Lines of constant u, and of constant v."
+)
+@click.option("--index", "indices", type=click.IntRange(0), multiple=True, help="Basis functions to draw; else all.")
+@click.option("--unnormalised", is_flag=True, help="Draw the basis β_i in place of the rational one, T_i.")
+@click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
+@click.option(
+    "--lifting", callback=lifting_of, metavar="L,…", help="A lifting value for each knot, or knot:K, as for degenerate."
+)
+@click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration.")
+@click.option(
+    "--merge", "moves", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
+)
+@click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way.")
+@click.option(
+    "--vary",
+    callback=variation_of,
+    metavar="KEY[I]=V,…",
+    help="Draw a curve, or its basis, for several values of one of its knots, weights or coefficients.",
+)
+@click.option(
+    "-n", "--resolution", type=click.IntRange(1, 1000), metavar="N", help="Segments along each edge of the domain."
+)
+@spec_format_option
+@console_option
+def plot(
+    spec: str,
+    output: str,
+    what: str | None,
+    format: str | None,
+    lifting: tuple[float, ...] | int | None,
+    xs: tuple[float, ...],
+    moves: dict[int, int],
+    steps: tuple[float, ...] | None,
+    vary: Variation | None,
+    spec_format: str | None,
+    console: Console,
+    **looks: Any,
+) -> None:
+    """\b
+    Example: gtb plot specs/pentagon.toml -o pentagon.png
+
+    Draw a spec, or a sequence of meshes, as a figure for print: PNG, SVG or PDF.
+
+    \b
+    curve, surface  with control points and net, that of the lifting or, without one, of the lattice;
+                    a model's patches have colours of their own, and its open edges are red
+    basis           T_i, or with --unnormalised β_i: over t, or as graphs over the domain
+    domain          numbered knots and edges, and weights
+    decomposition   cells, λ at the knots, hollow knots in no cell; with --lifted the upper hull
+    sequence        panels of a degeneration (-x, --lifting), of a knot limit (--merge, --steps), or of a
+                    FOLDER's sequence.json, which holds no net; the limit's net is drawn over each
+    distance        of such a sequence from its limit, with logarithmic axes
+
+    Shading uses the surface's exact normals at the vertices of a mesh, interpolated between them; a sequence.json has
+    no normals, and gets means of the faces'. In SVG and PDF lines and labels are vectors and text, shading an image.
+    The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
+    """
+    kind = _format_for(output, format)
+    look = _look(**looks)
+    if os.path.isdir(spec) or os.path.basename(spec) == "sequence.json":
+        figure = _of_folder(spec, what or "sequence", look)
+    else:
+        loaded = read_spec(spec, spec_format)
+        with about(shown_input(spec)):
+            figure = _of_spec(loaded, what, look, lifting, xs, moves, steps, vary)
+    from gtb_cli.pictures.look import encoded, settings
+
+    with settings():
+        data = encoded(figure, kind, look.dpi)
+    write_blocks(output, [data])
+    if output != STANDARD:
+        console.note(f"{output}: {len(data) / 1000:.0f} kB")
+
+
+def _format_for(output: str, format: str | None) -> str:
+    suffix = os.path.splitext(output)[1][1:].lower()
+    if format is None and output != STANDARD and not is_device(output) and suffix not in FORMATS:
+        known = ", ".join(f".{name}" for name in FORMATS)
+        raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}; -f FORMAT says")
+    kind = format or (suffix if suffix in FORMATS else "png")
+    if is_terminal(output) and kind != "svg":
+        raise ExportError(f"{kind.upper()} is binary, and standard output a terminal: give -o FIG")
+    return kind
+
+
+def _look(
+    camera: tuple[float, float],
+    stretch: tuple[float, float, float],
+    size: tuple[float, float],
+    dpi: int,
+    **others: Any,
+) -> Look:
+    if size[0] * size[1] * dpi * dpi > PIXELS:
+        raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {PIXELS // 10**6}M pixels")
+    from gtb_cli.pictures.look import Look, settings
+    from gtb_cli.pictures.scene import Camera
+
+    with settings():  # whether matplotlib is there is known before anything is computed
+        return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)
+
+
+def _of_spec(
+    shape: Patch | Model,
+    what: str | None,
+    look: Look,
+    lifting: tuple[float, ...] | int | None,
+    xs: tuple[float, ...],
+    moves: dict[int, int],
+    steps: tuple[float, ...] | None,
+    vary: Variation | None,
+) -> Figure:
+    from gtb_cli.pictures.figures import default_picture, figure_of, figure_of_variants
+    from gtb_cli.theory.patch import Patch
+
+    what = what or ("sequence" if xs or moves else default_picture(shape))
+    sequence = what in ("sequence", "distance")
+    for name, given in (("-x", bool(xs)), ("--merge", bool(moves)), ("--steps", steps is not None)):
+        if given and not sequence:
+            raise click.UsageError(f"{name} is for --what sequence and distance")
+    if lifting is not None and not (sequence or what == "decomposition"):
+        raise click.UsageError("--lifting is for --what decomposition, sequence and distance")
+    if vary is not None:
+        if what not in ("curve", "basis") or not isinstance(shape, Patch):
+            raise click.UsageError("--vary is for a single curve, or its basis")
+        variants, names = _variants(shape, vary)
+        if what == "basis" and not look.indices:
+            from dataclasses import replace
+
+            look = replace(look, indices=(vary.knot,))
+        return figure_of_variants(variants, names, what, look)
+    if sequence:
+        if not isinstance(shape, Patch):
+            raise SpecError(f"expected a single patch, this is a model of {len(shape.patches)}")
+        return _of_frames(_frames(shape, what, look, lifting, xs, moves, steps), what, look)
+    return figure_of(shape, what, look, lifting=_values(shape, lifting))
+
+
+def _values(shape: Patch | Model, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
+    from gtb_cli.theory.patch import Patch
+
+    if isinstance(lifting, int) and isinstance(shape, Patch):
+        from gtb_cli.theory.decomposition import lifting_of_knot
+
+        return lifting_of_knot(len(shape.knots), lifting)
+    assert not isinstance(lifting, int)
+    return lifting
+
+
+def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
+    from dataclasses import replace
+
+    from gtb_cli.pictures.look import subscript
+
+    variants = []
+    for value in vary.values:
+        numbers = getattr(patch, vary.key).copy()
+        if vary.knot >= len(numbers) or patch.dimension == 2:
+            raise DomainError(f"--vary {vary.key}[{vary.knot}]: expected an index below {len(numbers)} of a curve")
+        numbers[vary.knot] = value
+        variants.append(replace(patch, **{vary.key: numbers}))
+    symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
+    return variants, [f"{symbol} = {_pretty(text)}" for text in vary.texts]
+
+
+def _pretty(text: str) -> str:
+    """An expression as people write it, where it is simple."""
+    return re.sub(r"sqrt\((\d+)\)", r"√\1", text)
+
+
+def _frames(
+    patch: Patch,
+    what: str,
+    look: Look,
+    lifting: tuple[float, ...] | int | None,
+    xs: tuple[float, ...],
+    moves: dict[int, int],
+    steps: tuple[float, ...] | None,
+) -> Frames:
+    """Meshes of a degeneration or of a knot limit, with the net of its limit."""
+    from gtb_cli.pictures.nets import net_of
+    from gtb_cli.pictures.sequences import Frames
+    from gtb_cli.tessellation.sequence import degeneration_sequence, knot_sequence
+
+    if moves and (xs or lifting is not None):
+        raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
+    if steps is not None and not moves:
+        raise click.UsageError("--steps is for a knot limit, with --merge")
+    far = what == "distance"
+    fine = look.resolution or (PANEL_RESOLUTION if patch.dimension == 2 else 128)
+    if moves:
+        from gtb_cli.theory.knot_limit import knot_limit
+
+        limit = knot_limit(patch, moves).merged
+        found = knot_sequence(patch, moves, steps or (NEARER if far else STEPS), fine)
+        net = net_of(limit)
+    else:
+        limit = patch
+        values = _values(patch, lifting)
+        if values is None and patch.lifting is None:
+            raise DomainError("has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit")
+        given = xs or (SWEEP if far else X)
+        found = degeneration_sequence(patch, given, values, fine)
+        heights = patch.lifting if values is None else values
+        from gtb_cli.arrays import read_only
+
+        upward = found.values[-1] != 0
+        net = net_of(patch, read_only(heights) if upward else -read_only(heights))  # type: ignore[arg-type]
+    used = sorted({i for pair in net for i in pair})
+    place = {i: k for k, i in enumerate(used)}
+    return Frames(
+        found.key,
+        found.values,
+        found.meshes,
+        found.distances,
+        found.film_distances,
+        limit.control_points[used],
+        tuple((place[a], place[b]) for a, b in net),
+        found.film,
+    )
+
+
+def _of_folder(path: str, what: str, look: Look) -> Figure:
+    """Draw what `gtb degenerate` or `gtb knot-limit` wrote into a folder."""
+    from gtb_cli.pictures.record import read_frames
+
+    if what not in ("sequence", "distance"):
+        raise click.UsageError(f"{path} is a sequence, and --what {what} is of a spec")
+    frames = read_frames(path)
+    with about(path):
+        return _of_frames(frames, what, look)
+
+
+def _of_frames(frames: Frames, what: str, look: Look) -> Figure:
+    from gtb_cli.pictures.sequences import figure_of_distances, figure_of_frames
+
+    return figure_of_distances(frames, look) if what == "distance" else figure_of_frames(frames, look)

@@ -1,0 +1,150 @@
+"""`gtb view --watch`: a page on this machine that follows its files."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, urlsplit
+
+from gtb_cli.commands.console import Console
+from gtb_cli.errors import ExportError, GtbError
+
+if TYPE_CHECKING:
+    from gtb_cli.pictures.sight import Sight
+
+HOST = "127.0.0.1"
+
+HEADERS = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
+
+
+class Watch:
+    """What files show now: made anew when one has changed, and the last good state where there is an error.
+
+    Parameters
+    ----------
+    paths : sequence of str
+    see : function
+        Reads the files; its errors are shown.
+    """
+
+    def __init__(self, paths: Sequence[str], see: Callable[[], Sight]) -> None:
+        self._paths, self._see, self._lock = paths, see, Lock()
+        self._stamp: object = None
+        self.version = 0
+        self.error = ""
+        self.data: dict[str, Any] = {}
+        self.changed = 0
+        self.look()
+
+    def look(self) -> None:
+        """Read the files again if they are not what they were."""
+        with self._lock:
+            stamp = [_stamp(path) for path in self._paths]
+            if stamp == self._stamp:
+                return
+            self._stamp = stamp
+            from gtb_cli.pictures.page import page_data
+
+            self.version += 1
+            try:
+                self.data, self.error = page_data(self._see()), ""
+                self.changed = self.version
+            except GtbError as error:
+                self.error = str(error)
+            except MemoryError:
+                self.error = "not enough memory for this"
+
+    def state(self, have: int) -> dict[str, Any]:
+        """What a page that has a version needs."""
+        self.look()
+        news: dict[str, Any] = {"version": self.version, "error": self.error}
+        return news | {"data": self.data} if have < self.changed else news
+
+    def page(self) -> str:
+        """The page as it is now."""
+        self.look()
+        from gtb_cli.pictures.page import page_with
+
+        return page_with({**self.data, "watch": self.version, "error": self.error}, self.data.get("name", "gtb view"))
+
+
+def _stamp(path: str) -> object:
+    """What changes when a file, or one of a folder, does."""
+    try:
+        inner = [os.path.join(path, name) for name in sorted(os.listdir(path))] if os.path.isdir(path) else [path]
+        return [
+            (name, status.st_mtime_ns, status.st_size, status.st_ino) for name in inner for status in [os.stat(name)]
+        ]
+    except OSError as error:
+        return str(error)
+
+
+def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
+    """The answers to a browser on this machine."""
+
+    class Handler(BaseHTTPRequestHandler):
+        """Answers for the page, and for what is new; nothing else, and to nobody who came by another name."""
+
+        server_version, sys_version = "gtb", ""
+
+        def do_GET(self) -> None:
+            """Answer."""
+            if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
+                return self._answer(403, "text/plain", "this server is for this machine")
+            address = urlsplit(self.path)
+            if address.path == "/":
+                return self._answer(200, "text/html", watch.page())
+            if address.path == "/state":
+                have = parse_qs(address.query).get("have", ["0"])[0]
+                news = watch.state(int(have) if have.isdecimal() and len(have) < 12 else 0)
+                return self._answer(200, "application/json", json.dumps(news, allow_nan=False))
+            return self._answer(404, "text/plain", "not here")
+
+        def _answer(self, status: int, kind: str, text: str) -> None:
+            body = text.encode("utf-8")
+            self.send_response(status)
+            for name, value in {
+                **HEADERS,
+                "Content-Type": f"{kind}; charset=utf-8",
+                "Content-Length": len(body),
+            }.items():
+                self.send_header(name, str(value))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Say nothing: a page asks four times a second."""
+
+    return Handler
+
+
+def serve(paths: Sequence[str], see: Callable[[], Sight], port: int, console: Console, *, opens: bool) -> None:
+    """Serve a page on the loopback address until Ctrl-C.
+
+    Raises
+    ------
+    ExportError
+        The port is taken.
+    """
+    watch = Watch(paths, see)
+    try:
+        server = ThreadingHTTPServer((HOST, port), BaseHTTPRequestHandler)
+    except OSError as error:
+        raise ExportError(f"cannot serve on {HOST}:{port}: {error.strerror or error}") from None
+    with server:
+        server.daemon_threads = True
+        number = server.server_address[1]
+        server.RequestHandlerClass = handler(watch, int(number))
+        address = f"http://{HOST}:{number}/"
+        console.note(f"{address} follows {', '.join(paths)}; Ctrl-C ends it")
+        if watch.error:
+            console.warn(watch.error)
+        if opens:
+            import webbrowser
+
+            webbrowser.open(address)
+        server.serve_forever(poll_interval=0.1)

@@ -1,0 +1,1 @@
+"""Pictures: figures for print, and pages that turn in a browser."""

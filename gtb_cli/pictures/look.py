@@ -1,0 +1,176 @@
+"""What a picture is to look like, and the figure that it is drawn on."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from gtb_cli.errors import ExportError
+from gtb_cli.pictures.scene import Camera
+
+if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Curvature: TypeAlias = Literal["gaussian", "mean"]
+
+SETTINGS = {
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9,
+    "text.color": "#222222",
+    "text.usetex": False,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": "#444444",
+    "axes.labelcolor": "#222222",
+    "axes.titlesize": 9.5,
+    "axes.unicode_minus": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": True,
+    "axes.facecolor": "white",
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "savefig.transparent": False,
+    "savefig.bbox": None,
+    "xtick.color": "#444444",
+    "ytick.color": "#444444",
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "path.simplify": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "gtb",
+    "pdf.fonttype": 42,
+    "pdf.compression": 9,
+}
+"""Of matplotlib, whatever the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF."""
+
+NO_DATE = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
+"""Metadata that would change from day to day, or from one version of matplotlib to the next."""
+
+MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
+
+CROWDED = 30
+"""Points of which more get no numbers unless these are asked for."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a picture looks.
+
+    Attributes
+    ----------
+    size : (float, float)
+        Width and height in inches.
+    dpi : int
+        Pixels per inch.
+    camera : Camera
+    labels : bool or None
+        Number points and edges; None: where there are not too many.
+    net : bool or None
+        Draw control points and the lines between them; None: for a single patch.
+    curvature : "gaussian", "mean" or None
+        Colour a surface by it.
+    colour_map : str or None
+        Of `gtb_cli.pictures.colours.MAPS`; None: the one that suits.
+    isolines : int
+        Lines at constant u, and as many at constant v.
+    indices : tuple of int
+        Basis functions that are drawn; none: all.
+    unnormalised : bool
+        β_i in place of T_i.
+    lifted : bool
+        Draw the lifted knots and their upper hull above the decomposition.
+    resolution : int or None
+        Segments of each edge of the mesh that is drawn; None: as many as are smooth to the eye.
+    """
+
+    size: tuple[float, float] = (6.0, 4.5)
+    dpi: int = 150
+    camera: Camera = field(default_factory=Camera)
+    labels: bool | None = None
+    net: bool | None = None
+    curvature: Curvature | None = None
+    colour_map: str | None = None
+    isolines: int = 0
+    indices: tuple[int, ...] = ()
+    unnormalised: bool = False
+    lifted: bool = False
+    resolution: int | None = None
+
+    def numbers(self, count: int) -> bool:
+        """Whether so many points are numbered."""
+        return count <= CROWDED if self.labels is None else self.labels
+
+
+def settings() -> AbstractContextManager[None]:
+    """A `with` block in which matplotlib has the settings of these pictures.
+
+    Raises
+    ------
+    ExportError
+        It is not installed.
+    """
+    try:
+        from matplotlib import rc_context
+    except ImportError:
+        raise ExportError(MISSING) from None
+    return rc_context(SETTINGS)
+
+
+def empty_figure(look: Look) -> Figure:
+    """A figure of a size, which belongs to no window."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=look.size, dpi=look.dpi)
+
+
+def whole(figure: Figure) -> Axes:
+    """Axes that fill a figure."""
+    return figure.add_axes((0.0, 0.0, 1.0, 1.0))
+
+
+def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> list[Axes]:
+    """Axes side by side, as nearly square as they can be, each with a title; room for numbers if `plane`."""
+    count = len(titles)
+    width, height = figure.get_size_inches()
+    columns = min(range(1, count + 1), key=lambda n: _waste(n, count, width / height))
+    rows = -(-count // columns)
+    left, below, above = (0.42, 0.34, 0.26) if plane else (0.06, 0.06, 0.26)
+    found = []
+    for k, title in enumerate(titles):
+        row, column = divmod(k, columns)
+        box = (column / columns, 1 - (row + 1) / rows, 1 / columns, 1 / rows)
+        ax = figure.add_axes(
+            (
+                box[0] + left / width,
+                box[1] + below / height,
+                max(box[2] - (left + 0.1) / width, 0.02),
+                max(box[3] - (below + above) / height, 0.02),
+            )
+        )
+        ax.set_title(title, pad=4)
+        found.append(ax)
+    return found
+
+
+def _waste(columns: int, count: int, shape: float) -> float:
+    """How far panels are from square, with a little for places that stay empty."""
+    rows = -(-count // columns)
+    across = shape * rows / columns
+    return max(across, 1 / across) + 0.5 * (rows * columns - count) / count
+
+
+def encoded(figure: Figure, kind: str, dpi: int) -> bytes:
+    """Bytes of a figure as "png", "svg" or "pdf": always the same for the same figure, matplotlib and fonts."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=kind, dpi=dpi, metadata=NO_DATE[kind])
+    return buffer.getvalue()
+
+
+def subscript(symbol: str, index: int) -> str:
+    """A letter with a number below it, in plain characters."""
+    return symbol + str(index).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))

@@ -1,0 +1,114 @@
+"""Control nets, boundaries and parameter lines of patches: the lines that go with a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.theory.decomposition import control_net, regular_decomposition
+from gtb_cli.theory.domain import Domain
+from gtb_cli.theory.patch import Patch
+
+ALONG = 96
+"""Segments of a line that is drawn along a surface."""
+
+
+def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
+    """Pairs of knots between whose control points lines are drawn.
+
+    Parameters
+    ----------
+    patch : Patch
+    lifting : (n,) float, optional
+        Default the patch's own; a patch that has none, too, gets the net of the Delaunay triangulation of its knots.
+        This is done in the coordinates in which a triangle is equilateral and a parallelogram a square, so that for
+        the lattices of Bézier triangles and tensor products it is the net that everybody draws.
+
+    Returns
+    -------
+    list of (int, int)
+    """
+    if lifting is None:
+        lifting = patch.lifting if patch.lifting is not None else _bowl(patch.domain)
+    return control_net(regular_decomposition(patch.knots, lifting))
+
+
+def _bowl(domain: Domain) -> FloatArray:
+    """(n,) lifting whose regular decomposition is that of Delaunay."""
+    centred = (domain.knots - domain.center) / domain.size
+    if domain.dimension == 2:
+        centred = centred @ _straightening(domain)
+    return np.asarray(-(centred**2).sum(axis=1))
+
+
+def _straightening(domain: Domain) -> FloatArray:
+    """(2, 2) map, from the right, that makes a triangle equilateral and a parallelogram a square; else one of size."""
+    corners = domain.vertices - domain.vertices[0]
+    if len(corners) == 3:
+        return np.asarray(np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size)
+    if len(corners) == 4:
+        return np.asarray(np.linalg.solve(corners[[1, 3]], np.eye(2)) * domain.size)
+    return np.eye(2)
+
+
+def boundary_paths(patch: Patch) -> list[FloatArray]:
+    """(m, 3) points along each edge of a surface, in order, evenly spread."""
+    return [
+        edge_path(patch, edge)
+        for edge in range(len(patch.domain.vertices))
+        if len(np.unique(patch.control_points[patch.domain.incidence[:, edge]], axis=0)) > 1
+    ]
+
+
+def edge_path(patch: Patch, edge: int) -> FloatArray:
+    """(m, 3) points along an edge."""
+    return curve_path(patch.boundary(edge))
+
+
+def curve_path(curve: Patch, segments: int = ALONG) -> FloatArray:
+    """(m, 3) points along a curve, spread evenly by its linear parametrisation."""
+    from gtb_cli.tessellation.tessellate import tessellate
+
+    mesh = tessellate(curve, segments, parametrization="linear")
+    return np.asarray(mesh.vertices[np.append(mesh.cells[:, 0], mesh.cells[-1, 1])])
+
+
+def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
+    """(m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
+    corners = patch.domain.vertices
+    share = (1 - np.cos(np.linspace(0, np.pi, ALONG + 1))) / 2  # closer near the boundary, where a patch may bend
+    paths = []
+    for axis in (0, 1):
+        low, high = corners[:, axis].min(), corners[:, axis].max()
+        for value in np.linspace(low, high, count + 2)[1:-1].tolist():
+            ends = _chord(corners, axis, value)
+            if ends is None:
+                continue
+            other = ends[0] + (ends[1] - ends[0]) * share
+            u = np.empty((len(other), 2))
+            u[:, axis], u[:, 1 - axis] = value, other
+            paths.append(patch.evaluate(u[1:-1]))
+    return paths
+
+
+def _chord(corners: FloatArray, axis: int, value: float) -> tuple[float, float] | None:
+    """Where the line on which a coordinate is `value` enters and leaves a convex polygon, along the other axis."""
+    met = []
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if (a[axis] - value) * (b[axis] - value) <= 0 and a[axis] != b[axis]:
+            met.append(float(a[1 - axis] + (b[1 - axis] - a[1 - axis]) * ((value - a[axis]) / (b[axis] - a[axis]))))
+    return (min(met), max(met)) if met and min(met) < max(met) else None
+
+
+def net_paths(patch: Patch, lifting: ArrayLike | None = None) -> list[FloatArray]:
+    """(2, 3) ends of each line of the control net."""
+    return [patch.control_points[[a, b]] for a, b in net_of(patch, lifting)]
+
+
+def is_flat(clouds: Sequence[FloatArray]) -> bool:
+    """Whether all points have the same height, and are drawn from above."""
+    heights = np.concatenate([cloud[:, 2] for cloud in clouds])
+    return bool(np.ptp(heights) == 0)

@@ -1,0 +1,265 @@
+"""Pictures in the plane: curves, bases of curves, domains and decompositions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, line_style, patch_colour
+from gtb_cli.pictures.look import Look, subscript
+from gtb_cli.pictures.nets import curve_path, net_of
+from gtb_cli.pictures.scene import label_all
+from gtb_cli.theory.basis import gt_bernstein
+from gtb_cli.theory.decomposition import RegularDecomposition
+from gtb_cli.theory.patch import Patch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+STEPS = 480
+"""Points at which a basis is evaluated; knots and their neighbours are among them."""
+
+HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+"""Behind a label, so that lines do not run through it."""
+
+SMOOTH = 256
+"""Segments of a curve."""
+
+
+def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
+    """Draw curves that lie in the plane, with control polygons and numbered points."""
+    with_net = len(curves) == 1 if look.net is None else look.net
+    for k, curve in enumerate(curves):
+        colour, dashes = line_style(k)
+        path = curve_path(curve, SMOOTH)
+        ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=1.8, zorder=3, label=names[k] if names else None)
+    places = np.concatenate([curve.control_points[:, :2] for curve in curves])
+    if with_net:
+        for curve in curves:
+            draw_polygon(ax, curve)
+        unique: dict[tuple[float, ...], list[float]] = {}
+        for curve in curves:
+            for i, place in enumerate(curve.control_points[:, :2].tolist()):
+                unique.setdefault((i, *place), place)
+        spots = np.array(list(unique.values()))
+        ax.plot(spots[:, 0], spots[:, 1], "o", ms=4.5, color="white", mec=NET, mew=0.9, zorder=4)
+        if look.numbers(len(spots)):
+            label_all(ax, spots, [subscript("b", int(key[0])) for key in unique])
+    else:
+        places = np.concatenate([curve_path(curve, 32)[:, :2] for curve in curves])
+    level(ax, places)
+    if names:
+        ax.legend(frameon=False, fontsize=8, loc="best")
+
+
+def draw_polygon(ax: Axes, curve: Patch) -> None:
+    """Draw the control polygon of a plane curve, or the net that its lifting induces."""
+    for a, b in net_of(curve):
+        ends = curve.control_points[[a, b]]
+        ax.plot(ends[:, 0], ends[:, 1], "-", color=NET, lw=0.9, alpha=0.75, zorder=2)
+
+
+def level(ax: Axes, places: FloatArray) -> None:
+    """Give axes of a plane picture one scale both ways, and room around the points."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    spans = np.maximum(high - low, 0.02 * float((high - low).max()) or 1.0)
+    spans += 0.18 * spans.max()
+    box = ax.get_window_extent()
+    spans = np.maximum(spans, np.array([spans[1] * box.width / box.height, spans[0] * box.height / box.width]))
+    middle = (low + high) / 2
+    ax.set_xlim(middle[0] - spans[0] / 2, middle[0] + spans[0] / 2)
+    ax.set_ylim(middle[1] - spans[1] / 2, middle[1] + spans[1] / 2)
+    ax.set_aspect("equal", adjustable="box")
+    ax.grid(True, color="#E6E6E6", lw=0.6)
+    ax.set_axisbelow(True)
+
+
+def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
+    """(m, n): T_i, or β_i, at parameters."""
+    return gt_bernstein(patch.domain, patch.coefficients, u) if unnormalised else patch.basis(u)
+
+
+def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
+    """Draw basis functions of curves over t; several curves are variants of one, named one by one."""
+    indices = look.indices or range(len(curves[0].knots))
+    for index in indices:
+        if not 0 <= index < len(curves[0].knots):
+            raise DomainError(f"index: expected 0 … {len(curves[0].knots) - 1}, got {index}")
+    symbol = "β" if look.unnormalised else "T"
+    number = 0
+    for variant, curve in enumerate(curves):
+        low, high = (float(x) for x in curve.domain.vertices[:, 0])
+        even = (1 - np.cos(np.linspace(0, np.pi, STEPS + 1))) / 2
+        t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
+        values = basis_values(curve, t, look.unnormalised)
+        for index in indices:
+            colour, dashes = line_style(number)
+            number += 1
+            ax.plot(t, values[:, index], dashes, color=colour, lw=1.6, zorder=3, clip_on=False)
+            top = int(np.argmax(values[:, index]))
+            text = names[variant] if names else subscript(symbol, index)
+            edge = {0: "left", len(t) - 1: "right"}.get(top, "center")
+            ax.annotate(
+                text,
+                (float(t[top]), float(values[top, index])),
+                {"left": (5, 3), "right": (-3, 3)}.get(edge, (0, 3)),
+                textcoords="offset points",
+                ha=edge,
+                va="bottom",
+                color=colour,
+                fontsize=9,
+                zorder=7,
+                bbox=HALO,
+            )
+    low, high = (float(x) for x in curves[0].domain.vertices[:, 0])
+    ax.set_xlim(low, high)
+    ax.set_ylim(bottom=0)
+    ax.margins(y=0.08)
+    ax.set_xlabel("t")
+    ax.set_ylabel(f"{symbol}(t)" if len(indices) != 1 else f"{subscript(symbol, indices[0])}(t)")
+    ax.grid(True, color="#EEEEEE", lw=0.6)
+    shown = np.concatenate([curve.knots[:, 0] for curve in curves])
+    ax.plot(
+        shown, np.zeros(len(shown)), "o", ms=5, color="white", mec=INK, mew=0.9, zorder=6, clip_on=False,
+        transform=ax.get_xaxis_transform(),
+    )  # fmt: skip
+    if look.numbers(len(curves[0].knots)) and not names:
+        heights: dict[float, int] = {}
+        for i, place in enumerate(curves[0].knots[:, 0].tolist()):
+            again = heights[place] = heights.get(place, -1) + 1
+            ax.annotate(
+                subscript("a", i), (place, 0.0), (9 * ((place == low) - (place == high)), 8 + 9 * again),
+                textcoords="offset points",
+                xycoords=ax.get_xaxis_transform(), ha="center", fontsize=8, color="#555555", zorder=7,
+            )  # fmt: skip
+
+
+def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
+    """Draw Δ with numbered knots and edges, and weights."""
+    knots, shape = patch.knots, patch.domain
+    numbered = look.numbers(len(knots))
+    if shape.dimension == 1:
+        flat = np.column_stack([knots[:, 0], np.zeros(len(knots))])
+        ax.plot(shape.vertices[:, 0], [0, 0], "-", color=LINES[0], lw=2, zorder=2, solid_capstyle="butt")
+        ax.set_yticks([])
+        ax.spines["left"].set_visible(False)
+        ax.set_xlabel("t")
+        ax.set_ylim(-1, 1)
+    else:
+        flat = knots
+        ax.fill(*shape.vertices.T, facecolor="#EAF2F8", edgecolor=LINES[0], lw=1.6, zorder=1)
+        level(ax, shape.vertices)
+        ax.set_xlabel("u")
+        ax.set_ylabel("v")
+        if numbered:
+            _number_edges(ax, shape.vertices)
+    draw_knots(ax, flat)
+    if numbered:
+        _label_knots(ax, flat, [f"{subscript('a', i)}  ω={weight:.4g}" for i, weight in enumerate(patch.weights)])
+
+
+def _grouped(places: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, float], str]]:
+    """Texts of points; those of points at the same place in several lines."""
+    found: dict[tuple[float, float], list[str]] = {}
+    for place, text in zip(places.tolist(), texts, strict=True):
+        found.setdefault((place[0], place[1]), []).append(text)
+    return [(place, "\n".join(lines)) for place, lines in found.items()]
+
+
+def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str]) -> None:
+    """Write texts beside knots, towards the middle of all, where no edge runs."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    half = float((high - low).max()) / 2
+    for place, text in _grouped(places, texts):
+        x, y = ((low + high) / 2 - place) / half
+        across = 0.0 if abs(x) < 0.3 else float(np.sign(x))
+        up = 1.0 if abs(y) < 0.3 else float(np.sign(y))
+        ax.annotate(
+            text,
+            place,
+            (5 * across, 6 * up),
+            textcoords="offset points",
+            ha={0: "center", 1: "left", -1: "right"}[int(across)],
+            va="bottom" if up > 0 else "top",
+            fontsize=8,
+            zorder=7,
+            bbox=HALO,
+        )
+
+
+def _number_edges(ax: Axes, corners: FloatArray) -> None:
+    for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
+        along = (b - a) / np.hypot(*(b - a))
+        ax.annotate(
+            f"edge {edge}", (a + b) / 2, (11 * along[1], -11 * along[0]), textcoords="offset points", ha="center",
+            va="center", fontsize=7.5, color=LINES[0], rotation=_upright(along), zorder=6,
+        )  # fmt: skip
+
+
+def _upright(along: FloatArray) -> float:
+    """Angle of text along a line, in degrees, so that it is not upside down."""
+    angle = float(np.degrees(np.arctan2(along[1], along[0])))
+    return angle - 180 if angle > 90 else angle + 180 if angle <= -90 else angle
+
+
+def draw_knots(ax: Axes, places: FloatArray, absent: Sequence[int] = ()) -> None:
+    """Draw knots as dots, those in no cell hollow."""
+    filled = np.setdiff1d(np.arange(len(places)), absent)
+    ax.plot(*places[filled].T, "o", ms=5.5, color=INK, mec="white", mew=0.6, zorder=5, clip_on=False)
+    if len(absent):
+        ax.plot(*places[list(absent)].T, "o", ms=6.5, color="white", mec=INK, mew=1.3, zorder=5, clip_on=False)
+
+
+def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> None:
+    """Draw the cells of a decomposition filled, knots in none hollow, and λ at the knots."""
+    numbered = look.numbers(len(found.knots))
+    if found.dimension == 1:
+        _draw_lifted_line(ax, found, numbered)
+        return
+    for cell, polygon in enumerate(found.polygons):
+        corners = found.knots[list(polygon)]
+        ax.fill(*corners.T, facecolor=patch_colour(cell), edgecolor=INK, lw=1.3, joinstyle="round", zorder=1)
+    draw_knots(ax, found.knots, found.absent)
+    if numbered:
+        _label_knots(
+            ax, found.knots, [f"{subscript('a', i)}  λ={height:.4g}" for i, height in enumerate(found.lifting)]
+        )
+    level(ax, found.knots)
+    ax.set_xlabel("u")
+    ax.set_ylabel("v")
+
+
+def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> None:
+    """Draw lifted knots of a curve, their upper hull, and its projection."""
+    t, heights = found.knots[:, 0], found.lifting
+    floor = float(heights.min()) - 0.28 * (float(np.ptp(heights)) or 1.0)
+    for cell, (a, b) in enumerate(found.polygons):
+        ax.fill_between(t[[a, b]], heights[[a, b]], floor, color=patch_colour(cell), alpha=0.35, lw=0, zorder=1)
+        ax.plot(t[[a, b]], heights[[a, b]], "-", color=INK, lw=1.5, zorder=3)
+        ax.plot(t[[a, b]], [floor, floor], "-", color=patch_colour(cell), lw=5, zorder=2, solid_capstyle="butt")
+    for x, height in zip(t.tolist(), heights.tolist(), strict=True):
+        ax.plot([x, x], [floor, height], ":", color=FAINT, lw=0.9, zorder=2)
+    draw_knots(ax, np.column_stack([t, heights]), found.absent)
+    draw_knots(ax, np.column_stack([t, np.full(len(t), floor)]), found.absent)
+    if numbered:
+        for i, (x, height) in enumerate(zip(t.tolist(), heights.tolist(), strict=True)):
+            rising = i not in found.absent and any(
+                t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons
+            )
+            ax.annotate(
+                f"{height:.4g}", (x, height), (-5 if rising else 5, 4), textcoords="offset points",
+                ha="right" if rising else "left", fontsize=8, zorder=7,
+            )  # fmt: skip
+            ax.annotate(
+                subscript("a", i), (x, floor), (0, -15), textcoords="offset points", ha="center", fontsize=8,
+                annotation_clip=False,
+            )  # fmt: skip
+    ax.margins(x=0.05)
+    ax.set_ylim(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0))
+    ax.set_xticks([])
+    ax.spines["bottom"].set_visible(False)
+    ax.set_ylabel("λ")

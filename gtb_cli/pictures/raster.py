@@ -1,0 +1,100 @@
+"""Triangles to pixels: which triangle is nearest at each pixel, and where in it the pixel lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+
+FRAGMENTS = 1 << 21
+"""Pixels of triangles' bounding boxes that are tested together."""
+
+NOTHING = -1
+"""Triangle of a pixel in which there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """What is seen of triangles.
+
+    Attributes
+    ----------
+    triangle : (height, width) int
+        The nearest triangle at each pixel's centre, `NOTHING` where there is none. Row 0 is the lowest.
+    weights : (height, width, 3) float
+        Barycentric coordinates of the centre in it.
+    nearness : (height, width) float
+        Its third coordinate there, -inf where there is nothing.
+    """
+
+    triangle: IntArray
+    weights: FloatArray
+    nearness: FloatArray
+
+    def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
+        """(p, …) values at the pixels that are covered, row by row, of (m, …) values at the triangles' corners."""
+        covered = self.triangle >= 0
+        corners = scalars[faces[self.triangle[covered]]]
+        return np.asarray(np.einsum("pk...,pk->p...", corners, self.weights[covered]))
+
+
+def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
+    """Find what is nearest at each pixel.
+
+    Parameters
+    ----------
+    points : (m, 3) float
+        In pixels to the right and upwards from the lower left corner, and nearness, the larger the nearer.
+    faces : (k, 3) int
+    width, height : int
+        Pixels.
+
+    Returns
+    -------
+    Raster
+        Where several triangles are equally near, the first of them.
+    """
+    pixels, triangles, shares = _fragments(points, faces, width, height)
+    near = np.einsum("pk,pk->p", points[:, 2][faces[triangles]], shares)
+    nearest = np.full(width * height, -np.inf)
+    np.maximum.at(nearest, pixels, near)
+    seen = np.flatnonzero(near == nearest[pixels])
+    order = seen[np.argsort(-triangles[seen], kind="stable")]  # the first triangle is written last
+    triangle = np.full(width * height, NOTHING, dtype=np.int64)
+    weights = np.zeros((width * height, 3))
+    triangle[pixels[order]] = triangles[order]
+    weights[pixels[order]] = shares[order]
+    return Raster(triangle.reshape(height, width), weights.reshape(height, width, 3), nearest.reshape(height, width))
+
+
+def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> tuple[IntArray, IntArray, FloatArray]:
+    """Pixels whose centres triangles cover, with the triangle and the barycentric coordinates of each."""
+    plane = points[:, :2][faces]
+    a, b, c = plane[:, 0], plane[:, 1], plane[:, 2]
+    doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    low = np.ceil(plane.min(axis=1) - 0.5).clip(0).astype(np.int64)
+    high = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64)
+    spans = high - low + 1
+    used = np.flatnonzero((spans > 0).all(axis=1) & (doubled != 0))
+    side = 2 ** np.ceil(np.log2(spans[used].max(axis=1))).astype(np.int64) if len(used) else used
+    found = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))]
+    for size in np.unique(side).tolist():
+        alike = used[side == size]
+        step_y, step_x = np.divmod(np.arange(size * size), size)
+        block = max(FRAGMENTS // (size * size), 1)
+        for start in range(0, len(alike), block):
+            t = alike[start : start + block, None]
+            x, y = low[t, 0] + step_x, low[t, 1] + step_y
+            px, py = x + 0.5, y + 0.5
+            first = (b[t, 0] - px) * (c[t, 1] - py) - (b[t, 1] - py) * (c[t, 0] - px)
+            second = (c[t, 0] - px) * (a[t, 1] - py) - (c[t, 1] - py) * (a[t, 0] - px)
+            share_a, share_b = first / doubled[t], second / doubled[t]
+            share_c = 1 - share_a - share_b
+            inside = (share_a >= 0) & (share_b >= 0) & (share_c >= 0) & (x <= high[t, 0]) & (y <= high[t, 1])
+            row, column = np.nonzero(inside)
+            shares = np.stack([share_a[inside], share_b[inside], share_c[inside]], axis=1)
+            found.append(((y * width + x)[row, column], t[row, 0], shares))
+    pixels, triangles, shares = (np.concatenate(part) for part in zip(*found, strict=True))
+    return pixels, triangles, shares

@@ -1,0 +1,58 @@
+"""What `gtb degenerate` and `gtb knot-limit` wrote into a folder, read again."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from typing import Any
+
+from gtb_cli.errors import SpecError
+from gtb_cli.formats.meshfiles import read_mesh
+from gtb_cli.pictures.sequences import Frames
+
+RECORD = "sequence.json"
+
+MAX_BYTES = 10_000_000
+
+
+def read_frames(path: str) -> Frames:
+    """Read the meshes that a `sequence.json`, or that of a folder, lists.
+
+    Raises
+    ------
+    SpecError
+        There is none, or it is not right; it names files in its own folder only.
+    GtbError
+        A mesh cannot be read.
+    """
+    record = os.path.join(path, RECORD) if os.path.isdir(path) else path
+    try:
+        with open(record, "rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise SpecError(f"{record}: {error.strerror or error}") from None
+    try:
+        entries = json.loads(data if len(data) <= MAX_BYTES else b"")["meshes"]
+        key = next(key for key in ("x", "step") if key in entries[0])
+        values = tuple(_number(entry[key]) for entry in entries)
+        distances = tuple(float(entry["distance_to_limit"]) for entry in entries)
+        filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
+        names = [os.fspath(entry["file"]) for entry in entries]
+    except (ValueError, KeyError, TypeError, IndexError, StopIteration, AttributeError, RecursionError):
+        raise SpecError(f"{record}: is not a list of meshes as gtb degenerate and gtb knot-limit write it") from None
+    for name in names:
+        if os.path.basename(name) != name:
+            raise SpecError(f"{record}: {name!r} is not the name of a file in its folder")
+    folder = os.path.dirname(record)
+    meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
+    if len({mesh.is_curve for mesh in meshes}) > 1:
+        raise SpecError(f"{record}: curves and surfaces are mixed")
+    films = None if None in filmed else tuple(float(value) for value in filmed)
+    return Frames(key, values, meshes, distances, films)
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | str) or (value != "inf" and value == str(value)):
+        raise ValueError(value)
+    return math.inf if value == "inf" else float(value)

@@ -1,0 +1,342 @@
+"""A picture of things in space: a surface as an image, lines and labels as vectors, hidden parts lighter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.pictures.colours import FAINT, INK, SURFACE, rgb
+from gtb_cli.pictures.raster import Raster, rasterised
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FINER = 3
+"""Pixels of the computed image along one of the picture: their mean makes smooth outlines."""
+
+LARGEST_IMAGE = 12_000_000
+"""Pixels that are computed for one image at most."""
+
+BIAS = 0.004
+"""What a line may lie behind a surface and is still on it, as a fraction of the scene's size."""
+
+PIECE = 0.004
+"""Length of the pieces of which each is visible or not, as a fraction of the scene's size."""
+
+MARGIN = 0.07
+"""Free border around a scene, as a fraction of its size: room for labels."""
+
+LIGHT = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
+"""Where the light comes from: to the right, upwards, towards the eye."""
+
+AMBIENT, GLOSS, SHINE = 0.42, 0.22, 28
+"""Least brightness, and strength and sharpness of the highlight."""
+
+AMBIENT_OF_MAPS = 0.68
+"""Least brightness where colours mean numbers, and should be recognised."""
+
+BACK = 0.78
+"""Brightness of the side away from the normals beside the other."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the eye is, far away: the angle around the z axis from x towards y, and above the xy plane, in degrees.
+
+    What it sees is longer along the axes by the factors `stretch`.
+    """
+
+    azimuth: float = -60.0
+    elevation: float = 30.0
+    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def axes(self) -> FloatArray:
+        """(3, 3): unit vectors to the right, upwards, and towards the eye."""
+        a, e = math.radians(self.azimuth), math.radians(self.elevation)
+        right = [-math.sin(a), math.cos(a), 0.0]
+        up = [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)]
+        return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles with a unit normal and a colour at each vertex; no normals: all are equally bright.
+
+    Attributes
+    ----------
+    vertices : (m, 3) float
+    faces : (k, 3) int
+    normals : (m, 3) float or None
+    colours : (k, 3) float
+        Red, green and blue of each triangle.
+    scalars : (m,) float or None
+        In place of colours: numbers at the vertices, from 0 to 1 on the map `colour_map`.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    normals: FloatArray | None
+    colours: FloatArray
+    scalars: FloatArray | None = None
+    colour_map: str = "cividis"
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Things in space, seen by a camera.
+
+    Attributes
+    ----------
+    camera : Camera
+    low, high : (3,) float
+        Bounding box of all there is, in model units: what is computed is between 0 and 1.
+    window : (2, 2) float
+        Lowest and highest coordinates of the picture, to the right and upwards, in units of the box's diagonal.
+    surface : Surface or None
+    """
+
+    camera: Camera
+    low: FloatArray
+    high: FloatArray
+    window: FloatArray
+    surface: Surface | None = None
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the box, in model units; 1 where everything is at one place."""
+        return float(np.linalg.norm((self.high - self.low) * self.camera.stretch)) or 1.0
+
+    def seen(self, points: ArrayLike) -> FloatArray:
+        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
+        centred = (np.asarray(points, dtype=np.float64) - (self.low + self.high) / 2) / self.size
+        return np.asarray((centred * self.camera.stretch) @ self.camera.axes.T)
+
+
+def scene_of(camera: Camera, surface: Surface | None, others: Sequence[FloatArray] = ()) -> Scene:
+    """A scene whose window holds a surface and other points."""
+    return scenes_of(camera, [surface], others)[0]
+
+
+def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()) -> list[Scene]:
+    """Scenes of several surfaces with one window, which holds all of them and other points."""
+    clouds = [*(surface.vertices for surface in surfaces if surface is not None), *others]
+    clouds = [cloud for cloud in clouds if len(cloud)]
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    frame = Scene(camera, low, high, np.zeros((2, 2)))
+    flat = np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds])
+    ends = np.stack([flat.min(axis=0), flat.max(axis=0)])
+    margin = MARGIN * max(float(np.ptp(ends, axis=0).max()), 1e-3)
+    window = ends + np.array([[-margin], [margin]])
+    return [Scene(camera, low, high, window, surface) for surface in surfaces]
+
+
+def draw(ax: Axes, scene: Scene) -> Raster | None:
+    """Prepare axes for a scene, draw its surface, and return what is seen of it, for lines that it hides."""
+    (left, bottom), (right, top) = scene.window.tolist()
+    ax.set_xlim(left, right)
+    ax.set_ylim(bottom, top)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    if scene.surface is None:
+        return None
+    ax.apply_aspect()
+    box = ax.get_window_extent()
+    width, height = (max(round(length), 8) * FINER for length in (box.width, box.height))
+    shrink = math.sqrt(min(LARGEST_IMAGE / (width * height), 1.0))
+    width, height = (max(int(length * shrink) // FINER, 1) * FINER for length in (width, height))
+    pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
+    points = scene.seen(scene.surface.vertices)
+    placed = np.column_stack([(points[:, :2] - scene.window[0]) * pixels, points[:, 2]])
+    raster = rasterised(placed, scene.surface.faces, width, height)
+    ax.imshow(
+        _smoothed(_shaded(scene, raster)),
+        extent=(left, right, bottom, top),
+        origin="lower",
+        interpolation="antialiased",
+        zorder=1,
+        aspect="equal",
+    )
+    return raster
+
+
+def _shaded(scene: Scene, raster: Raster) -> FloatArray:
+    """(height, width, 4) colours and opacity, colours times opacity."""
+    surface = scene.surface
+    assert surface is not None
+    covered = raster.triangle >= 0
+    if surface.scalars is not None:
+        from matplotlib import colormaps
+
+        base = colormaps[surface.colour_map](raster.values(surface.faces, surface.scalars))[:, :3]
+    else:
+        base = surface.colours[raster.triangle[covered]]
+    if surface.normals is not None:
+        normals = (raster.values(surface.faces, surface.normals) / scene.camera.stretch) @ scene.camera.axes.T
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        away = normals[:, 2] < 0
+        normals = np.where(away[:, None], -normals, normals)
+        halfway = LIGHT + np.array([0.0, 0.0, 1.0])
+        halfway /= np.linalg.norm(halfway)
+        ambient = AMBIENT if surface.scalars is None else AMBIENT_OF_MAPS
+        bright = ambient + (1 - ambient) * np.clip(normals @ LIGHT, 0, None)
+        bright *= np.where(away, BACK, 1.0)
+        shine = GLOSS * np.clip(normals @ halfway, 0, None) ** SHINE * np.where(away, 0.3, 1.0)
+        base = base * bright[:, None] + shine[:, None]
+    image = np.zeros((*raster.triangle.shape, 4))
+    image[covered, :3] = base.clip(0, 1)
+    image[covered, 3] = 1
+    return image
+
+
+def _smoothed(image: FloatArray) -> FloatArray:
+    """Mean of `FINER` by `FINER` pixels each; colours no longer times opacity."""
+    height, width = image.shape[0] // FINER, image.shape[1] // FINER
+    mean = image.reshape(height, FINER, width, FINER, 4).mean(axis=(1, 3))
+    mean[..., :3] /= np.where(mean[..., 3:] > 0, mean[..., 3:], 1)
+    # Eight bits, as the file has: rounded here, whatever the last digits of the sums.
+    return np.asarray(np.rint(mean * 255).astype(np.uint8))
+
+
+def lines(
+    ax: Axes,
+    scene: Scene,
+    raster: Raster | None,
+    paths: Sequence[FloatArray],
+    *,
+    colour: str = INK,
+    width: float = 1.0,
+    hidden: float = 0.0,
+    dashes: str = "-",
+    order: float = 3,
+) -> None:
+    """Draw paths, (m, 3) points each: where the surface hides them, `hidden` times as strong, or not at all at 0."""
+    from matplotlib.collections import LineCollection
+
+    visible: list[FloatArray] = []
+    behind: list[FloatArray] = []
+    for path in paths:
+        points = scene.seen(path)
+        if raster is not None:
+            points = _pieces(points)
+        shown = _is_shown(scene, raster, points)
+        cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
+        for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
+            run = points[max(start - 1, 0) : stop, :2]
+            (visible if shown[start] else behind).append(run)
+    style: dict[str, Any] = {"colors": [colour], "linewidths": width, "capstyle": "round", "joinstyle": "round"}
+    if dashes != "-":
+        style["linestyles"] = dashes
+    ax.add_collection(LineCollection(visible, zorder=order, **style), autolim=False)
+    if hidden and behind:
+        ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
+
+
+def _pieces(points: FloatArray) -> FloatArray:
+    """Points of a path, with more between those that are far apart."""
+    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    counts = np.maximum(np.ceil(gaps / PIECE).astype(np.int64), 1)
+    place = np.repeat(np.arange(len(gaps)), counts)
+    share = (np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[place]
+    between = points[place] + share[:, None] * (points[place + 1] - points[place])
+    return np.concatenate([between, points[-1:]])
+
+
+def _is_shown(scene: Scene, raster: Raster | None, points: FloatArray) -> Any:
+    """(m,) whether no surface is before each of (m, 3) seen points."""
+    if raster is None:
+        return np.ones(len(points), dtype=bool)
+    height, width = raster.triangle.shape
+    share = (points[:, :2] - scene.window[0]) / (scene.window[1] - scene.window[0])
+    column = np.clip((share[:, 0] * width).astype(np.int64), 0, width - 1)
+    row = np.clip((share[:, 1] * height).astype(np.int64), 0, height - 1)
+    return _farthest_around(raster)[row, column] <= points[:, 2] + BIAS
+
+
+def _farthest_around(raster: Raster) -> FloatArray:
+    """(height, width) least nearness of each pixel and its neighbours: what is before a line is before all of them."""
+    found = raster.nearness.copy()
+    for axis in (0, 1):
+        ahead, behind = np.roll(found, -1, axis), np.roll(found, 1, axis)
+        found = np.minimum(found, np.minimum(ahead, behind))
+    return found
+
+
+def points(
+    ax: Axes,
+    scene: Scene,
+    places: FloatArray,
+    labels: Sequence[str] = (),
+    *,
+    colour: str = "white",
+    edge: str = INK,
+    size: float = 4.5,
+) -> None:
+    """Draw (m, 3) points as dots, with a label beside each."""
+    seen = scene.seen(places)
+    ax.plot(
+        seen[:, 0], seen[:, 1], "o", markersize=size, color=colour, markeredgecolor=edge, markeredgewidth=0.8, zorder=5
+    )
+    label_all(ax, seen[:, :2], labels)
+
+
+def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
+    """Write labels beside points in the plane, on the side away from the middle of all."""
+    middle = places.mean(axis=0) if len(places) else np.zeros(2)
+    for place, text in zip(places, labels, strict=False):
+        direction = place - middle
+        length = float(np.hypot(*direction))
+        x, y = (direction / length if length else np.array([0.7, 0.7])) * 9
+        ax.annotate(
+            text,
+            place,
+            (x, y),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=INK,
+            zorder=7,
+            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
+        )
+
+
+def triad(ax: Axes, camera: Camera) -> None:
+    """Draw the directions of the axes in the lower left corner."""
+    corner, length = (30, 26), 17
+    for k, name in enumerate("xyz"):
+        x, y = (camera.axes[:2, k] * length).tolist()
+        if math.hypot(x, y) < 0.12 * length:
+            continue
+        ax.annotate(
+            "",
+            (corner[0] + x, corner[1] + y),
+            corner,
+            xycoords="axes points",
+            textcoords="axes points",
+            arrowprops={"arrowstyle": "-|>,head_width=0.12,head_length=0.25", "color": FAINT, "lw": 0.9, "shrinkA": 0},
+            annotation_clip=False,
+        )
+        ax.annotate(
+            name,
+            (corner[0] + 1.45 * x, corner[1] + 1.45 * y),
+            xycoords="axes points",
+            fontsize=8,
+            color="#666666",
+            ha="center",
+            va="center",
+            annotation_clip=False,
+        )
+
+
+def plain(count: int, colour: str = SURFACE) -> FloatArray:
+    """(count, 3) times the same colour."""
+    return np.tile(rgb(colour), (count, 1))

@@ -1,0 +1,170 @@
+"""Pictures of sequences: panels with one camera and one scale, and distances from the limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.pictures.colours import LINES, NET
+from gtb_cli.pictures.look import Look, empty_figure, panels, settings
+from gtb_cli.pictures.nets import is_flat
+from gtb_cli.pictures.planar import level
+from gtb_cli.pictures.scene import draw, lines, points, scenes_of, triad
+from gtb_cli.pictures.solid import HIDDEN, surface_of
+from gtb_cli.tessellation.tessellate import vertex_normals
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST = 24
+"""Panels of one figure."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Meshes of a sequence, the limit last, with what belongs to them.
+
+    Attributes
+    ----------
+    key : str
+        What tells them apart: "x" or "step".
+    values : tuple of float
+    meshes : tuple of Mesh
+    distances : tuple of float
+        From the limit; empty where they are not known.
+    film_distances : tuple of float or None
+        From the limit with its film.
+    net_points : (n, 3) float or None
+        Control points of the limit net.
+    net : tuple of (int, int)
+        Pairs of them between which lines are drawn.
+    film : Mesh or None
+        What the limit has beside its last mesh.
+    """
+
+    key: str
+    values: tuple[float, ...]
+    meshes: tuple[Mesh, ...]
+    distances: tuple[float, ...] = ()
+    film_distances: tuple[float, ...] | None = None
+    net_points: FloatArray | None = None
+    net: tuple[tuple[int, int], ...] = ()
+    film: Mesh | None = None
+
+    @property
+    def titles(self) -> list[str]:
+        """What is written above each panel."""
+        return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
+
+
+def figure_of_frames(frames: Frames, look: Look) -> Figure:
+    """Draw the meshes of a sequence side by side, all with one camera and one scale, and the net of the limit."""
+    if len(frames.meshes) > MOST:
+        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {MOST} panels")
+    with settings():
+        figure = empty_figure(look)
+        with_net = look.net is not False and frames.net_points is not None
+        clouds = [mesh.vertices for mesh in frames.meshes]
+        if with_net and frames.net_points is not None:
+            clouds.append(frames.net_points)
+        flat = frames.meshes[0].is_curve and is_flat(clouds)
+        axes = panels(figure, frames.titles, plane=flat)
+        draw_panels = _draw_plane if flat else _draw_space
+        draw_panels(axes, frames, look, with_net, clouds)
+        return figure
+
+
+def _draw_plane(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool, clouds: Sequence[FloatArray]) -> None:
+    every = np.concatenate(clouds)[:, :2]
+    last = frames.meshes[-1]
+    for ax, mesh in zip(axes, frames.meshes, strict=True):
+        if with_net and frames.net_points is not None:
+            for a, b in frames.net:
+                ax.plot(*frames.net_points[[a, b], :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
+            ax.plot(*frames.net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
+        if mesh is not last:
+            _plot_segments(ax, last, LINES[1], "--", 1.2)
+        _plot_segments(ax, mesh, LINES[0], "-", 1.8)
+        if mesh is last and frames.film is not None:
+            _plot_segments(ax, frames.film, LINES[1], "--", 1.6)
+        level(ax, every)
+
+
+def _plot_segments(ax: Axes, mesh: Mesh, colour: str, dashes: str, width: float) -> None:
+    breaks = np.flatnonzero(mesh.cells[1:, 0] != mesh.cells[:-1, 1]) + 1
+    for run in np.split(mesh.cells, breaks):
+        path = mesh.vertices[np.append(run[:, 0], run[-1, 1])]
+        ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=width, zorder=3)
+
+
+def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool, clouds: Sequence[FloatArray]) -> None:
+    curves = frames.meshes[0].is_curve
+    surfaces = [None if curves else surface_of(with_normals(mesh)) for mesh in frames.meshes]
+    scenes = scenes_of(look.camera, surfaces, clouds)
+    for k, (ax, scene, mesh) in enumerate(zip(axes, scenes, frames.meshes, strict=True)):
+        raster = draw(ax, scene)
+        if curves:
+            lines(ax, scene, None, list(mesh.vertices[mesh.cells]), colour=LINES[0], width=1.8)
+        else:
+            lines(ax, scene, raster, list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN)
+        if with_net and frames.net_points is not None:
+            ends = [frames.net_points[list(pair)] for pair in frames.net]
+            lines(ax, scene, raster, ends, colour=NET, width=0.7, hidden=HIDDEN, order=4)
+            points(ax, scene, frames.net_points, edge=NET, size=2.6)
+        if frames.film is not None and k == len(axes) - 1:
+            rim = frames.film.cells if frames.film.is_curve else frames.film.edges
+            lines(ax, scene, raster, list(frames.film.vertices[rim]), colour=LINES[1], width=0.35, hidden=0.5)
+        if k == 0:
+            triad(ax, look.camera)
+
+
+def with_normals(mesh: Mesh) -> Mesh:
+    """A mesh that has normals: those of a file, which has none here, are the means of the faces'."""
+    if mesh.normals is not None or mesh.is_curve:
+        return mesh
+    from dataclasses import replace
+
+    missing = np.full_like(mesh.vertices, np.nan)
+    return replace(mesh, normals=vertex_normals(missing, mesh.vertices, mesh.faces))
+
+
+def figure_of_distances(frames: Frames, look: Look) -> Figure:
+    """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
+    with settings():
+        figure = empty_figure(look)
+        ax = figure.add_axes((0.13, 0.13, 0.83, 0.82))
+        values = np.array(frames.values[:-1])
+        steps = frames.key == "step"
+        across = 1 - values if steps else values
+        kept = across > 0
+        drawn = False
+        for label, distances, colour, dashes in (
+            ("from the limit", frames.distances, LINES[0], "o-"),
+            ("from the limit with its film", frames.film_distances, LINES[1], "s--"),
+        ):
+            if not distances:
+                continue
+            up = np.array(distances[:-1])
+            shown = kept & (up > 0)
+            drawn |= bool(shown.any())
+            ax.plot(across[shown], up[shown], dashes, color=colour, lw=1.5, ms=4.5, mec="white", mew=0.6, label=label)
+        if not drawn:
+            raise DomainError("no distance is other than 0: a figure needs some x, or steps, before the limit")
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        if steps:
+            ax.invert_xaxis()
+        ax.set_xlabel("1 − step" if steps else "x")
+        ax.set_ylabel("distance, in model units")
+        ax.grid(True, which="major", color="#DDDDDD", lw=0.6)
+        ax.grid(True, which="minor", color="#F0F0F0", lw=0.4)
+        if frames.film_distances:
+            ax.legend(frameon=False, fontsize=8)
+        return figure

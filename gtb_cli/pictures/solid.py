@@ -1,0 +1,221 @@
+"""Pictures in space: surfaces, bases of surfaces as graphs over Δ, and lifted knots with their upper hull."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, OPEN, line_style, patch_colour, rgb, scale_of
+from gtb_cli.pictures.look import Look, panels, subscript
+from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_paths
+from gtb_cli.pictures.planar import basis_values
+from gtb_cli.pictures.raster import Raster
+from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, scene_of, scenes_of, triad
+from gtb_cli.tessellation.attributes import with_attributes
+from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
+from gtb_cli.theory.decomposition import RegularDecomposition
+from gtb_cli.theory.joints import find_joints
+from gtb_cli.theory.patch import Model, Patch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FINE, FINE_MODEL, FINE_GRAPH = 64, 16, 48
+"""Segments of each edge of a patch, of each patch of a model, and of the graph of a basis function."""
+
+HEIGHT = 0.62
+"""Height of a graph beside the width of Δ."""
+
+GAP = 0.4
+"""How far Δ lies below the lowest lifted knot, beside the width of Δ."""
+
+HIDDEN = 0.3
+"""Strength of what is behind a surface."""
+
+PARAMETER_LINES = "#1F3A52"
+
+
+def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
+    """Draw a surface, or the patches of a model, shaded by its exact normals."""
+    patches = shape.patches if isinstance(shape, Model) else (shape,)
+    fine = look.resolution or (FINE_MODEL if len(patches) > 4 else FINE)
+    mesh = tessellate(shape, fine, parametrization="linear")
+    surface = surface_of(mesh, len(patches))
+    if look.curvature is not None:
+        surface = _by_curvature(ax, shape, mesh, surface, look)
+    with_net = len(patches) == 1 if look.net is None else look.net
+    scene = scene_of(look.camera, surface, [patch.control_points for patch in patches] if with_net else [])
+    raster = draw(ax, scene)
+    for patch in patches if look.isolines else ():
+        paths = isoparametric_paths(patch, look.isolines)
+        lines(ax, scene, raster, paths, colour=PARAMETER_LINES, width=0.6)
+    shared, free = borders(shape)
+    lines(ax, scene, raster, shared, width=0.9)
+    if isinstance(shape, Model):
+        lines(ax, scene, raster, free, colour=OPEN, width=2.0, hidden=HIDDEN, order=4)
+    else:
+        lines(ax, scene, raster, free, width=1.2, hidden=HIDDEN)
+    if with_net:
+        draw_net(ax, scene, raster, patches, look)
+    triad(ax, look.camera)
+
+
+def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
+    """A mesh with a colour for each patch."""
+    colours = plain(len(mesh.cells))
+    if patches > 1:
+        for index, (_, start, stop) in enumerate(mesh.groups):
+            colours[start:stop] = rgb(patch_colour(index))
+    return Surface(mesh.vertices, mesh.faces, mesh.normals, colours)
+
+
+def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Paths along edges that patches share, and along those that are open: of a single patch all."""
+    if isinstance(shape, Patch):
+        return [], boundary_paths(shape)
+    joints = find_joints(shape.patches)
+    shared = [edge_path(shape.patches[k], edge) for k, edge in (joint.first for joint in joints.shared)]
+    return shared, [edge_path(shape.patches[k], edge) for k, edge in joints.open]
+
+
+def draw_net(ax: Axes, scene: Scene, raster: Raster | None, patches: Sequence[Patch], look: Look) -> None:
+    """Draw control points, numbered, and the lines between them."""
+    for patch in patches:
+        lines(ax, scene, raster, net_paths(patch), colour=NET, width=0.9, hidden=HIDDEN, order=4)
+    spots = np.concatenate([patch.control_points for patch in patches])
+    texts = [subscript("b", i) for patch in patches for i in range(len(patch.knots))]
+    few = len(patches) == 1 and look.numbers(len(spots))
+    points(ax, scene, spots, texts if few or look.labels else (), edge=NET, size=4.5 if len(spots) < 100 else 2.5)
+
+
+def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, look: Look) -> Surface:
+    """A surface coloured by its curvature; the scale is drawn beside it."""
+    name = f"{look.curvature}_curvature"
+    values = with_attributes(shape, mesh, [name], "linear")[0].attributes[name]
+    colour_map = look.colour_map or "PuOr"
+    low, high = scale_of(values, colour_map)
+    draw_scale(ax, low, high, colour_map, f"{look.curvature} curvature".capitalize())
+    return replace(surface, scalars=((values - low) / (high - low)).clip(0, 1), colour_map=colour_map)
+
+
+def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -> None:
+    """Draw the scale of a colour map at the right edge of axes; values beyond its ends have the colours of these."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    figure = ax.get_figure()
+    assert figure is not None
+    x, y, width, height = ax.get_position().bounds
+    ax.set_position((x, y, 0.85 * width, height))
+    place = figure.add_axes((x + 0.855 * width, y + 0.2 * height, 0.022 * width, 0.6 * height))
+    bar = figure.colorbar(ScalarMappable(Normalize(low, high), colour_map), cax=place, extend="both")
+    bar.set_label(label)
+    bar.outline.set_linewidth(0.5)
+
+
+def draw_space_curves(ax: Axes, curves: Sequence[Patch], look: Look) -> None:
+    """Draw curves in space, with control polygons and numbered points."""
+    paths = [curve_path(curve, 256) for curve in curves]
+    with_net = len(curves) == 1 if look.net is None else look.net
+    scene = scene_of(look.camera, None, [*paths, *([curve.control_points for curve in curves] if with_net else [])])
+    draw(ax, scene)
+    for k, path in enumerate(paths):
+        colour, dashes = line_style(k)
+        lines(ax, scene, None, [path], colour=colour, width=1.9, dashes=dashes, order=4)
+    if with_net:
+        draw_net(ax, scene, None, curves, look)
+    triad(ax, look.camera)
+
+
+def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
+    """Draw basis functions of a surface as graphs over Δ, each with a scale of its own, from 0 to its maximum."""
+    count = len(patch.knots)
+    indices = look.indices or tuple(range(count))
+    for index in indices:
+        if not 0 <= index < count:
+            raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
+    symbol = "β" if look.unnormalised else "T"
+    flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
+    fine = look.resolution or (FINE if len(indices) <= 4 else FINE_GRAPH)
+    mesh = tessellate(flat, fine, parametrization="toric", normals=False)
+    assert mesh.parameters is not None
+    plane = (mesh.parameters - patch.domain.center) / patch.domain.size
+    corners = (patch.domain.vertices - patch.domain.center) / patch.domain.size
+    knots = (patch.knots - patch.domain.center) / patch.domain.size
+    values = basis_values(patch, mesh.parameters, look.unnormalised)[:, list(indices)]
+    colour_map = look.colour_map or "viridis"
+    highest = np.where(values.max(axis=0) > 0, values.max(axis=0), 1.0)
+    rim = _rim(patch)
+    surfaces = []
+    for column in (values / highest).T:
+        vertices = np.column_stack([plane, HEIGHT * column])
+        missing = np.full_like(vertices, np.nan)
+        normals = vertex_normals(missing, vertices, mesh.faces)
+        surfaces.append(Surface(vertices, mesh.faces, normals, plain(len(mesh.faces)), column.clip(0, 1), colour_map))
+    floor = np.column_stack([corners, np.zeros(len(corners))])
+    box = np.concatenate([floor, floor + np.array([0, 0, HEIGHT])])
+    names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
+    rim_heights = HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
+    scenes = scenes_of(look.camera, surfaces, [box])
+    for ax, scene, index, above in zip(panels(figure, names), scenes, indices, rim_heights.T, strict=True):
+        raster = draw(ax, scene)
+        lines(ax, scene, raster, [np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
+        edge = np.column_stack([(rim - patch.domain.center) / patch.domain.size, above])
+        lines(ax, scene, raster, [edge], width=0.8, hidden=HIDDEN)
+        spots = np.column_stack([knots, np.zeros(len(knots))])
+        points(ax, scene, np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
+        points(ax, scene, spots[[index]], colour=INK, edge="white", size=4.2)
+
+
+def _rim(patch: Patch) -> FloatArray:
+    """(m, 2) parameters around Δ."""
+    corners = patch.domain.vertices
+    share = (1 - np.cos(np.linspace(0, np.pi, 65)[:-1, None])) / 2
+    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    return np.concatenate([*(a + (b - a) * share for a, b in ends), corners[:1]])
+
+
+def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
+    """Draw the upper hull of the lifted knots above the cells, which are its projection."""
+    low, high = found.knots.min(axis=0), found.knots.max(axis=0)
+    size = float((high - low).max())
+    flat = (found.knots - (low + high) / 2) / size
+    rise = float(np.ptp(found.lifting)) or 1.0
+    heights = GAP + HEIGHT * (found.lifting - found.lifting.min()) / rise
+    lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
+    fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
+    upper = np.array([face for fan in fans for face in fan])
+    cell = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
+    colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
+    vertices = np.concatenate([lifted, ground])
+    faces = np.concatenate([upper, upper + len(lifted)])
+    scene = scene_of(look.camera, Surface(vertices, faces, None, np.concatenate([colours, colours])))
+    raster = draw(ax, scene)
+    for level, strength in ((lifted, 1.2), (ground, 0.9)):
+        loops = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
+        lines(ax, scene, raster, loops, width=strength, hidden=HIDDEN)
+    posts = [np.stack([below, above]) for below, above in zip(ground, lifted, strict=True)]
+    lines(ax, scene, raster, posts, colour=FAINT, width=0.8, hidden=0.7)
+    absent = list(found.absent)
+    present = [i for i in range(len(flat)) if i not in found.absent]
+    numbered = look.numbers(len(flat))
+    for level in (lifted, ground):
+        points(ax, scene, level[present], colour=INK, edge="white", size=5)
+        points(ax, scene, level[absent], edge=INK, size=5.5)
+    if numbered:
+        seen = scene.seen(np.concatenate([lifted, ground]))
+        texts = [f"λ={value:.4g}" for value in found.lifting.tolist()] + [subscript("a", i) for i in range(len(flat))]
+        for k, (place, text) in enumerate(zip(seen[:, :2].tolist(), texts, strict=True)):
+            above = k < len(flat)
+            ax.annotate(
+                text, place, (0, 6 if above else -6), textcoords="offset points", ha="center",
+                va="bottom" if above else "top", fontsize=8, zorder=7, color=INK if above else LINES[0],
+                bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
+            )  # fmt: skip
