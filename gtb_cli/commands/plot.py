@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, is_terminal, read_spec, shown_input, write_blocks
-from gtb_cli.commands.meshing import about, is_device
-from gtb_cli.commands.options import console_option, file_names, numbers_of, spec_format_option
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
+from gtb_cli.commands.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
 from gtb_cli.errors import DomainError, ExportError, SpecError
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.pictures.look import Look
     from gtb_cli.pictures.sequences import Frames
-    from gtb_cli.theory.patch import Model, Patch
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 FORMATS = ("png", "svg", "pdf")
 
@@ -119,13 +120,13 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 
 
 @click.command
-@click.argument("spec", metavar="SPEC|FOLDER", shell_complete=file_names)
+@click.argument("spec", metavar="SPEC|FOLDER", type=INPUT)
 @click.option(
     "-o",
     "--output",
     metavar="FIG",
     default=STANDARD,
-    shell_complete=file_names,
+    type=OUTPUT,
     help="Write to this file: PNG, SVG or PDF, by its suffix. Without it, or with -, to standard output.",
 )
 @click.option("--what", type=click.Choice(WHAT), help="What to draw; without it a curve, a surface, or a sequence.")
@@ -133,7 +134,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG. On standard output png."
 )
 @click.option("--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="In inches.")
-@click.option("--dpi", type=click.IntRange(20, 1200), default=150, show_default=True, help="Pixels per inch.")
+@click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, help="Pixels per inch.")
 @click.option(
     "--camera",
     callback=camera_of,
@@ -155,9 +156,9 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
 @click.option("--colours", "colour_map", type=click.Choice(MAPS), help="Map of numbers to colours.")
 @click.option(
-    "--isolines", type=click.IntRange(0, 200), default=0, metavar="N", help="Lines of constant u, and of constant v."
+    "--isolines", type=WholeNumber(0, 200), default=0, metavar="N", help="Lines of constant u, and of constant v."
 )
-@click.option("--index", "indices", type=click.IntRange(0), multiple=True, help="Basis functions to draw; else all.")
+@click.option("--index", "indices", type=WholeNumber(0), multiple=True, help="Basis functions to draw; else all.")
 @click.option("--unnormalised", is_flag=True, help="Draw the basis β_i in place of the rational one, T_i.")
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
 @click.option(
@@ -175,7 +176,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     help="Draw a curve, or its basis, for several values of one of its knots, weights or coefficients.",
 )
 @click.option(
-    "-n", "--resolution", type=click.IntRange(1, 1000), metavar="N", help="Segments along each edge of the domain."
+    "-n", "--resolution", type=WholeNumber(1, 1000), metavar="N", help="Segments along each edge of the domain."
 )
 @spec_format_option
 @console_option

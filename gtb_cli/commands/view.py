@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console, read_spec, shown_input, write_text
-from gtb_cli.commands.meshing import MeshOptions, about
-from gtb_cli.commands.options import console_option, file_names, spec_format_option
+from gtb_cli.commands.console import STANDARD, Console
+from gtb_cli.commands.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
+from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 from gtb_cli.errors import ToleranceError
+from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.sight import Sight
@@ -22,18 +23,18 @@ MOST_FACES = 1_000_000
 
 
 @click.command
-@click.argument("paths", metavar="SPEC|MESH|FOLDER...", nargs=-1, required=True, shell_complete=file_names)
+@click.argument("paths", metavar="SPEC|MESH|FOLDER...", nargs=-1, required=True, type=INPUT)
 @click.option(
     "-o",
     "--output",
     metavar="PAGE.html",
-    shell_complete=file_names,
+    type=OUTPUT,
     help="Write the page to this file. Without it to a temporary file, which the browser opens.",
 )
-@click.option("-n", "--resolution", type=click.IntRange(1, 1000), metavar="N", help="Segments along each edge.")
+@click.option("-n", "--resolution", type=WholeNumber(1, 1000), metavar="N", help="Segments along each edge.")
 @click.option("--no-open", is_flag=True, help="Open no browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="That of --watch; else any that is free.")
+@click.option("--port", type=WholeNumber(0, 65535), default=0, help="That of --watch; else any that is free.")
 @spec_format_option
 @console_option
 def view(
@@ -106,7 +107,7 @@ def _sight(path: str, resolution: int | None, spec_format: str | None) -> Sight:
     spec = read_spec(path, spec_format)
     with about(shown_input(path)):
         if resolution is not None:
-            _refuse_too_many(MeshOptions(resolution=resolution).faces(spec))
+            _refuse_too_many(Recipe(resolution).faces(spec))
         return sight_of(spec, resolution, spec.name if path == STANDARD else stem)
 
 

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.errors import DomainError
 from gtb_cli.pictures.look import Look, empty_figure, settings, whole
 from gtb_cli.pictures.nets import is_flat
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.look import Look, empty_figure, settings, whole
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

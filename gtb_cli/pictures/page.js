@@ -16,7 +16,7 @@ const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
 const state = { mode: "shaded", azimuth: -60, elevation: 30, zoom: 1, panX: 0, panY: 0, frame: 0,
   patches: true, net: false, knots: false, edges: true, open: true, folds: true, axes: true };
-let scene = null, version = 0, playing = false, wanted = false;
+let scene = null, version = 0, playing = false, wanted = false, fitted = false;
 
 // ---- data
 
@@ -210,7 +210,7 @@ function dotted(name, share, first, second, paint, rim, size) {
   attribute(0, name + "0", first, 3);
   attribute(1, name + "1", second, 3);
   for (const k of [2, 3, 4]) gl.disableVertexAttribArray(k);
-  for (const [test, strength] of [[gl.GREATER, 0.35], [gl.LEQUAL, 1]]) {
+  for (const [test, strength] of [[gl.GREATER, 0.15], [gl.LEQUAL, 1]]) {
     gl.depthFunc(test);
     gl.uniform4f(dots.at("paint"), ...paint, strength);
     gl.uniform4f(dots.at("rim"), ...rim, strength);
@@ -260,6 +260,7 @@ function draw() {
   fill(false);
   gl.enable(gl.BLEND);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+  gl.depthMask(false);   // lines do not hide each other: what shines through a surface would hide what is on it
   const { now, next, share, first } = frameNow();
   const moving = (name, pairs) => [gather(name, first, now.positions, pairs), gather(name, Math.min(first + 1, scene.frames.length - 1), next.positions, pairs)];
   if (scene.curve) stroke("curve", share, ...moving("curve", scene.cells), dark ? [0.34, 0.71, 0.91] : [0, 0.45, 0.7], 3.6, 0);
@@ -273,6 +274,7 @@ function draw() {
   }
   if (state.knots) dotted("knots", 0, scene.spots, scene.spots, dark ? [0.34, 0.71, 0.91] : [0, 0.45, 0.7], [1, 1, 1], 11);
   mark(faint);
+  gl.depthMask(true);
 }
 
 function project(x, y, z) {
@@ -343,6 +345,7 @@ function point(event) {
 
 function set(changes) {
   if (!scene) return;
+  if ("zoom" in changes || "panX" in changes) fitted = false;
   Object.assign(state, changes);
   state.elevation = clamp(state.elevation, -90, 90);
   state.zoom = clamp(state.zoom, 0.05, 400);
@@ -377,9 +380,11 @@ function fit() {
   }
   const w = canvas.clientWidth, h = canvas.clientHeight, panel = $("panel").getBoundingClientRect();
   const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, below = $("play").hidden ? 0 : 64;
+  const right_ = $("scale").hidden || w < 500 ? 0 : $("scale").offsetWidth + 12;
   const unit = 1.75 / 2 * Math.min(w, h), margin = Math.min(60, 0.12 * Math.min(w, h));
-  const zoom = Math.min((w - left - 2 * margin) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
-  set({ zoom, panX: left / 2 - (ends[0] + ends[1]) / 2 * unit * zoom, panY: below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom });
+  const zoom = Math.min((w - left - right_ - 2 * margin) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
+  set({ zoom, panX: (left - right_) / 2 - (ends[0] + ends[1]) / 2 * unit * zoom, panY: below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom });
+  fitted = true;
 }
 
 function play(time, before) {
@@ -443,7 +448,7 @@ $("theme").onclick = () => { document.documentElement.dataset.theme = isDark() ?
 $("mode").onchange = e => set({ mode: e.target.value });
 $("slider").oninput = e => { playing = false; set({ frame: Number(e.target.value) }); };
 $("run").onclick = toggle;
-addEventListener("resize", redraw);
+addEventListener("resize", () => fitted ? fit() : redraw());
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 
 const modes = () => scene.curve ? ["shaded"] : Object.keys(MODES).filter(name => scene.scalars[name] || !["mean", "gaussian"].includes(name));

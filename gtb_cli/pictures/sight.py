@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.distance import cross
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.look import subscript
 from gtb_cli.pictures.nets import net_of
 from gtb_cli.pictures.sequences import Frames, with_normals
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 FINE, FINE_MODEL, FINE_CURVE = 40, 14, 256
 """Segments of each edge of a patch, of each of many patches of a model, and of a curve."""
@@ -213,7 +213,7 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> tuple[IntArray,
     size = float(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max()) or 1.0
     corners = mesh.vertices[mesh.faces] / size
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    back = np.einsum("kj,kj->k", normals[first], normals[second]) < 0
+    back = dot(normals[first], normals[second]) < 0
     return pairs[same[between]], mesh.open_sides, pairs[same[back & ~between]]
 
 

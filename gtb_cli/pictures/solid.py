@@ -20,8 +20,8 @@ from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, s
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.decomposition import RegularDecomposition
-from gtb_cli.theory.joints import find_joints
-from gtb_cli.theory.patch import Model, Patch
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +80,7 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
     """Paths along edges that patches share, and along those that are open: of a single patch all."""
     if isinstance(shape, Patch):
         return [], boundary_paths(shape)
-    joints = find_joints(shape.patches)
+    joints = shape.joints
     shared = [edge_path(shape.patches[k], edge) for k, edge in (joint.first for joint in joints.shared)]
     return shared, [edge_path(shape.patches[k], edge) for k, edge in joints.open]
 
