@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from gtb_cli.formats.export import write_mesh
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.pictures.notebook import frame as frame
+    from gtb_cli.pictures.notebook import page, plot
     from gtb_cli.spec.loading import load
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
@@ -35,6 +37,8 @@ __all__ = [
     "load",
     "merge_knots",
     "move_knots",
+    "page",
+    "plot",
     "regular_control_surface",
     "regular_decomposition",
     "tessellate",
@@ -51,9 +55,12 @@ _ROOMS = {
     "SpecError": "errors",
     "ToleranceError": "errors",
     "degenerate": "theory.degeneration",
+    "frame": "pictures.notebook",
     "load": "spec.loading",
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",
+    "page": "pictures.notebook",
+    "plot": "pictures.notebook",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",
     "tessellate": "tessellation.tessellate",

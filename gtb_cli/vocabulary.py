@@ -49,6 +49,9 @@ SPEC_FORMATS = ("toml", "json")
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 """Scalars that a mesh may have at each vertex."""
 
+BASIS = "basis:"
+"""Before the index of a basis function: a further such scalar."""
+
 PARAMETRIZATIONS = ("toric", "linear")
 
 TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")

@@ -11,10 +11,11 @@ from typing import IO, TYPE_CHECKING, NoReturn
 
 import click
 
-from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.errors import DomainError, GtbError, SpecError, ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import (
     INPUT,
+    WholeNumber,
     console_option,
     json_option,
     output_option,
@@ -23,10 +24,14 @@ from gtb_cli.shell.options import (
     spec_format_option,
 )
 from gtb_cli.shell.streams import opened, read_patch, shown_input, write_blocks
+from gtb_cli.vocabulary import MAX_FACES
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.theory.patch import Patch
+
+MAX_GRID = 10**6
+"""Segments of each edge of a grid; its cells are counted before it is made."""
 
 LINES = 8192
 """Lines that are evaluated together: always the same, however a pipe cuts them, and so are the last digits."""
@@ -42,6 +47,13 @@ MAX_LINE = 10_000
 @spec_argument
 @click.argument("params", metavar="[PARAMS]", default=STANDARD, type=INPUT)
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
+@click.option(
+    "--grid",
+    type=WholeNumber(1, MAX_GRID),
+    metavar="N",
+    help="In place of PARAMS: the parameters of the vertices of gtb mesh -n N, which begin each line.",
+)
+@click.option("--header", is_flag=True, help="Print names of the columns first.")
 @parametrization_option
 @json_option
 @output_option
@@ -51,6 +63,8 @@ def evaluate(
     spec: str,
     params: str,
     basis: bool,
+    grid: int | None,
+    header: bool,
     parametrization: str | None,
     as_json: bool,
     output: str,
@@ -65,14 +79,53 @@ def evaluate(
     PARAMS is a file, or standard input: on each line one parameter, "t" for a curve and "u v" for a surface,
     separated by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each gives one line, with the
     shortest digits that read back exactly. With --json: {"points": [...], "parameters": [...]}, or "basis".
+
+    With --grid there is nothing to read: parameters cover the domain, corners and edges included, and each line is
+    "u v x y z" (of a curve "t x y z"), for any program that plots.
     """
-    if spec == params == STANDARD:
+    if grid is not None and params != STANDARD:
+        raise click.UsageError(f"--grid makes parameters: {params} cannot be read as well")
+    if header and as_json:
+        raise click.UsageError("--header is for lines, and --json names its parts itself")
+    if grid is None and spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
     loaded = read_patch(spec, spec_format)
     evaluated = loaded.basis if basis else loaded.evaluate
     values = partial(evaluated, parametrization="linear" if parametrization == "linear" else "toric")
-    batches = _batches(loaded, params, values)
-    write_blocks(output, _json(batches, "basis" if basis else "points") if as_json else map(_rows, batches))
+    batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
+    if as_json:
+        write_blocks(output, _json(batches, "basis" if basis else "points"))
+        return
+    names = _columns(loaded, basis, grid is not None)
+    first = [" ".join(names).encode("ascii") + b"\n"] if header else []
+    write_blocks(output, chain(first, map(_rows if grid is None else _rows_with_parameters, batches)))
+
+
+def _columns(patch: Patch, basis: bool, with_parameters: bool) -> list[str]:
+    """Names of what each line holds."""
+    parameters = (["t"] if patch.dimension == 1 else ["u", "v"]) if with_parameters else []
+    return parameters + ([f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"])
+
+
+def _grid(
+    patch: Patch, resolution: int, values: Callable[[FloatArray], FloatArray]
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield parameters that cover Δ, and values."""
+    from gtb_cli.tessellation.triangulation import cell_count, triangulation
+
+    count = cell_count(patch.domain, resolution)
+    if count > MAX_FACES:
+        raise ToleranceError(f"--grid {resolution} has {count} cells, more than {MAX_FACES}: take fewer")
+    u = triangulation(patch.domain, resolution).parameters
+    for start in range(0, len(u), LINES):
+        block = u[start : start + LINES]
+        yield block, values(block)
+
+
+def _rows_with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
+    import numpy as np
+
+    return _rows((batch[0], np.concatenate(batch, axis=1)))
 
 
 def _batches(

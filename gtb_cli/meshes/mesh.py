@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gtb_cli.meshes.topology import sides_of
 
 if TYPE_CHECKING:
     import trimesh
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,18 @@ class Mesh:
     def bounds(self) -> FloatArray:
         """(2, 3): the lowest and highest coordinates."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the mesh on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        import gtb_cli
+
+        return gtb_cli.plot(self, ax, **options)
+
+    def _repr_html_(self) -> str:
+        """A frame for notebooks, in which the mesh can be turned."""
+        import gtb_cli
+
+        return gtb_cli.frame(self)
 
     def to_trimesh(self) -> trimesh.Trimesh | trimesh.path.Path3D:
         """Return the same vertices and faces, in the same order, as a trimesh object (a `Path3D` for a curve)."""

@@ -41,10 +41,10 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     ExportError
         matplotlib is not installed.
     """
-    try:
-        look = Look(**options)
-    except TypeError as error:
-        raise DomainError(f"options: {str(error).partition('() ')[2]}") from None
+    unknown = sorted(options.keys() - Look.__dataclass_fields__.keys())
+    if unknown:
+        raise DomainError(f"options: expected some of {', '.join(Look.__dataclass_fields__)}, got {unknown[0]!r}")
+    look = Look(**options)
     with settings():
         if isinstance(thing, Mesh):
             return _plot_mesh(thing, ax, look)

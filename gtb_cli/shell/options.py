@@ -14,7 +14,7 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -94,6 +94,17 @@ class WholeNumber(click.IntRange):
             limits = "" if self.min is None else f" from {self.min}"
             limits += "" if self.max is None else f" to {self.max}"
             self.fail(f"expected a whole number{limits}, got {str(value)[:60]!r}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class AttributeName(click.Choice):  # type: ignore[type-arg]
+    """One of some names, or that of a basis function, such as basis:3."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read one; whether the patch has so many functions is seen later."""
+        text = str(value).removeprefix(BASIS)
+        if text != value and text.isascii() and text.isdecimal():
+            return value
         return super().convert(value, param, ctx)
 
 
@@ -203,9 +214,11 @@ def mesh_options(function: Function) -> Function:
     @click.option(
         "--attribute",
         "attributes",
-        type=click.Choice(ATTRIBUTES),
+        type=AttributeName(ATTRIBUTES),
+        metavar="NAME",
         multiple=True,
-        help="Write this scalar at each vertex of a PLY file (curvatures in 1/length² and 1/length). May be repeated.",
+        help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and 1/length), or "
+        f"{BASIS}I, the basis function T_I of a patch. May be repeated.",
     )
     @click.option(
         "--require",

@@ -17,7 +17,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
-from gtb_cli.vocabulary import ATTRIBUTES
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
 SHOWN = "quality"
 """The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
@@ -35,7 +35,8 @@ def with_attributes(
     mesh : Mesh
         As `gtb_cli.tessellation.tessellate.tessellate` made it.
     names : sequence of str
-        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`.
+        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`;
+        or ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``.
     parametrization : {"toric", "linear"}
         That of the mesh.
 
@@ -50,12 +51,13 @@ def with_attributes(
     Raises
     ------
     DomainError
-        An unknown name, a curvature of a curve, or a mesh without parameters.
+        An unknown name, a curvature of a curve, a basis function of a model, or a mesh without parameters.
     """
+    functions = {name: _basis_index(shape, name) for name in names if name.startswith(BASIS)}
     for name in names:
-        if name not in ATTRIBUTES:
-            raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)}, got {name!r}")
-        if mesh.is_curve and name != "u":
+        if name not in ATTRIBUTES and name not in functions:
+            raise DomainError(f"attribute: expected one of {', '.join(ATTRIBUTES)} or {BASIS}I, got {name!r}")
+        if mesh.is_curve and name != "u" and name not in functions:
             raise DomainError(f"attribute: a curve has u, its parameter, and no {name}")
     if mesh.parameters is None:
         raise DomainError("attribute: the vertices of this mesh have no parameters")
@@ -65,10 +67,23 @@ def with_attributes(
         found = _curvature_of(shape, mesh, mesh.parameters, parametrization)
         values |= {f"{kind}_curvature": filled(mesh, scalars) for kind, scalars in found._asdict().items()}
         replaced = int(np.count_nonzero(np.isnan(found.gaussian)))
-    chosen = {name: np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
+    if functions and isinstance(shape, Patch):
+        basis = shape.basis(mesh.parameters, parametrization)
+        values |= {name: basis[:, index] for name, index in functions.items()}
+    chosen = {name.replace(":", "_"): np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
     if chosen:
         chosen[SHOWN] = next(iter(chosen.values()))
     return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
+
+
+def _basis_index(shape: Patch | Model, name: str) -> int:
+    """The index of the basis function that ``basis:I`` names."""
+    text = name.removeprefix(BASIS)
+    if not isinstance(shape, Patch):
+        raise DomainError(f"attribute: {name} is of a single patch, and this is a model of {len(shape.patches)}")
+    if not (text.isascii() and text.isdecimal()) or len(text) > 9 or int(text) >= len(shape.knots):
+        raise DomainError(f"attribute: expected {BASIS}I with I from 0 to {len(shape.knots) - 1}, got {name!r}")
+    return int(text)
 
 
 def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrization: Parametrization) -> Curvature:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from gtb_cli.theory.joints import Joints
 
 
@@ -50,3 +52,15 @@ class Model:
         from gtb_cli.theory.joints import find_joints  # its rules of likeness are not needed to read a model
 
         return find_joints(self.patches)
+
+    def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
+        """Draw the model on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        import gtb_cli
+
+        return gtb_cli.plot(self, ax, what, **options)
+
+    def _repr_html_(self) -> str:
+        """A frame for notebooks, in which the model can be turned."""
+        import gtb_cli
+
+        return gtb_cli.frame(self)

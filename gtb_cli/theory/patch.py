@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.theory.basis import Location, exponentials
 from gtb_cli.theory.normals import NormalField
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Made(NamedTuple):
@@ -284,6 +287,18 @@ class Patch:
         members = self.domain.edge_knots(edge)
         knots = self.domain.along(edge, self.knots)[members]
         return self.part(members, knots=knots, edge_normals="auto", name=f"{self.name or 'patch'}-edge{edge}")
+
+    def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
+        """Draw the patch on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        import gtb_cli
+
+        return gtb_cli.plot(self, ax, what, **options)
+
+    def _repr_html_(self) -> str:
+        """A frame for notebooks, in which the patch can be turned."""
+        import gtb_cli
+
+        return gtb_cli.frame(self)
 
     @cached_property
     def _middle(self) -> FloatArray:
