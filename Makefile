@@ -13,7 +13,7 @@ SOURCES = gtb_cli tests
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup mesh test test-all test-oldest lint types check specs golden bench fuzz guided readers clean
+.PHONY: help setup mesh test test-all test-oldest lint types check specs golden gallery browser bench fuzz guided readers clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -48,6 +48,13 @@ specs: $(VENV)/.installed ## mesh every spec of specs/ into build/specs
 
 golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after a change that is meant
 	@$(RUN) gtb_cli mesh $(SPECS) -n 3 -o tests/golden
+
+gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
+	@$(RUN) tests.gallery
+
+browser: $(VENV)/.development ## let a browser, Debian's chromium and chromium-driver, show pages of gtb view
+	@command -v chromium chromedriver >/dev/null || { echo "expected chromium and chromedriver: apt-get install chromium chromium-driver"; exit 2; }
+	@$(RUN) pytest tests/pictures/test_browser.py
 
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
 	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError
-from gtb_cli.pictures.look import Look, empty_figure, settings, whole
+from gtb_cli.pictures.look import Look, empty_figure, settings, whole, with_numbers
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gtb_cli.theory.decomposition import RegularDecomposition
-
-PLANE = (0.1, 0.12, 0.86, 0.83)
-"""Place of axes with numbers in a figure."""
 
 
 def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> Figure:
@@ -60,7 +57,7 @@ def axes_for(figure: Figure, shape: Patch | Model, what: str, look: Look) -> Axe
     """Axes of a figure that suit a picture: with room for numbers, or all of it."""
     plane = (what == "curve" and _is_plane(shape)) or what in ("basis", "domain")
     plane |= what == "decomposition" and not (look.lifted and isinstance(shape, Patch) and shape.dimension == 2)
-    return figure.add_axes(PLANE) if plane else whole(figure)
+    return with_numbers(figure) if plane else whole(figure)
 
 
 def draw_on(ax: Axes, shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> None:
@@ -107,7 +104,7 @@ def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: st
         raise DomainError("variants are drawn of a curve, or of its basis; this is a surface")
     with settings():
         figure = empty_figure(look)
-        ax = figure.add_axes(PLANE)
+        ax = with_numbers(figure)
         if what == "basis":
             draw_basis(ax, variants, look, names)
         elif what == "curve" and is_flat([variant.control_points for variant in variants]):

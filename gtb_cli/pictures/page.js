@@ -62,8 +62,8 @@ void main() {
   bool away = n.z < 0.0;
   if (away) n = -n;
   vec3 light = normalize(vec3(-0.45, 0.55, 0.7)), half_way = normalize(light + vec3(0, 0, 1));
-  float bright = lit ? (0.42 + 0.58 * max(dot(n, light), 0.0)) * (away ? 0.78 : 1.0) : 1.0;
-  float shine = lit && !away ? 0.22 * pow(max(dot(n, half_way), 0.0), 28.0) : 0.0;
+  float bright = lit ? (0.5 + 0.5 * max(dot(n, light), 0.0)) * (away ? 0.78 : 1.0) : 1.0;
+  float shine = lit && !away ? 0.2 * pow(max(dot(n, half_way), 0.0), 28.0) : 0.0;
   vec3 c = colour;
   if (mode == 1) c = scaled(value);
   if (mode == 2) {                                // the reflection of a room with parallel lamps on its ceiling

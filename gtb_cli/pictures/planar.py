@@ -258,7 +258,7 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
                 subscript("a", i), (x, floor), (0, -15), textcoords="offset points", ha="center", fontsize=8,
                 annotation_clip=False,
             )  # fmt: skip
-    ax.margins(x=0.05)
+    ax.margins(x=0.07)
     ax.set_ylim(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0))
     ax.set_xticks([])
     ax.spines["bottom"].set_visible(False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,6 +33,14 @@ class Raster:
     triangle: IntArray
     weights: FloatArray
     nearness: FloatArray
+
+    @cached_property
+    def farthest_around(self) -> FloatArray:
+        """(height, width) least nearness of each pixel and its neighbours: what is before a line is before all."""
+        found = self.nearness.copy()
+        for axis in (0, 1):
+            found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))
+        return found
 
     def values(self, faces: IntArray, scalars: FloatArray) -> FloatArray:
         """(p, …) values at the pixels that are covered, row by row, of (m, …) values at the triangles' corners."""

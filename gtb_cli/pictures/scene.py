@@ -36,7 +36,7 @@ MARGIN = 0.07
 LIGHT = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
 """Where the light comes from: to the right, upwards, towards the eye."""
 
-AMBIENT, GLOSS, SHINE = 0.42, 0.22, 28
+AMBIENT, GLOSS, SHINE = 0.5, 0.2, 28
 """Least brightness, and strength and sharpness of the highlight."""
 
 AMBIENT_OF_MAPS = 0.68
@@ -258,16 +258,7 @@ def _is_shown(scene: Scene, raster: Raster | None, points: FloatArray) -> Any:
     share = (points[:, :2] - scene.window[0]) / (scene.window[1] - scene.window[0])
     column = np.clip((share[:, 0] * width).astype(np.int64), 0, width - 1)
     row = np.clip((share[:, 1] * height).astype(np.int64), 0, height - 1)
-    return _farthest_around(raster)[row, column] <= points[:, 2] + BIAS
-
-
-def _farthest_around(raster: Raster) -> FloatArray:
-    """(height, width) least nearness of each pixel and its neighbours: what is before a line is before all of them."""
-    found = raster.nearness.copy()
-    for axis in (0, 1):
-        ahead, behind = np.roll(found, -1, axis), np.roll(found, 1, axis)
-        found = np.minimum(found, np.minimum(ahead, behind))
-    return found
+    return raster.farthest_around[row, column] <= points[:, 2] + BIAS
 
 
 def points(
@@ -311,7 +302,7 @@ def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
 
 def triad(ax: Axes, camera: Camera) -> None:
     """Draw the directions of the axes in the lower left corner."""
-    corner, length = (30, 26), 17
+    corner, length = (22, 20), 13
     for k, name in enumerate("xyz"):
         x, y = (camera.axes[:2, k] * length).tolist()
         if math.hypot(x, y) < 0.12 * length:
@@ -327,7 +318,7 @@ def triad(ax: Axes, camera: Camera) -> None:
         )
         ax.annotate(
             name,
-            (corner[0] + 1.45 * x, corner[1] + 1.45 * y),
+            (corner[0] + 1.55 * x, corner[1] + 1.55 * y),
             xycoords="axes points",
             fontsize=8,
             color="#666666",

@@ -12,16 +12,18 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINES, NET
-from gtb_cli.pictures.look import Look, empty_figure, panels, settings
+from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.planar import level
-from gtb_cli.pictures.scene import draw, lines, points, scenes_of, triad
+from gtb_cli.pictures.scene import Surface, draw, lines, plain, points, scenes_of, triad
 from gtb_cli.pictures.solid import HIDDEN, surface_of
 from gtb_cli.tessellation.tessellate import vertex_normals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+FILM = "#E8894A"
 
 MOST = 24
 """Panels of one figure."""
@@ -107,6 +109,8 @@ def _plot_segments(ax: Axes, mesh: Mesh, colour: str, dashes: str, width: float)
 def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool, clouds: Sequence[FloatArray]) -> None:
     curves = frames.meshes[0].is_curve
     surfaces = [None if curves else surface_of(with_normals(mesh)) for mesh in frames.meshes]
+    if frames.film is not None and surfaces[-1] is not None:
+        surfaces[-1] = _with_film(surfaces[-1], frames.film)
     scenes = scenes_of(look.camera, surfaces, clouds)
     for k, (ax, scene, mesh) in enumerate(zip(axes, scenes, frames.meshes, strict=True)):
         raster = draw(ax, scene)
@@ -118,11 +122,22 @@ def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool
             ends = [frames.net_points[list(pair)] for pair in frames.net]
             lines(ax, scene, raster, ends, colour=NET, width=0.7, hidden=HIDDEN, order=4)
             points(ax, scene, frames.net_points, edge=NET, size=2.6)
-        if frames.film is not None and k == len(axes) - 1:
-            rim = frames.film.cells if frames.film.is_curve else frames.film.edges
-            lines(ax, scene, raster, list(frames.film.vertices[rim]), colour=LINES[1], width=0.35, hidden=0.5)
+        if frames.film is not None and curves and k == len(axes) - 1:
+            lines(ax, scene, None, list(frames.film.vertices[frames.film.cells]), colour=LINES[1], width=1.4)
         if k == 0:
             triad(ax, look.camera)
+
+
+def _with_film(surface: Surface, film: Mesh) -> Surface:
+    """A surface and its film, in another colour."""
+    film = with_normals(film)
+    normals = film.normals if film.normals is not None and surface.normals is not None else None
+    return Surface(
+        np.concatenate([surface.vertices, film.vertices]),
+        np.concatenate([surface.faces, film.faces + len(surface.vertices)]),
+        None if normals is None or surface.normals is None else np.concatenate([surface.normals, normals]),
+        np.concatenate([surface.colours, plain(len(film.faces), FILM)]),
+    )
 
 
 def with_normals(mesh: Mesh) -> Mesh:
@@ -139,7 +154,7 @@ def figure_of_distances(frames: Frames, look: Look) -> Figure:
     """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
     with settings():
         figure = empty_figure(look)
-        ax = figure.add_axes((0.13, 0.13, 0.83, 0.82))
+        ax = with_numbers(figure)
         values = np.array(frames.values[:-1])
         steps = frames.key == "step"
         across = 1 - values if steps else values

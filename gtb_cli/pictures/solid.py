@@ -36,6 +36,9 @@ HEIGHT = 0.62
 GAP = 0.4
 """How far Δ lies below the lowest lifted knot, beside the width of Δ."""
 
+ROOM = 0.9
+"""Inches beside a surface for the scale of its colours."""
+
 HIDDEN = 0.3
 """Strength of what is behind a surface."""
 
@@ -101,7 +104,7 @@ def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, 
     values = with_attributes(shape, mesh, [name], "linear")[0].attributes[name]
     colour_map = look.colour_map or "PuOr"
     low, high = scale_of(values, colour_map)
-    draw_scale(ax, low, high, colour_map, f"{look.curvature} curvature".capitalize())
+    draw_scale(ax, low, high, colour_map, f"{look.curvature}\ncurvature")
     return replace(surface, scalars=((values - low) / (high - low)).clip(0, 1), colour_map=colour_map)
 
 
@@ -113,10 +116,11 @@ def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -
     figure = ax.get_figure()
     assert figure is not None
     x, y, width, height = ax.get_position().bounds
-    ax.set_position((x, y, 0.85 * width, height))
-    place = figure.add_axes((x + 0.855 * width, y + 0.2 * height, 0.022 * width, 0.6 * height))
+    room = min(ROOM * figure.dpi / figure.bbox.width, 0.5 * width)
+    ax.set_position((x, y, width - room, height))
+    place = figure.add_axes((x + width - 0.92 * room, y + 0.16 * height, 0.13 * room, 0.62 * height))
     bar = figure.colorbar(ScalarMappable(Normalize(low, high), colour_map), cax=place, extend="both")
-    bar.set_label(label)
+    place.set_title(label, fontsize=8, loc="left", pad=8)
     bar.outline.set_linewidth(0.5)
 
 
