@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
-from gtb_cli.commands.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
 from gtb_cli.errors import DomainError, ExportError, SpecError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
+from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -300,7 +300,7 @@ def _values(shape: Patch | Model, lifting: tuple[float, ...] | int | None) -> Fl
     from gtb_cli.theory.patch import Patch
 
     if isinstance(lifting, int) and isinstance(shape, Patch):
-        from gtb_cli.theory.decomposition import lifting_of_knot
+        from gtb_cli.knots.decomposition import lifting_of_knot
 
         return lifting_of_knot(len(shape.knots), lifting)
     assert not isinstance(lifting, int)

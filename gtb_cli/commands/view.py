@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.commands.console import STANDARD, Console
-from gtb_cli.commands.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
-from gtb_cli.commands.streams import about, read_spec, shown_input, write_text
 from gtb_cli.errors import ToleranceError
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def view(
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page of files: it has no -o, and follows no standard input")
-        from gtb_cli.commands.watching import serve
+        from gtb_cli.shell.watching import serve
 
         serve(paths, lambda: sight_of_paths(paths, resolution, spec_format), port, console, opens=not no_open)
         return

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from gtb_cli.theory.decomposition import RegularDecomposition
+    from gtb_cli.knots.decomposition import RegularDecomposition
 
 
 def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> Figure:
@@ -122,7 +122,7 @@ def default_picture(shape: Patch | Model) -> str:
 
 def decomposition_of(patch: Patch, lifting: ArrayLike | None) -> RegularDecomposition:
     """The regular decomposition under a lifting, or the patch's own."""
-    from gtb_cli.theory.decomposition import regular_decomposition
+    from gtb_cli.knots.decomposition import regular_decomposition
 
     values = patch.lifting if lifting is None else lifting
     if values is None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.theory.decomposition import control_net, regular_decomposition
-from gtb_cli.theory.domain import Domain
+from gtb_cli.knots.decomposition import control_net, regular_decomposition
+from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
 ALONG = 96

@@ -9,12 +9,12 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, line_style, patch_colour
 from gtb_cli.pictures.look import Look, subscript
 from gtb_cli.pictures.nets import curve_path, net_of
 from gtb_cli.pictures.scene import label_all
 from gtb_cli.theory.basis import gt_bernstein
-from gtb_cli.theory.decomposition import RegularDecomposition
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:

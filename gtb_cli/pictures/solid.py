@@ -10,6 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
@@ -19,7 +20,6 @@ from gtb_cli.pictures.raster import Raster
 from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, scene_of, scenes_of, triad
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
-from gtb_cli.theory.decomposition import RegularDecomposition
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -10,8 +10,8 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
-from gtb_cli.commands.console import Console
 from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.shell.console import Console
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.sight import Sight
