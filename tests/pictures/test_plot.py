@@ -1,0 +1,227 @@
+"""`gtb plot`."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gtb_cli.commands.plot import MAPS as OFFERED
+from gtb_cli.pictures.colours import MAPS, OPEN, scale_of
+from tests.marks import long
+from tests.pictures.images import near, pixels
+from tests.shell import SPECS, environment, gtb
+
+SMALL = ("--size", "2.4,1.8", "--dpi", "60", "-n", "6")
+
+
+def png(*arguments: object) -> np.ndarray:
+    result = gtb("plot", *arguments)
+    assert result.status == 0, result.err
+    return pixels(result.out)
+
+
+ALL = sorted(path.name for path in SPECS.glob("*.toml"))
+MODELS = {"teapot.toml", "hebesphenorotunda.toml", "box-corner.toml"}
+SHOWN = ["example-3.1.toml", "pentagon.toml", "bezier-triangle.toml"]
+
+
+def kinds(name: str) -> list[str]:
+    """What there is to draw of a spec."""
+    if name in MODELS:
+        return ["surface"]
+    text = (SPECS / name).read_text(encoding="utf-8")
+    what = ["curve" if "knots = [0" in text else "surface", "basis", "domain"]
+    return what + ["decomposition"] * ("\nlifting" in text)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [pytest.param(name, what, marks=() if name in SHOWN else long) for name in ALL for what in kinds(name)],
+)
+def test_every_spec_is_drawn(name, what):
+    image = png(SPECS / name, "--what", what, *SMALL)
+    assert image.shape == (108, 144, 3)
+    assert (image != 255).any(axis=2).mean() > 0.02
+    assert (image == 255).all(axis=2).mean() > 0.2
+
+
+@pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
+def test_the_same_bytes_again(kind, tmp_path):
+    once, again = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+    for path in (once, again):
+        assert gtb("plot", SPECS / "example-3.1.toml", "-o", path).status == 0
+    assert once.read_bytes() == again.read_bytes()
+    assert b"20" + b"26" not in once.read_bytes()  # no date
+
+
+def test_svg_has_text_and_a_shading_that_is_an_image():
+    text = gtb("plot", SPECS / "pentagon.toml", "-f", "svg", *SMALL).text
+    assert ">b₃</text>" in text
+    assert text.count("<image") == 1
+    assert len(text) < 100_000
+
+
+@long
+def test_a_large_figure_is_below_a_megabyte():
+    for kind in ("svg", "pdf"):
+        assert len(gtb("plot", SPECS / "teapot.toml", "-n", "28", "-f", kind).out) < 1_000_000  # 50,000 faces
+
+
+def test_open_edges_of_a_model_are_red_and_those_of_a_patch_are_not():
+    box = png(SPECS / "box-corner.toml", "--camera", "40,28", *SMALL)
+    assert near(box, OPEN).sum() > 60
+    assert not near(png(SPECS / "pentagon.toml", *SMALL), OPEN).any()
+
+
+def test_an_absent_knot_is_hollow():
+    image = png(SPECS / "example-3.4.toml", "--what", "decomposition", "--no-labels", "--size", "4,3", "--dpi", "100")
+    # The knots lie on the floor: four filled dots and, second from the left, a hollow one.
+    floor = 300 - 47
+    dark = (image.max(axis=2) < 90)[floor - 6 : floor + 7]
+    columns = [62 + 0.07 / 1.14 * 322 + x * 322 / 1.14 for x in (0, 2**0.5 / 4, 0.5, 2**0.5 / 2, 1)]
+    filled = [bool(dark[5:8, round(x) - 1 : round(x) + 2].all()) for x in columns]
+    assert filled == [True, False, True, True, True]
+    assert dark[:, round(columns[1]) - 6 : round(columns[1]) + 7].any()
+
+
+def test_curvature_has_a_scale_with_zero_in_its_middle():
+    image = png(SPECS / "bicubic.toml", "--curvature", "mean", "--no-net", *SMALL)
+    purple, orange = near(image, "#542788", 60), near(image, "#b35806", 60)
+    assert purple.sum() > 20
+    assert orange.sum() > 20
+    low, high = scale_of(np.array([-1.0, 0.2, 3.0] * 100), "PuOr")
+    assert low == -high == -3.0
+
+
+@pytest.mark.parametrize(("name", "index"), [("weights", "[1]=1,10,100"), ("knots", "[2]=0.4,0.5,0.6")])
+def test_variants_are_drawn_together(name, index):
+    text = gtb("plot", SPECS / "example-3.1.toml", "--what", "basis", "--vary", name + index, "-f", "svg").text
+    values = index.partition("=")[2].split(",")
+    symbol = {"weights": "ω₁", "knots": "a₂"}[name]
+    assert [value for value in values if f">{symbol} = {value}</text>" in text] == values
+
+
+def test_a_sequence_has_a_panel_for_each_x(tmp_path):
+    spec = SPECS / "example-3.4.toml"
+    text = gtb("plot", spec, "-x", "2", "-x", "8", "-f", "svg").text
+    assert [title in text for title in (">x = 2<", ">x = 8<", ">limit<")] == [True] * 3
+    assert gtb("degenerate", spec, "-x", "2", "-x", "8", "-n", "64", "-o", tmp_path / "out").status == 0
+    for path in (tmp_path / "out", tmp_path / "out" / "sequence.json"):
+        again = gtb("plot", path, "-f", "svg").text
+        assert [title in again for title in (">x = 2<", ">x = 8<", ">limit<")] == [True] * 3
+    distances = gtb("plot", tmp_path / "out", "--what", "distance", "-f", "svg")
+    assert distances.status == 0, distances.err
+
+
+def test_a_film_is_drawn():
+    options = ("--merge", "3:1", "--steps", "0.9", "--camera", "15,25", "-n", "4", "--size", "3,2", "--dpi", "60")
+    image = png(SPECS / "example-4.2.toml", *options)
+    orange = (image[..., 0] > 1.5 * image[..., 2].astype(int)) & (image[..., 0] > 60)
+    half = image.shape[1] // 2
+    assert orange[:, half:].sum() > 30
+    assert not orange[:, :half].any()
+
+
+def test_the_camera_turns():
+    one, other = (png(SPECS / "pentagon.toml", "--camera", camera, *SMALL) for camera in ("-60,30", "30,30"))
+    assert (one != other).any(axis=2).mean() > 0.05
+
+
+def test_anywhere_and_of_any_size_it_is_the_same_picture(tmp_path):
+    text = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[{0}, {0}, {0}], [{1}, {0}, {0}], [{0}, {1}, {1}]]\n"
+    images = []
+    for number, (scale, shift) in enumerate([(1, 0), (1e-9, 0), (1e9, 0), (1, 2**23)]):
+        spec = tmp_path / f"{number}.toml"
+        spec.write_text(text.format(shift, shift + scale), encoding="utf-8")
+        images.append(png(spec, *SMALL).astype(int))
+    for image in images[1:]:
+        assert (np.abs(image - images[0]).max(axis=2) > 8).mean() < 0.002
+
+
+REFUSED = {
+    "a curve where a surface is needed": (["example-3.1.toml", "--what", "surface"], "is a curve, and has no picture"),
+    "a surface where a curve is needed": (["pentagon.toml", "--what", "curve"], "is a surface, and has no picture"),
+    "a model where a patch is needed": (["teapot.toml", "--what", "basis"], "is a model of 32 patches"),
+    "no lifting": (["example-3.1.toml", "--what", "decomposition"], "has no lifting"),
+    "no lifting for a sequence": (["example-3.1.toml", "--what", "sequence"], "has no lifting"),
+    "an index that is not there": (["example-3.1.toml", "--what", "basis", "--index", "5"], "index: expected 0 … 4"),
+    "variants of a surface": (["pentagon.toml", "--what", "basis", "--vary", "weights[0]=1,2"], "expected an index"),
+    "variants of a knot that is not there": (["example-3.1.toml", "--vary", "knots[7]=1"], "expected an index below 5"),
+    "variants with a wrong weight": (["example-3.1.toml", "--vary", "weights[0]=1,-1"], "must be positive"),
+    "an x for a curve": (["example-3.1.toml", "--what", "curve", "-x", "2"], "-x is for --what sequence"),
+    "a suffix": (["pentagon.toml", "-o", "figure.gif"], "cannot tell the format of figure.gif"),
+    "no folder to write to": (["example-3.1.toml", "-o", "nowhere/x.png"], "the folder nowhere does not exist"),
+    "a size": (["pentagon.toml", "--size", "3"], "expected width,height in inches"),
+    "a camera": (["pentagon.toml", "--camera", "0,91"], "expected azimuth,elevation"),
+    "too many pixels": (["pentagon.toml", "--size", "40,40", "--dpi", "1200"], "is more than 60M pixels"),
+    "both kinds of sequence": (["example-3.4.toml", "--what", "sequence", "--merge", "1:2", "-x", "3"], "--merge is a"),
+    "no spec": (["nothing.toml"], "nothing.toml: No such file"),
+    "knots off the hull": (["example-3.1.toml", "--merge", "0:1"], "hull"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_drawn_is_refused(case, tmp_path, monkeypatch):
+    (spec, *options), message = REFUSED[case]
+    monkeypatch.chdir(tmp_path)
+    output = [] if "-o" in options else ["-o", "figure.png"]
+    result = gtb("plot", SPECS / spec, *options, *output)
+    assert (result.status, list(tmp_path.iterdir())) == (2, [])
+    assert message in result.err
+    assert result.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("{", "is not a list of meshes"), ("[]", "is not a list"), ('{"meshes": [{"x": 1}]}', "is not a list")],
+)
+def test_a_wrong_record_is_refused(text, message, tmp_path):
+    (tmp_path / "sequence.json").write_text(text, encoding="utf-8")
+    result = gtb("plot", tmp_path, "-f", "svg")
+    assert result.status == 2
+    assert message in result.err
+
+
+def test_a_record_names_files_of_its_folder_only(tmp_path):
+    entry = '{"meshes": [{"x": 1, "file": "../x.obj", "distance_to_limit": 0}]}'
+    (tmp_path / "sequence.json").write_text(entry, encoding="utf-8")
+    result = gtb("plot", tmp_path, "-f", "svg")
+    assert "'../x.obj' is not the name of a file in its folder" in result.err
+
+
+def test_without_matplotlib_the_way_out_is_said(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = gtb("plot", SPECS / "pentagon.toml", "-o", tmp_path / "x.png")
+    assert result.status == 2
+    assert "pip install 'gtb-cli[plot]'" in result.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_it_offers_the_maps_that_there_are():
+    from matplotlib import colormaps
+
+    assert OFFERED == MAPS
+    assert set(MAPS) <= set(colormaps)
+
+
+def test_a_curve_needs_no_slow_packages(tmp_path):
+    """Neither a window system nor what the import of figures does not need."""
+    code = (
+        "from gtb_cli.commands.cli import run; import sys; "
+        f"run(['plot', {str(SPECS / 'example-3.1.toml')!r}, '-q', '-o', 'x.png']); print(*sys.modules, sep='\\n')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "matplotlib.figure" in loaded
+    assert not loaded & {"matplotlib.pyplot", "tkinter", "scipy", "trimesh", "gtb_cli.pictures.solid"}
+
+
+def test_numbers_below_letters():
+    from gtb_cli.pictures.look import subscript
+
+    assert subscript("b", 1023456789) == "b₁₀₂₃₄₅₆₇₈₉"
+    assert re.fullmatch(r"\D+", subscript("T", 3))
