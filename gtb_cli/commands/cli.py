@@ -38,6 +38,8 @@ COMMANDS = {
     "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
     "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
     "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
+    "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides, tangent planes exact."),
+    "fair": ("gtb_cli.commands.fair:fair", "Choose inner control points that make a surface fair."),
     "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
     "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
     "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),

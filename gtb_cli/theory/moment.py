@@ -41,6 +41,9 @@ ITERATIONS = 300
 EXTREME = 3.0
 """Range of log(c_i ω_i), affine part removed, from which the tropical limit is tried as a start too."""
 
+CROWD = 16
+"""If knots are more than four times as many, so many share one `EXTREME`: smooth weights have hundreds of cells."""
+
 CELL_FLOOR = 1e-3
 """How near the border of its cell, as a fraction of the next layer's distance, a tropical start may be: on the border
 itself it is infinite."""
@@ -190,7 +193,8 @@ class MomentMap:
         """Each cell of the regular decomposition that log(c_i ω_i) induces, with its gradient; none where tame."""
         w = self.log_weights
         affine = np.column_stack([self._unit_knots, np.ones(len(w))])
-        if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < EXTREME:
+        extreme = EXTREME * (len(w) / CROWD if len(w) > 4 * CROWD else 1)
+        if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < extreme:
             return ()
         parts = regular_decomposition(self._unit_knots, w)
         return tuple(

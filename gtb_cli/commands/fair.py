@@ -1,0 +1,61 @@
+"""`gtb fair`: the same patch with fair inner control points."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+
+if TYPE_CHECKING:
+    from gtb_cli.design.energy import Energy
+    from gtb_cli.design.fair import Keep
+
+
+@click.command
+@spec_argument
+@click.option(
+    "--energy",
+    type=click.Choice(["thin-plate", "dirichlet"]),
+    default="thin-plate",
+    help="What is made small: bending, as without this option, or stretching.",
+)
+@click.option(
+    "--keep",
+    type=click.Choice(["boundary", "tangents"]),
+    default="boundary",
+    help="What stays: the boundary, as without this option, or the tangent planes along it, too.",
+)
+@output_option
+@spec_format_option
+@console_option
+def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | None, console: Console) -> None:
+    """\b
+    Example: gtb fair specs/hexagon.toml --keep tangents | gtb mesh - -o fair.obj
+
+    Print the spec of the same patch with inner control points that make it fair.
+
+    Knots and weights stay. The energy is that of the linear parametrization. Each patch of a model is made fair by
+    itself.
+    """
+    from gtb_cli.design.fair import fair as made_fair
+    from gtb_cli.spec.writer import dump
+    from gtb_cli.theory.model import Model
+
+    loaded = read_spec(spec, spec_format)
+    patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
+    with about(shown_input(spec)):
+        found = [made_fair(patch, energy, keep) for patch in patches]
+        model = isinstance(loaded, Model)
+        text = dump(Model(tuple(part.patch for part in found), loaded.name) if model else found[0].patch)
+    write_text(output, text)
+    for index, part in enumerate(found):
+        name = f"{part.patch.name or f'patches[{index}]'}: " if model else ""
+        if not part.free:
+            console.warn(f"{name}no control point is free, all stay")
+        if part.folds:
+            console.warn(f"{name}the patch folds, at {part.folds} of some thousand places")
+        console.note(f"{name}{part.free} free control points, energy {part.before:.6g} before, {part.after:.6g} now")

@@ -1,0 +1,121 @@
+"""`gtb fill`: an n-sided hole, filled with one patch."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import (
+    INPUT,
+    WholeNumber,
+    console_option,
+    length_of,
+    output_option,
+    spec_format_option,
+)
+from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
+
+if TYPE_CHECKING:
+    from gtb_cli.design.fill import Filling
+    from gtb_cli.design.sides import Side
+
+CORNER_ANGLE = 0.1
+"""Angle in degrees between the planes of two sides at their corner above which it is said."""
+
+
+@click.command
+@click.argument("loop", metavar="LOOP", type=INPUT)
+@click.option("--hole", metavar="EDGE", help='Of a model, fill the ring with this edge, such as "wall-0 edge 2".')
+@click.option(
+    "--inner",
+    type=click.Choice(["fair", "flat"]),
+    default="fair",
+    help="Make the inside fair (least thin-plate energy), as without this option, or flat like a soap film.",
+)
+@click.option(
+    "--fullness",
+    callback=length_of,
+    metavar="F",
+    help="Go on along the given tangent planes by F times what is fair.",
+)
+@click.option(
+    "--elevate",
+    "raises",
+    type=WholeNumber(0, 6),
+    metavar="D",
+    help="Raise the degree of edges by D at least: a fairer patch of more knots. Without it by what suits.",
+)
+@output_option
+@spec_format_option
+@console_option
+def fill(
+    loop: str,
+    hole: str | None,
+    inner: str,
+    fullness: float | None,
+    raises: int | None,
+    output: str,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb boundary specs/pentagon.toml | gtb fill - | gtb mesh - -o filled.obj
+
+    Print the spec of one patch that fills a hole with three or more sides.
+
+    LOOP is a spec whose patches are curves, the sides in any order: rational Bézier curves, each with a "ribbon" if the
+    patch is to touch tangent planes along it (as many points as control points: the second row). Or a .gbp or .lop
+    file. Or a model of surfaces, which is printed with the patch that fills its open ring.
+
+    Along each side with a ribbon the tangent planes are exact, but for rounding; the largest angle is said.
+    """
+    from gtb_cli.design.fill import fill as filled
+    from gtb_cli.design.holes import fill_hole
+    from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
+    from gtb_cli.spec.document import MAX_BYTES
+    from gtb_cli.spec.scanner import Format
+    from gtb_cli.spec.writer import dump
+    from gtb_cli.theory.model import Model
+
+    suffix = os.path.splitext(loop)[1].lower()
+    source = shown_input(loop)
+    if suffix in SUFFIXES and spec_format is None:
+        found: list[Side] | Model = loop_from_text(read_bytes(loop, MAX_LOOP_BYTES + 1), source)
+    else:
+        kind: Format | None = "json" if spec_format == "json" else "toml" if spec_format == "toml" else None
+        if kind is None and suffix in (".toml", ".json"):
+            kind = "json" if suffix == ".json" else "toml"
+        found = loop_or_model(read_bytes(loop, MAX_BYTES + 1), source, kind)
+    with about(source):
+        if isinstance(found, Model):
+            model, filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
+            text = dump(model)
+        elif hole is not None:
+            raise click.UsageError("--hole names an edge of a model of surfaces, this is a loop of curves")
+        else:
+            name = None if loop == STANDARD else file_stem(os.path.splitext(os.path.basename(loop))[0])
+            filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=name)
+            text = dump(filling.patch)
+    write_text(output, text)
+    _report(filling, console)
+
+
+def _report(filling: Filling, console: Console) -> None:
+    for remark in filling.remarks:
+        console.note(remark)
+    sides = len(filling.sides)
+    for corner, angle in enumerate(filling.corner_angles.tolist()):
+        if angle > CORNER_ANGLE:
+            names = f"{filling.sides[corner - 1].name} and {filling.sides[corner].name}"
+            console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
+    if filling.folds:
+        console.warn(f"the patch folds, at {filling.folds} of some thousand places: try --fullness, or other ribbons")
+    if filling.angle > 90:
+        console.warn("the patch is turned over along an edge: do the ribbons point into the hole?")
+    angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
+    knots = len(filling.patch.knots)
+    console.note(f"{sides} sides, {knots} knots, energy {filling.energy:.6g}{angle}")

@@ -1,0 +1,105 @@
+"""A patch with the same knots, weights and boundary, and the inner control points that make it fair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray
+from gtb_cli.design.energy import Energy, energy_matrix
+from gtb_cli.design.folds import folds
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain
+from gtb_cli.tessellation.triangulation import central_triangulation
+from gtb_cli.theory.frame import LAYER
+from gtb_cli.theory.patch import Patch
+
+Keep: TypeAlias = Literal["boundary", "tangents"]
+
+RIDGE = 1e-12
+"""Added to the energy, of its mean: a control point on which it does not depend stays where it is."""
+
+RINGS = 16
+"""Rings of the mesh of Δ in which folds are looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fairing:
+    """A fair patch. Made by `fair`.
+
+    Attributes
+    ----------
+    patch : Patch
+    before, after : float
+        Energy of the patch that was given and of this one, in units of length².
+    free : int
+        Number of control points that were free.
+    folds : int
+        Sides of some thousand triangles at which the surface turns back.
+    """
+
+    patch: Patch
+    before: float
+    after: float
+    free: int
+    folds: int
+
+
+def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -> Fairing:
+    """Choose the inner control points of a surface for the least energy.
+
+    Parameters
+    ----------
+    patch : Patch
+        A surface.
+    energy : {"thin-plate", "dirichlet"}
+        See `gtb_cli.design.energy.energy`.
+    keep : {"boundary", "tangents"}
+        What stays: the boundary curves, or the tangent planes along them too, which the layer of knots next to each
+        edge decides.
+
+    Returns
+    -------
+    Fairing
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, or an option has no such value.
+
+    Notes
+    -----
+    One linear least-squares problem, as the patch is linear in its control points. Knots and weights stay.
+    """
+    if keep not in ("boundary", "tangents"):
+        raise DomainError(f"keep: expected boundary or tangents, got {keep!r}")
+    matrix = energy_matrix(patch.domain, patch.log_products, energy)
+    kept = kept_knots(patch.domain, keep)
+    free = np.flatnonzero(~kept)
+    middle = patch.control_points.mean(axis=0)
+    points = patch.control_points - middle
+    before = float(np.einsum("ik,ij,jk->", points, matrix, points))
+    after = before
+    if len(free):
+        ridge = RIDGE * np.trace(matrix) / len(matrix)
+        form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
+        points = points.copy()
+        points[free] -= np.linalg.solve(form, matrix[free] @ points)
+        after = float(np.einsum("ik,ij,jk->", points, matrix, points))
+        points += middle
+        points[kept] = patch.control_points[kept]
+        patch = patch.replace(control_points=points)
+    part = central_triangulation(patch.domain, RINGS)
+    return Fairing(patch, before, after, len(free), folds(patch.evaluate(part.parameters, "linear"), part.cells))
+
+
+def kept_knots(domain: Domain, keep: Keep) -> BoolArray:
+    """(n,) whether knots are on an edge or, for tangents, in the nearest layer of one."""
+    kept = domain.incidence.any(axis=1)
+    if keep == "tangents":
+        for heights in domain.heights.T:
+            first = heights[heights > 0].min()
+            kept = kept | (heights <= first + LAYER * heights.max())
+    return np.asarray(kept)

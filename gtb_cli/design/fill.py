@@ -1,0 +1,318 @@
+"""A hole with three or more sides, filled with one patch that touches the given planes exactly along its edges.
+
+Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots half a step on, with control points
+``(q_j + q_{j+1})/2 + v_j``: the first part lies in the tangent line, and v is a polynomial field in the given tangent
+planes. So the edge's tangent and the direction to the row span these planes. All fields with this property are a linear
+space, found as the null space of ``v ↦ <normal, v>``; which of them is taken, and where the inner control points are,
+is one linear least-squares problem.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.energy import Energy, energy_matrix
+from gtb_cli.design.folds import folds
+from gtb_cli.design.net import Net, net
+from gtb_cli.design.planes import Field, nearest_field, row_fields
+from gtb_cli.design.sides import (
+    Side,
+    loop,
+    points_and_tangents,
+    side_normals,
+    size_of,
+    stations,
+)
+from gtb_cli.design.torus import starts, torus_of
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
+from gtb_cli.tessellation.triangulation import central_triangulation
+from gtb_cli.theory.basis import Location, exponents, face_knots
+from gtb_cli.theory.frame import shares
+from gtb_cli.theory.patch import Patch
+
+MOST_SIDES = 24
+"""Most sides of a hole: with more, inner knots are too few for the corners."""
+
+RIDGE = 1e-12
+"""Added to the energy, of its mean: what the samples do not see stays where it is."""
+
+FOLD_RINGS = 16
+"""Rings of the mesh in which folds are looked for."""
+
+FOLD_WITHIN = 1e-6
+"""Distance of its vertices from their places, of the mean side."""
+
+SOUND = 1e-6
+"""Angle in degrees along an edge below which planes are met: rounding of coordinates of an ordinary size."""
+
+CORNER = 0.02
+"""Parameters nearer to the ends of an edge than this are a corner, when angles are measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """A patch that fills a hole. Made by `fill`.
+
+    Attributes
+    ----------
+    patch : Patch
+    sides : tuple of Side
+        In the order of the patch's edges.
+    energy : float
+        What was made small; of the control points, in units of length².
+    angle : float
+        Largest angle in degrees between the patch's normals and the given ones along its edges, away from corners.
+    corner_angles : (r,) float
+        Angle in degrees between the planes that sides k − 1 and k want at corner k; NaN where one wants none.
+    raises : tuple of int
+        How often the degree of each side was raised.
+    folds : int
+        Places, of some thousand, at which the patch is turned over.
+    remarks : tuple of str
+    """
+
+    patch: Patch
+    sides: tuple[Side, ...]
+    energy: float
+    angle: float
+    corner_angles: FloatArray
+    raises: tuple[int, ...]
+    folds: int
+    remarks: tuple[str, ...]
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether it neither folds nor turns over along an edge, and touches the given planes to rounding."""
+        return not self.folds and not self.angle > SOUND
+
+
+def fill(
+    sides: Sequence[Side],
+    *,
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+    name: str | None = None,
+) -> Filling:
+    """Fill a hole.
+
+    Parameters
+    ----------
+    sides : sequence of Side
+        In any order; their ends meet.
+    inner : {"fair", "flat"}
+        Least thin-plate energy, or least Dirichlet energy, which makes the patch more like a soap film.
+    fullness : float
+        Factor of how far the patch goes on along the given planes; 1 is the fairest.
+    raises : int, optional
+        How often the degree of the edges is raised, at least. Default: 2 where a side has a ribbon, else 1; with 0,
+        edges stay as they are, if an exact field is found.
+    name : str, optional
+
+    Returns
+    -------
+    Filling
+
+    Raises
+    ------
+    DomainError
+        Sides that do not close, are too few or too many, or have no tangent planes.
+    """
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not (math.isfinite(fullness) and fullness > 0):
+        raise DomainError(f"fullness: must be positive, got {fullness!r}")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
+    ordered, remarks = loop(sides)
+    if len(ordered) > MOST_SIDES:
+        raise DomainError(f"loop: has {len(ordered)} sides, at most {MOST_SIDES} are filled with one patch")
+    middle, size = _frame(ordered)
+    unit = [_moved(side, middle, size) for side in ordered]
+    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
+    normals = [None if side.across is None else side_normals(side) for side in unit]
+    least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
+    best: _Attempt | None = None
+    for count, fewer in ((least, False), (least, True), (least + 1, False), (least + 2, True)):
+        attempt = _attempt(unit, normals, count, fewer, kind, fullness)
+        if best is None or attempt.faults < best.faults:
+            best = attempt
+        if not best.faults:
+            break
+    assert best is not None
+    shape, patch = best.net, best.patch
+    patch = Patch(
+        shape.knots,
+        patch.control_points * size + middle,
+        log_weights=shape.log_weights - shape.log_weights[0],
+        name=name,
+    )
+    patch = _with_exact_corners(patch, ordered)
+    angle = max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan)
+    if any(best.raises):
+        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
+    corner_angles = _corner_angles(unit, normals)
+    return Filling(patch, ordered, best.energy * size**2, angle, corner_angles, best.raises, best.folds, tuple(remarks))
+
+
+class _Attempt(NamedTuple):
+    """A patch for the loop in units of its size, and what is wrong with it."""
+
+    net: Net
+    patch: Patch
+    energy: float
+    raises: tuple[int, ...]
+    folds: int
+    turned: int
+
+    @property
+    def faults(self) -> int:
+        return self.folds + 1000 * self.turned
+
+
+def _attempt(
+    sides: Sequence[Side],
+    normals: Sequence[FloatArray | None],
+    least: int,
+    fewer: bool,
+    kind: Energy,
+    fullness: float,
+) -> _Attempt:
+    """Fill with edges raised so often, at least, and all fields, or for each side the one nearest to what is given."""
+    edges, fields, times = row_fields(sides, normals, least)
+    if fewer:
+        fields = [nearest_field(field, side, n) for field, side, n in zip(fields, sides, normals, strict=True)]
+    shape, points, value = _solved(edges, fields, kind, fullness)
+    patch = Patch(shape.knots, points, log_weights=shape.log_weights)
+    turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
+    return _Attempt(shape, patch, value, tuple(times), _folds(shape, points), turned)
+
+
+def _frame(sides: Sequence[Side]) -> tuple[FloatArray, float]:
+    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
+    return (points.min(axis=0) + points.max(axis=0)) / 2, size_of(sides)
+
+
+def _moved(side: Side, middle: FloatArray, size: float) -> Side:
+    """Give a side's points in units of the loop's size, from its middle."""
+    weights = side.curve[:, 3:]
+    return Side(side.name, np.column_stack([(side.curve[:, :3] - weights * middle) / size, weights]), side.across)
+
+
+def _solved(
+    edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, fullness: float
+) -> tuple[Net, FloatArray, float]:
+    """The net, its control points and their energy."""
+    polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
+    binomials = [np.array([float(math.comb(len(edge) - 1, j)) for j in range(len(edge))]) for edge in edges]
+    fewer = [np.array([float(math.comb(len(row) - 1, j)) for j in range(len(row))]) for row in polars]
+    shape = net(
+        np.array([_length(edge) for edge in edges]),
+        [count * edge[:, 3] for count, edge in zip(binomials, edges, strict=True)],
+        [count * row[:, 3] for count, row in zip(fewer, polars, strict=True)],
+    )
+    matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind)
+    matrix += RIDGE * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
+    points = np.zeros((len(shape.knots), 3))
+    columns = []
+    for members, curve in zip((*shape.edges, *shape.rows), (*edges, *polars), strict=True):
+        points[members] = curve[:, :3] / curve[:, 3:]
+    for members, row, field in zip(shape.rows, polars, fields, strict=True):
+        columns += [(members, values / row[:, 3:]) for values in field or ()]
+    free = [members for members, field in zip(shape.rows, fields, strict=True) if field is None]
+    inner = np.concatenate([*free, shape.inner])
+    outer = np.setdiff1d(np.arange(len(points)), inner)
+    # The inner points follow from the others; what is left is a form of these alone.
+    weights = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, outer)])
+    form = matrix[np.ix_(outer, outer)] - matrix[np.ix_(outer, inner)] @ weights
+    form = (form + form.T) / 2
+    if columns:
+        shifts = np.zeros((len(columns), len(outer), 3))
+        for shift, (members, values) in zip(shifts, columns, strict=True):
+            shift[np.searchsorted(outer, members)] = values
+        images = np.einsum("ij,fjk->fik", form, shifts).reshape(len(columns), -1)
+        flat = shifts.reshape(len(columns), -1)
+        factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE)[0]
+        points[outer] += fullness * np.einsum("f,fik->ik", factors, shifts)
+    points[inner] = -weights @ points[outer]
+    return shape, points, float(np.einsum("ik,ij,jk->", points, matrix, points))
+
+
+def _length(curve: FloatArray) -> float:
+    points, _ = points_and_tangents(curve, np.linspace(0, 1, 33))
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def _with_exact_corners(patch: Patch, sides: Sequence[Side]) -> Patch:
+    points = patch.control_points.copy()
+    points[: len(sides)] = [side.ends[0] for side in sides]
+    return patch.replace(control_points=points)
+
+
+def _folds(shape: Net, points: FloatArray) -> int:
+    """Count sides of triangles, of a mesh of Δ, at which the image turns by more than a right angle."""
+    part = central_triangulation(domain(shape.knots, "unit"), FOLD_RINGS)
+    inside = np.ones(len(part.parameters), dtype=bool)
+    inside[part.boundary] = False
+    p = part.parameters[inside]
+    s = torus_of(shape.knots, shape.log_weights, p, starts(shape.knots, p), FOLD_WITHIN)
+    vertices = np.zeros((len(part.parameters), 3))
+    vertices[inside] = shares(exponents(shape.knots, shape.log_weights, s)).T @ points
+    for members, boundary in zip(shape.edges, part.boundary, strict=True):
+        curve = np.column_stack([points[members], np.ones(len(members))]) * np.exp(shape.log_weights[members])[:, None]
+        degree = len(members) - 1
+        curve /= np.array([float(math.comb(degree, j)) for j in range(degree + 1)])[:, None]
+        vertices[boundary], _ = points_and_tangents(curve, np.arange(len(boundary)) / len(boundary))
+    return folds(vertices, part.cells)
+
+
+def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
+    """Largest angle in degrees between the patch's normals and the given ones along a side, away from its ends."""
+    t = stations()
+    away = (t > CORNER) & (t < 1 - CORNER)
+    # A Bézier parameter t is the torus coordinate log(t / (1 − t)) over a step.
+    shape = patch.domain
+    edge = _edge_from(patch, side)
+    face = shape.faces[1 + edge]
+    along = shape.along(edge, patch.knots[face.knots])
+    step = float(along.max()) / (len(along) - 1)
+    s = (np.log(t[away] / (1 - t[away])) / step)[None]
+    where = Location(
+        np.arange(s.shape[1]), face, face_knots(shape, face), s, np.ones((len(shape.vertices), s.shape[1]))
+    )
+    found = patch.normals_at([where], s.shape[1])
+    sine = np.linalg.norm(np.cross(found, normals[away]), axis=1)
+    return float(np.degrees(np.arctan2(sine, (found * normals[away]).sum(axis=1))).max())
+
+
+def _edge_from(patch: Patch, corner: int) -> int:
+    """Number of the edge of Δ that begins in a knot that is a corner."""
+    return int(np.abs(patch.domain.vertices - patch.knots[corner]).sum(axis=1).argmin())
+
+
+def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Angles between the planes that neighbouring sides have at their common ends, to first order in the stations."""
+    angles = []
+    for k in range(len(sides)):
+        before, after = normals[k - 1], normals[k]
+        if before is None or after is None:
+            angles.append(math.nan)
+            continue
+        end, start = _extrapolated(before[::-1]), _extrapolated(after)
+        angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
+    return np.array(angles)
+
+
+def _extrapolated(normals: FloatArray) -> FloatArray:
+    """The normal at parameter 0 from those at the first stations."""
+    t = stations()[:6]
+    factors = [math.prod(b / (b - a) for b in t if b != a) for a in t]
+    value = np.asarray(factors @ normals[:6])
+    return np.asarray(value / np.linalg.norm(value))

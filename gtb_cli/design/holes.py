@@ -1,0 +1,206 @@
+"""Open rings of a model: the edges around a hole, as sides with the tangent planes of the patches beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.fill import Filling, fill
+from gtb_cli.design.sides import GAP, Side, bezier_form, points_and_tangents, stations
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.basis import Location, face_knots
+from gtb_cli.theory.elevation import elevate
+from gtb_cli.theory.joints import EdgeRef, edge_name
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Open edges that follow each other around a hole.
+
+    Attributes
+    ----------
+    edges : tuple of EdgeRef
+    """
+
+    edges: tuple[EdgeRef, ...]
+
+
+def rings(model: Model) -> list[Ring]:
+    """Find the closed rings of a model's open edges; edges that lead nowhere are in none.
+
+    Raises
+    ------
+    DomainError
+        The model is one of curves.
+    """
+    if model.dimension == 1:
+        raise DomainError("rings: curves have no holes")
+    joints = model.joints
+    points = np.concatenate([patch.control_points for patch in model.patches])
+    gap = GAP * float(np.ptp(points, axis=0).max())
+    left = {ref: _ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open}
+    found = []
+    while left:
+        first = next(iter(left))
+        start, end = left.pop(first)
+        chain = [first]
+        while not np.linalg.norm(end - start) <= gap or len(chain) < 2:
+            following = [ref for ref, (begin, _) in left.items() if np.linalg.norm(begin - end) <= gap]
+            if not following:
+                break
+            # Where several begin, a patch's own next edge is another hole's.
+            following.sort(key=lambda ref: ref[0] == chain[-1][0])
+            chain.append(following[0])
+            _, end = left.pop(following[0])
+        if np.linalg.norm(end - start) <= gap:
+            found.append(Ring(tuple(chain)))
+    return found
+
+
+def ring_of(model: Model, edge: str | None) -> Ring:
+    """The ring that an edge, named as in ``wall-0 edge 2``, belongs to; without a name the only one.
+
+    Raises
+    ------
+    DomainError
+        There is none, or there are several and no edge is named.
+    """
+    found = rings(model)
+    names = [[edge_name(model.patches, ref) for ref in ring.edges] for ring in found]
+    if edge is not None:
+        for ring, members in zip(found, names, strict=True):
+            if edge in members:
+                return ring
+        known = "; ".join(f"{members[0]} (of {len(members)})" for members in names) or "none"
+        raise DomainError(f"hole: no open ring has an edge {edge!r}; rings begin with: {known}")
+    if not found:
+        raise DomainError("hole: the model has no closed ring of open edges")
+    if len(found) > 1:
+        known = "; ".join(f"{members[0]} (of {len(members)} sides)" for members in names)
+        raise DomainError(f"hole: the model has {len(found)}, --hole EDGE names one of: {known}")
+    return found[0]
+
+
+def ring_sides(model: Model, ring: Ring) -> list[Side]:
+    """Sides of a hole, run through so that its patch continues the orientation of those beside it.
+
+    Raises
+    ------
+    DomainError
+        An edge is no rational Bézier curve.
+    """
+    sides = []
+    for patch_index, edge in ring.edges:
+        patch = model.patches[patch_index]
+        name = edge_name(model.patches, (patch_index, edge))
+        (curve,) = bezier_form(patch.boundary(edge), (), name)
+        side = Side(name, curve, _outwards(patch, edge, curve))
+        # The hole's boundary runs against that of the patch.
+        sides.append(side if model.joints.flipped[patch_index] else side.reversed())
+    return sides
+
+
+def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatArray]:
+    """Ends of an edge in the hole's direction."""
+    patch, edge = model.patches[ref[0]], ref[1]
+    points = patch.control_points[patch.domain.edge_knots(edge)]
+    ends = points[0], points[-1]
+    return ends if flipped else ends[::-1]
+
+
+def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
+    """Directions in a patch's tangent planes across one of its edges, away from it; None where it has no normals."""
+    t = stations()
+    shape = patch.domain
+    face = shape.faces[1 + edge]
+    along = face_knots(shape, face)[:, 0]
+    logs = patch.log_products[face.knots]
+    # The torus coordinate of the Bézier parameter, whose curve has weight 1 at both ends.
+    low, high = along == along.min(), along == along.max()
+    tilt = float(np.logaddexp.reduce(logs[high]) - np.logaddexp.reduce(logs[low]))
+    degree = len(curve) - 1
+    step = float(np.ptp(along)) / degree if _is_lattice(along, degree) else float(np.ptp(along)) / _steps(along)
+    s = (np.log(t / (1 - t)) / step - tilt / float(np.ptp(along)))[None]
+    where = Location(np.arange(len(t)), face, face_knots(shape, face), s, np.ones((len(shape.vertices), len(t))))
+    normals = patch.normals_at([where], len(t))
+    if not np.isfinite(normals).all():
+        return None
+    _, tangents = points_and_tangents(curve, t)
+    return np.asarray(np.cross(tangents, normals))
+
+
+def _is_lattice(along: FloatArray, degree: int) -> bool:
+    place = (along - along.min()) / np.ptp(along) * degree
+    return bool(np.abs(place - np.rint(place)).max() < 1e-6) and len(np.unique(np.rint(place))) == degree + 1
+
+
+def _steps(along: FloatArray) -> int:
+    """Number of steps of an edge whose knots leave some out."""
+    place = (along - along.min()) / np.ptp(along)
+    return next(n for n in range(1, 100) if np.abs(place * n - np.rint(place * n)).max() < 1e-9 * n)
+
+
+def fill_hole(
+    model: Model,
+    hole: str | None = None,
+    *,
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+    name: str = "hole",
+) -> tuple[Model, Filling]:
+    """Fill an open ring of a model with one patch that touches its neighbours' tangent planes.
+
+    Parameters
+    ----------
+    model : Model
+        Of surfaces.
+    hole : str, optional
+        The name of an edge of the ring, as ``wall-0 edge 2``; not needed if there is one ring.
+    inner, fullness
+        See `gtb_cli.design.fill.fill`.
+    raises : int, optional
+        How often degrees are raised, at least. Default: not at all, if the patch then is exact and does not fold.
+    name : str
+        Of the patch.
+
+    Returns
+    -------
+    tuple of (Model, Filling)
+        The model with the patch. Where degrees of edges are raised, so are those of all patches, whose images stay.
+
+    Raises
+    ------
+    DomainError
+        There is no such ring, or it cannot be filled.
+    """
+    ring = ring_of(model, hole)
+    sides = ring_sides(model, ring)
+    taken = {patch.name for patch in model.patches}
+    names = (name, *(f"{name}-{k}" for k in range(1, len(taken) + 1)))
+    unique = next(candidate for candidate in names if candidate not in taken)
+    filling = fill(sides, inner=inner, fullness=fullness, raises=raises or 0, name=unique)
+    if raises is None and not filling.is_sound:
+        other = fill(sides, inner=inner, fullness=fullness, name=unique)
+        filling = other if other.is_sound or other.folds < filling.folds else filling
+    times = max(filling.raises)
+    patches = model.patches
+    remarks = list(filling.remarks)
+    if times:
+        filling = fill(sides, inner=inner, fullness=fullness, raises=times, name=unique)
+        raised = tuple(elevate(patch, times) for patch in patches)
+        if not Model((*raised, filling.patch)).joints.open:
+            patches = raised
+            remarks.append(f"all patches are elevated by {times}, so that edges have the same degree")
+    patched = Model((*patches, filling.patch), model.name)
+    last = len(patches)
+    loose = [edge_name(patched.patches, ref) for ref in patched.joints.open if ref[0] == last]
+    if loose:
+        remarks.append(
+            f"{', '.join(loose)}: the neighbour's curve, but of a higher degree, so that they are not joined"
+        )
+    return patched, replace(filling, remarks=tuple(remarks))

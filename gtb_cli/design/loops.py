@@ -1,0 +1,212 @@
+"""Loops of curves from files: specs of curves with ribbons, `.gbp` and `.lop`."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.document import Faults, read
+from gtb_cli.spec.reader import Reader
+from gtb_cli.spec.scanner import Format
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+SUFFIXES = (".gbp", ".lop")
+
+MAX_LOOP_BYTES = 1_000_000
+"""Largest `.gbp` or `.lop` file: a loop of 24 sides of degree 20 has a tenth of it."""
+
+MOST_CURVES = 100
+"""Most curves of a loop that are read; more sides than can be filled are refused later, by their number."""
+
+LARGEST = 1e100
+"""Largest coordinate, as in specs."""
+
+
+def loop_from_text(data: bytes, source: str) -> list[Side]:
+    """Read a `.gbp` or `.lop` file, by its suffix.
+
+    Raises
+    ------
+    SpecError
+        With file and line: too large, no numbers, too few or too many.
+    """
+    if len(data) > MAX_LOOP_BYTES:
+        raise SpecError(f"{source}: is too large, a loop has at most {MAX_LOOP_BYTES // 10**6} MB")
+    numbers = _Numbers(data, source)
+    return _gbp(numbers) if os.path.splitext(source)[1].lower() == ".gbp" else _lop(numbers)
+
+
+class _Numbers:
+    """The numbers of a text, one after the other, with the line of each."""
+
+    def __init__(self, data: bytes, source: str) -> None:
+        self.source = source
+        lines = data.decode("utf-8-sig", "backslashreplace").splitlines()
+        self._words = [(word, number) for number, line in enumerate(lines, 1) for word in line.split()]
+        self._next = 0
+        self._last = max(len(lines), 1)
+
+    def fault(self, message: str) -> SpecError:
+        """An error at the number that was read last."""
+        line = self._words[self._next - 1][1] if self._next else 1
+        return SpecError(f"{self.source}:{line}: {message}")
+
+    def real(self, what: str) -> float:
+        """Read a number."""
+        if self._next == len(self._words):
+            raise SpecError(f"{self.source}:{self._last}: ends where {what} is expected")
+        word, _ = self._words[self._next]
+        self._next += 1
+        try:
+            value = float(word)
+        except ValueError:
+            raise self.fault(f"{what} is expected, got {word[:40]!r}") from None
+        if "_" in word or not abs(value) <= LARGEST:
+            raise self.fault(f"{what} must be at most {LARGEST:g} in size, got {word[:40]!r}")
+        return value
+
+    def whole(self, what: str, low: int, high: int) -> int:
+        """Read a whole number within bounds."""
+        value = self.real(what)
+        if not (value.is_integer() and low <= value <= high):
+            raise self.fault(f"{what} must be a whole number from {low} to {high}, got {value:g}")
+        return int(value)
+
+    def points(self, count: int, what: str) -> FloatArray:
+        """Read points with three coordinates."""
+        return np.array([[self.real(f"a coordinate of {what}") for _ in range(3)] for _ in range(count)])
+
+    def end(self) -> None:
+        """Refuse what comes after the last number."""
+        if self._next < len(self._words):
+            word, line = self._words[self._next]
+            raise SpecError(f"{self.source}:{line}: more than its sides need, from {word[:40]!r} on")
+
+
+def _gbp(numbers: _Numbers) -> list[Side]:
+    """Sides and ribbons of a generalized Bézier patch: its two outer layers; the centre and inner layers are skipped.
+
+    Layer l has d − 2 l points for each side: those of the row l that are not the next side's.
+    """
+    n = numbers.whole("the number of sides", 3, MOST_CURVES)
+    degree = numbers.whole("the degree", 3, MAX_DEGREE)
+    numbers.points(1, "the centre")
+    first = numbers.points(n * degree, "the boundary").reshape(n, degree, 3)
+    second = np.zeros((n, degree - 2, 3))
+    if (degree + 1) // 2 > 1:
+        second = numbers.points(n * (degree - 2), "the second layer").reshape(n, degree - 2, 3)
+    for layer in range(2, (degree + 1) // 2):
+        numbers.points(n * (degree - 2 * layer), f"layer {layer}")
+    numbers.end()
+    sides = []
+    for k in range(n):
+        following = (k + 1) % n
+        curve = np.vstack([first[k], first[following, :1]])
+        ribbon = np.vstack([first[k - 1, -1:], second[k], second[following, :1], first[following, 1:2]])
+        points, row = (np.column_stack([part, np.ones(len(part))]) for part in (curve, ribbon))
+        sides.append(Side(f"side {k}", points, ribbon_field(points, row)))
+    return sides
+
+
+def _lop(numbers: _Numbers) -> list[Side]:
+    """Sides of a loop of B-spline curves; one with inner knots becomes as many sides as it has polynomial pieces."""
+    sides: list[Side] = []
+    for k in range(numbers.whole("the number of curves", 1, MOST_CURVES)):
+        degree = numbers.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
+        count = numbers.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
+        knots = np.array([numbers.real(f"a knot of curve {k}") for _ in range(count)])
+        if not ((np.diff(knots) >= 0).all() and knots[degree] < knots[-degree - 1]):
+            raise numbers.fault(f"knots of curve {k} must ascend")
+        size = numbers.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
+        points = numbers.points(size, f"curve {k}")
+        pieces = bspline_pieces(degree, knots, points)
+        if len(sides) + len(pieces) > MOST_CURVES:
+            raise numbers.fault(f"the curves have more than {MOST_CURVES} polynomial pieces")
+        for i, piece in enumerate(pieces):
+            name = f"side {k}" if len(pieces) == 1 else f"side {k} piece {i}"
+            sides.append(Side(name, np.column_stack([piece, np.ones(len(piece))])))
+    numbers.end()
+    return sides
+
+
+def bspline_pieces(degree: int, knots: FloatArray, points: FloatArray) -> list[FloatArray]:
+    """Bézier points of each polynomial piece of a B-spline curve: its blossom at the ends of the piece."""
+    pieces = []
+    for k in range(degree, len(knots) - degree - 1):
+        low, high = knots[k], knots[k + 1]
+        if low < high:
+            pieces.append(
+                np.array(
+                    [_blossom(degree, knots, points, k, [low] * (degree - j) + [high] * j) for j in range(degree + 1)]
+                )
+            )
+    return pieces
+
+
+def _blossom(degree: int, knots: FloatArray, points: FloatArray, k: int, arguments: list[float]) -> FloatArray:
+    """De Boor's algorithm on the span k with an argument of its own in each round."""
+    row = points[k - degree : k + 1].copy()
+    for level, t in enumerate(arguments, 1):
+        for j in range(degree, level - 1, -1):
+            i = j + k - degree
+            low, high = knots[i], knots[i + degree + 1 - level]
+            share = (t - low) / (high - low)
+            row[j] = (1 - share) * row[j - 1] + share * row[j]
+    return np.asarray(row[degree])
+
+
+def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[Side] | Model:
+    """Read a spec: curves are the sides of a loop, with a `ribbon` where they have one; surfaces are a model.
+
+    Raises
+    ------
+    SpecError
+        As `gtb_cli.spec.loading.parse`, and for ribbons.
+    """
+    document = read(data, source, format)
+    faults = Faults(document, source)
+    reader = Reader(faults)
+    ribbons = _taken_out(document.data)
+    spec = reader.spec(document.data, None)
+    for index, entries in ribbons.items():
+        document.data["patches"][index]["ribbon"] = entries  # type: ignore[index]  # so that lines are found
+    tables = spec.patches if isinstance(spec, Model) else () if spec is None else (spec,)
+    rows: list[FloatArray | None] = [None] * len(tables)
+    for index, entries in ribbons.items():
+        path = ("patches", index, "ribbon")
+        if index < len(tables) and tables[index].dimension == 2:
+            faults.add(path, "belongs to a curve, this is a surface")
+        elif not isinstance(entries, list) or (index < len(tables) and len(entries) != len(tables[index].knots)):
+            faults.add(path, "must be a list with a point for each of the control points")
+        else:
+            values = reader.tuples(entries, path, (2, 3))
+            if values is not None and index < len(tables):
+                rows[index] = np.column_stack([values, np.zeros((len(values), 3 - values.shape[1]))])
+    if spec is None or faults.count:
+        raise SpecError(str(faults))
+    if isinstance(spec, Patch) or spec.dimension == 2:
+        if isinstance(spec, Patch):
+            what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
+            raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+        return spec
+    names = [patch.name or f"patches[{i}]" for i, patch in enumerate(spec.patches)]
+    try:
+        return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
+    except DomainError as error:
+        raise SpecError(f"{source}: {error}") from None
+
+
+def _taken_out(data: Any) -> dict[int, Any]:
+    """Remove `ribbon` from each patch of a document, and return them by the patch's number."""
+    tables = data.get("patches") if isinstance(data, dict) else None
+    found = {}
+    for index, table in enumerate(tables if isinstance(tables, list) else []):
+        if isinstance(table, dict) and "ribbon" in table:
+            found[index] = table.pop("ribbon")
+    return found

@@ -1,0 +1,216 @@
+"""Knots and weights of a patch that fills a hole: edges, a row inside each, and rings of inner knots.
+
+The row decides the tangent plane along its edge, so all other knots are at least twice as far from it (which keeps
+curvature finite); the rings stand closer together near the boundary than in the middle. Inner weights are such that at
+its own place each knot has the same share of T, so that none is too weak or too strong to act.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.design.torus import starts, torus_of
+from gtb_cli.theory.basis import exponents
+from gtb_cli.theory.frame import shares
+
+NARROWEST = 0.4
+"""Shortest side of the domain, of the mean: a hole may be longer, its inner knots would crowd."""
+
+LONGEST = 0.7
+"""Longest side of the domain, of the sum of the others: its corners stay convex by tens of degrees."""
+
+SECOND_LAYER = 2.0
+"""Distance of the second layer of knots from an edge, in units of the row's: with less, curvature is infinite there."""
+
+MARGIN = 0.98
+"""Fraction of the distance at which rows would be in each other's second layer."""
+
+GROWTH = 0.5
+"""Each gap between rings is wider than the one before by this part of the first."""
+
+FEWEST_STEPS = 24
+"""Steps of the first ring, about: with fewer, few knots remain to make the inside fair."""
+
+INNER_KNOTS = 320
+"""Rings are cut into fewer steps where there would be many more inner knots than this."""
+
+LAST_RING = 0.18
+"""Rings end at this size, of the domain's: inside is the centre alone."""
+
+SHARE = 0.15
+"""T of an inner knot or one of a row at its own place: most of the rest is its neighbours', whose bumps overlap so far
+that no ripple is left."""
+
+ROUNDS = 15
+"""Rounds of the iteration for weights; what is left is a few per cent of a share."""
+
+DAMPING = 0.6
+"""How far weights go in a round to what would be right if the others stayed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Knots and log weights; those on edges and in rows are known, those of rows up to a factor for each.
+
+    Attributes
+    ----------
+    knots : (n, 2) float
+    log_weights : (n,) float
+    edges : tuple of (m + 1,) int
+        Knots of each edge, from corner to corner.
+    rows : tuple of (m,) int
+    inner : (k,) int
+    """
+
+    knots: FloatArray
+    log_weights: FloatArray
+    edges: tuple[IntArray, ...]
+    rows: tuple[IntArray, ...]
+    inner: IntArray
+
+
+def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Sequence[FloatArray]) -> Net:
+    """Lay out the knots of a patch, and choose its weights.
+
+    Parameters
+    ----------
+    lengths : (r,) float
+        Lengths of the sides in space, which those of the domain follow.
+    edge_weights : sequence of (m + 1,) float
+        Products c ω of each edge's knots, 1 at the corners.
+    row_weights : sequence of (m,) float
+        The same for its row, up to a factor.
+    """
+    corners = polygon(lengths)
+    degrees = np.array([len(weights) - 1 for weights in edge_weights])
+    edges, rows, knots = _boundary(corners, degrees)
+    inner_knots = _rings(corners, degrees, _row_distance(corners, degrees))
+    inner = np.arange(len(knots), len(knots) + len(inner_knots))
+    knots = np.concatenate([knots, inner_knots])
+    logs = np.full(len(knots), np.log(4.0))
+    for members, weights in zip((*edges, *rows), (*edge_weights, *row_weights), strict=True):
+        logs[members] = np.log(weights)
+    group = np.full(len(knots), -1)
+    for side, members in enumerate(rows):
+        group[members] = side
+    return Net(knots, _even_weights(knots, logs, group, inner), edges, rows, inner)
+
+
+def polygon(lengths: FloatArray) -> FloatArray:
+    """(r, 2) corners, counter-clockwise, of a polygon inscribed in a circle, with sides like `lengths`; mean side 1."""
+    sides = np.maximum(lengths / lengths.mean(), NARROWEST)
+    for _ in range(3):
+        sides = np.minimum(sides, LONGEST * (sides.sum() - sides))
+    sides = sides / sides.mean()
+    longest = int(sides.argmax())
+
+    def excess(radius: float) -> float:
+        return float(_angles(sides, radius, longest, wide).sum()) - 2 * np.pi
+
+    low, high = float(sides[longest]) / 2, float(sides.sum())
+    wide = False
+    wide = excess(low) < 0  # the centre is beyond the longest side
+    for _ in range(200):
+        middle = (low + high) / 2
+        if (excess(middle) > 0) != wide:
+            low = middle
+        else:
+            high = middle
+    turn = np.concatenate([[0.0], np.cumsum(_angles(sides, high, longest, wide))[:-1]])
+    start = -np.pi / 2 - _angles(sides, high, longest, wide)[0] / 2
+    return high * np.column_stack([np.cos(start + turn), np.sin(start + turn)])
+
+
+def _angles(sides: FloatArray, radius: float, longest: int, wide: bool) -> FloatArray:
+    """Angles of sides as seen from the centre of a circle."""
+    angles = 2 * np.arcsin(np.minimum(sides / (2 * radius), 1.0))
+    if wide:
+        angles[longest] = 2 * np.pi - angles[longest]
+    return np.asarray(angles)
+
+
+def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lengths, directions and inward normals of a polygon's sides."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    lengths = np.hypot(sides[:, 0], sides[:, 1])
+    along = sides / lengths[:, None]
+    return lengths, along, np.column_stack([-along[:, 1], along[:, 0]])
+
+
+def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
+    """Distance of rows from their edges: as far as each may be from the ends of its neighbours'."""
+    lengths, along, _ = _frames(corners)
+    steps = lengths / degrees
+    cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
+    sine = np.sqrt(1 - cosine**2)
+    step = np.minimum(np.roll(steps, 1), steps)
+    return float(MARGIN * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
+
+
+def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
+    """Knots of edges, m + 1 each, and of rows, m each, half a step on."""
+    lengths, along, inward = _frames(corners)
+    distance, r = _row_distance(corners, degrees), len(corners)
+    knots, edges, rows = [*corners], [], []
+    for side in range(r):
+        step = lengths[side] / degrees[side]
+        inner = [corners[side] + j * step * along[side] for j in range(1, degrees[side])]
+        edges.append(np.array([side, *range(len(knots), len(knots) + len(inner)), (side + 1) % r]))
+        knots += inner
+    for side in range(r):
+        step = lengths[side] / degrees[side]
+        start = corners[side] + distance * inward[side]
+        rows.append(np.arange(len(knots), len(knots) + degrees[side]))
+        knots += [start + (j + 0.5) * step * along[side] for j in range(degrees[side])]
+    return tuple(edges), tuple(rows), np.array(knots)
+
+
+def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArray:
+    """Knots inside, ring by ring, then the centre."""
+    lengths, _, inward = _frames(corners)
+    centre = corners.mean(axis=0)
+    depth = float(((centre - corners) * inward).sum(axis=1).min())
+    gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
+    while (size := sizes[-1] - gaps[-1] / depth) > LAST_RING:
+        sizes.append(size)
+        gaps.append(gaps[-1] + GROWTH * distance)
+    coarser = 1.0
+    while True:
+        steps = coarser * np.minimum(lengths / degrees, lengths.sum() / FEWEST_STEPS)
+        counts = [
+            np.maximum(1, np.rint(size * lengths / np.maximum(gap, steps)).astype(np.int64))
+            for size, gap in zip(sizes, gaps, strict=True)
+        ]
+        if coarser > 100 or sum(int(count.sum()) for count in counts) <= INNER_KNOTS:
+            break
+        coarser *= 1.1
+    knots = []
+    for size, count in zip(sizes, counts, strict=True):
+        ring = centre + size * (corners - centre)
+        for side, pieces in enumerate(count.tolist()):
+            shares_along = np.arange(pieces)[:, None] / pieces
+            knots.append(ring[side] + shares_along * (np.roll(ring, -1, axis=0)[side] - ring[side]))
+    return np.concatenate([*knots, centre[None]])
+
+
+def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: IntArray) -> FloatArray:
+    """Log weights with which inner knots, and rows on the mean, have `SHARE` of T at their own places."""
+    logs = logs.copy()
+    free = np.concatenate([np.flatnonzero(group >= 0), inner])
+    columns = np.arange(len(free))
+    s = starts(knots, knots[free])
+    wanted = np.log(SHARE / (1 - SHARE))
+    for _ in range(ROUNDS):
+        s = torus_of(knots, logs, knots[free], s, 1e-5)
+        t = shares(exponents(knots, logs, s))[free, columns]
+        with np.errstate(divide="ignore"):
+            change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))
+        for side in range(int(group.max()) + 1):
+            here = group[free] == side
+            change[here] = change[here].mean()
+        logs[free] += DAMPING * np.clip(change, -3, 3)
+    return logs

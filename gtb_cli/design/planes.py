@@ -1,0 +1,96 @@
+"""Polynomial fields in given tangent planes: what may be added to the row of control points inside an edge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.sides import Side, bernstein, points_and_tangents, raised, stations
+from gtb_cli.errors import DomainError
+
+EXACT = 1e-13
+"""Largest part of a field that is normal to given planes, of the field: rounding of sums of some dozen terms."""
+
+FITTED = 3e-3
+"""The same where no field of the allowed degrees is exact: 0.2 degrees, and the angle is said."""
+
+RAISES = 6
+"""How often the degree of an edge is raised at most, to find a field that crosses it and is exact."""
+
+CROSSING = 1e-3
+"""A field crosses an edge where this much of its length, at the mean, is across."""
+
+Field: TypeAlias = "list[FloatArray] | None"
+"""Rows (m, 3), of weight 0 in homogeneous coordinates, that may be added with any factors; None: the row is free."""
+
+
+def row_fields(
+    sides: Sequence[Side], normals: Sequence[FloatArray | None], least: int
+) -> tuple[list[FloatArray], list[Field], list[int]]:
+    """Each side's curve with its degree raised, the fields that its row may have, and how often it was raised."""
+    edges: list[FloatArray] = []
+    fields: list[Field] = []
+    times: list[int] = []
+    for side, normal in zip(sides, normals, strict=True):
+        if normal is None:
+            count = max(least, 2 - side.degree)
+            edge, field = raised(side.curve, count), None
+        else:
+            count, edge, field = _touching(side, normal, max(least, 2 - side.degree))
+        edges.append(edge)
+        fields.append(field)
+        times.append(count)
+    return edges, fields, times
+
+
+def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatArray, list[FloatArray]]:
+    """Fields that are tangent to the planes: exactly, with the fewest raises that allow it, or else nearly."""
+    t = stations()
+    _, tangents = points_and_tangents(side.curve, t)
+    inward = np.cross(normals, tangents)
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    nearly: tuple[float, int, FloatArray, list[FloatArray]] | None = None
+    for count in range(least, least + RAISES + 1):
+        edge = raised(side.curve, count)
+        degree = len(edge) - 2
+        values = bernstein(degree, t)
+        matrix = (values[:, :, None] * normals[:, None]).reshape(len(t), -1)
+        _, singular, basis = np.linalg.svd(matrix, full_matrices=True)
+        singular = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
+        for bound in (EXACT, *np.unique(singular[(singular > EXACT) & (singular <= FITTED)]).tolist()):
+            field = [row.reshape(-1, 3) for row in basis[singular <= bound]]
+            if _crosses(field, values, inward):
+                if bound == EXACT:
+                    return count, edge, field
+                if nearly is None or bound < nearly[0] / 2:
+                    nearly = bound, count, edge, field
+                break
+    if nearly is None:
+        raise DomainError(f"{side.name}: no polynomial field of degree up to {degree} follows its tangent planes")
+    return nearly[1:]
+
+
+def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) -> bool:
+    """Whether some combination of fields goes inwards all along the side."""
+    if not field:
+        return False
+    across = np.array([((values @ row) * inward).sum(axis=1) for row in field])
+    target = np.ones(across.shape[1])
+    found = np.linalg.lstsq(across.T, target, rcond=CROSSING**2)[0] @ across
+    return bool(found.min() > CROSSING)
+
+
+def nearest_field(field: Field, side: Side, normals: FloatArray | None) -> Field:
+    """The one field nearest to the given directions across, with length 1."""
+    if normals is None or side.across is None or not field:
+        return field
+    values = bernstein(len(field[0]) - 1, stations())
+    table = np.array([(values @ row).ravel() for row in field])
+    _, tangents = points_and_tangents(side.curve, stations())
+    inward = np.cross(normals, tangents)
+    wanted = (inward / np.linalg.norm(inward, axis=1, keepdims=True)).ravel()
+    factors = np.linalg.lstsq(table.T, wanted, rcond=CROSSING**2)[0]
+    return [np.asarray(np.einsum("f,fij->ij", factors, np.array(field)))]

@@ -1,0 +1,277 @@
+"""Sides of a hole: rational Bézier curves in homogeneous coordinates, the field across each, and the loop they make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.patch import Patch
+
+STATIONS = 96
+"""Places along a side at which the field across it is known: more than the degree of any product of polynomials that
+is set to zero there (a normal's, up to 30, times a row's)."""
+
+MAX_DEGREE = 20
+"""Largest degree of a side, after gaps between its knots are filled: coefficients span six digits."""
+
+LATTICE = 1e-9
+"""Fraction of a curve's length by which its knots may be off equal steps: what is typed or computed twice."""
+
+GAP = 1e-5
+"""Ends of neighbouring sides may be apart by this fraction of the loop's size: six decimals of a file are closed."""
+
+POINT = 1e-9
+"""A side whose control points are within this fraction of the loop's size is a point."""
+
+PARALLEL = 1e-10
+"""Sine of the angle between a side's tangent and the field across it below which these span no plane."""
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """One side of a hole.
+
+    Attributes
+    ----------
+    name : str
+        For messages.
+    curve : (m + 1, 4) float
+        Bézier points in homogeneous coordinates (ω x, ω y, ω z, ω), all ω positive, 1 at both ends.
+    across : (STATIONS, 3) float or None
+        Directions across the side into the hole, at the parameters `stations`; they and the tangent span the planes
+        that the patch is to touch. None: it meets the curve, no more.
+    """
+
+    name: str
+    curve: FloatArray
+    across: FloatArray | None = None
+
+    @property
+    def degree(self) -> int:
+        """Degree of the curve."""
+        return len(self.curve) - 1
+
+    @property
+    def ends(self) -> FloatArray:
+        """(2, 3) first and last point."""
+        return np.asarray(self.curve[[0, -1], :3] / self.curve[[0, -1], 3:])
+
+    def reversed(self) -> Side:
+        """Run through the side from its other end; the hole stays on the same side of it."""
+        return replace(self, curve=self.curve[::-1], across=None if self.across is None else self.across[::-1])
+
+
+def stations() -> FloatArray:
+    """(STATIONS,) parameters inside (0, 1), symmetric, dense near the ends."""
+    return np.asarray((1 - np.cos(np.pi * (np.arange(STATIONS) + 0.5) / STATIONS)) / 2)
+
+
+def bernstein(degree: int, t: FloatArray) -> FloatArray:
+    """(m, degree + 1) Bernstein polynomials."""
+    j = np.arange(degree + 1)
+    binomials = np.array([float(math.comb(degree, i)) for i in range(degree + 1)])
+    return np.asarray(binomials * t[:, None] ** j * (1 - t[:, None]) ** (degree - j))
+
+
+def raised(points: FloatArray, times: int) -> FloatArray:
+    """Bézier points of the same polynomial with its degree raised."""
+    for _ in range(times):
+        j = np.arange(len(points) + 1)[:, None] / len(points)
+        low, high = np.vstack([points[:1] * 0, points]), np.vstack([points, points[:1] * 0])
+        points = j * low + (1 - j) * high
+    return points
+
+
+def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(m, 3) points of a rational Bézier curve, and derivatives up to a positive factor."""
+    degree = len(curve) - 1
+    position, rate = bernstein(degree, t) @ curve, bernstein(degree - 1, t) @ np.diff(curve, axis=0)
+    points = position[:, :3] / position[:, 3:]
+    return points, np.asarray(rate[:, :3] - points * rate[:, 3:])
+
+
+def side_normals(side: Side) -> FloatArray:
+    """(STATIONS, 3) unit normals tangent × across.
+
+    Raises
+    ------
+    DomainError
+        The side has none: its tangent vanishes, or the field across is parallel to it.
+    """
+    if side.across is None:
+        raise DomainError(f"{side.name}: has no ribbon, and no normals")
+    _, tangents = points_and_tangents(side.curve, stations())
+    lengths = [np.linalg.norm(v, axis=1, keepdims=True) for v in (tangents, side.across)]
+    for what, length in zip(("the tangent", "the ribbon's distance from the curve"), lengths, strict=True):
+        if not (length > POINT * length.max()).all():
+            raise DomainError(f"{side.name}: {what} vanishes on it, near t = {stations()[int(length.argmin())]:.3f}")
+    cross = np.cross(tangents / lengths[0], side.across / lengths[1])
+    sine = np.linalg.norm(cross, axis=1, keepdims=True)
+    if not (sine > PARALLEL).all():
+        place = stations()[int(sine.argmin())]
+        raise DomainError(f"{side.name}: the ribbon is parallel to the curve near t = {place:.3f}, and spans no plane")
+    return np.asarray(cross / sine)
+
+
+def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curve") -> tuple[FloatArray, ...]:
+    """Write a curve patch, and rows of further points with its weights, as rational Bézier points.
+
+    Knots that are whole multiples of a step, but not all of them, are filled up by raising the degree.
+
+    Parameters
+    ----------
+    curve : Patch
+        d = 1.
+    rows : sequence of (n, 3) float
+        Such as a ribbon's points.
+    name : str
+        For messages.
+
+    Returns
+    -------
+    tuple of (m + 1, 4) float
+        Homogeneous points of the curve, then of each row.
+
+    Raises
+    ------
+    DomainError
+        The knots have no common step, or the degree would be beyond `MAX_DEGREE`.
+    """
+    knots = curve.knots[:, 0]
+    order = np.argsort(knots, kind="stable")
+    length = float(np.ptp(knots))
+    place = (knots[order] - knots.min()) / length
+    degree = _degree(place)
+    if degree is None:
+        raise DomainError(
+            f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is no "
+            "rational Bézier curve: gtb fit makes one near to it"
+        )
+    index = np.rint(place * degree).astype(np.int64)
+    logs = curve.log_products[order]
+    # A factor exp(σ a) reparametrises: both ends get the weight 1.
+    logs = logs - (1 - place) * _end_log(logs, index == 0) - place * _end_log(logs, index == degree)
+    found = []
+    for points in (curve.control_points, *rows):
+        table = np.zeros((degree + 1, 4))
+        np.add.at(table, index, np.exp(logs)[:, None] * np.column_stack([points[order], np.ones(len(order))]))
+        found.append(table)
+    # Here without binomials: multiplied by 1 + z until no knot is missing.
+    while not (found[0][:, 3] > 0).all():
+        found = [np.vstack([table, table[:1] * 0]) + np.vstack([table[:1] * 0, table]) for table in found]
+        if len(found[0]) - 1 > MAX_DEGREE:
+            raise DomainError(
+                f"{name}: its degree is more than {MAX_DEGREE} when the gaps between its knots are filled"
+            )
+    count = len(found[0]) - 1
+    binomials = np.array([float(math.comb(count, j)) for j in range(count + 1)])[:, None]
+    return tuple(table / binomials for table in found)
+
+
+def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
+    return float(np.logaddexp.reduce(logs[np.asarray(members, dtype=bool)]))
+
+
+def _degree(place: FloatArray) -> int | None:
+    for degree in range(1, MAX_DEGREE + 1):
+        if np.abs(place * degree - np.rint(place * degree)).max() <= LATTICE * degree:
+            return degree
+    return None
+
+
+def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
+    """Make a side from a curve patch and, if there is one, the second row of control points.
+
+    Raises
+    ------
+    DomainError
+        It is no curve, or no rational Bézier curve.
+    """
+    if curve.dimension != 1:
+        raise DomainError(f"{name}: is a surface, the sides of a loop are curves")
+    if ribbon is None:
+        (points,) = bezier_form(curve, (), name)
+        return Side(name, points)
+    points, second = bezier_form(curve, (ribbon,), name)
+    return Side(name, points, ribbon_field(points, second))
+
+
+def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
+    """(STATIONS, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
+    values = bernstein(len(curve) - 1, stations())
+    first, other = values @ curve, values @ second
+    return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])
+
+
+def size_of(sides: Sequence[Side]) -> float:
+    """Largest extent of the sides' control points."""
+    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
+    return float(np.ptp(points, axis=0).max())
+
+
+def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
+    """Put sides in order, each beginning where the one before ends, and close what is open by rounding.
+
+    Returns
+    -------
+    tuple of (sides, remarks)
+        Sides that are points are left out; the remarks say what was done.
+
+    Raises
+    ------
+    DomainError
+        The sides do not close, or are fewer than three.
+    """
+    size = size_of(sides) if sides else 0.0
+    if not size > 0:
+        raise DomainError("loop: has no extent")
+    remarks, left = [], []
+    for side in sides:
+        if np.ptp(side.curve[:, :3] / side.curve[:, 3:], axis=0).max() <= POINT * size:
+            remarks.append(f"{side.name} is a point, and left out")
+        else:
+            left.append(side)
+    if len(left) < 3:
+        count = f"{len(left)} sides that are no points" if remarks else f"{len(left)} sides"
+        raise DomainError(f"loop: has {count}, at least 3 are needed (a side may be cut in two)")
+    chain = [left.pop(0)]
+    turned = []
+    while left:
+        end = chain[-1].ends[1]
+        gaps = np.array([np.linalg.norm(side.ends - end, axis=1) for side in left])
+        k, flip = divmod(int(gaps.argmin()), 2)
+        if gaps[0, 0] <= GAP * size:
+            k, flip = 0, 0
+        if gaps[k, flip] > GAP * size:
+            raise DomainError(
+                f"loop: is not closed, {chain[-1].name} ends {gaps[k, flip]:.3g} from the nearest end, {left[k].name}'s"
+            )
+        side = left.pop(k)
+        if flip:
+            turned.append(side.name)
+        chain.append(side.reversed() if flip else side)
+    if turned:
+        remarks.append(f"{', '.join(turned)}: run through from the other end")
+    closing = float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]))
+    if closing > GAP * size:
+        raise DomainError(f"loop: is not closed, {chain[-1].name} ends {closing:.3g} from where {chain[0].name} begins")
+    return _closed(tuple(chain), size, remarks), remarks
+
+
+def _closed(chain: tuple[Side, ...], size: float, remarks: list[str]) -> tuple[Side, ...]:
+    """Let each side begin exactly where the one before ends, in the middle of both ends."""
+    curves = [side.curve.copy() for side in chain]
+    worst = 0.0
+    for i in range(len(curves)):
+        end, start = curves[i - 1][-1, :3], curves[i][0, :3]
+        worst = max(worst, float(np.abs(end - start).max()))
+        middle = end if np.array_equal(end, start) else (end + start) / 2
+        curves[i - 1][-1, :3] = curves[i][0, :3] = middle
+    if worst > POINT * size:
+        remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
+    return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True))

@@ -1,0 +1,149 @@
+"""Fair patches: less energy with the same boundary, and formulas of energy against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gtb_cli.design.energy import energy
+from gtb_cli.design.fair import fair, kept_knots
+from gtb_cli.errors import DomainError
+from gtb_cli.spec.loading import load, parse
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.marks import mostly_long
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
+
+DIFFERENCES = 1e-5
+"""Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials."""
+
+
+def square(f) -> Patch:
+    """A bicubic Bézier patch over the unit square that is the graph of a quadratic function."""
+    i, j = (index.ravel() / 3 for index in np.mgrid[:4, :4])
+    knots = np.column_stack([i, j])
+    from gtb_cli.knots.domain import domain
+    from gtb_cli.theory.bezier import binomial_coefficients
+
+    return Patch(knots, np.column_stack([i, j, f(i, j)]), coefficients=binomial_coefficients(domain(knots)))
+
+
+def test_energy_of_a_quadratic_graph():
+    """z = xy has Bézier ordinates xy: P_xy = (0, 0, 1), the plate's energy is 2; P_x = (1, 0, y), P_y = (0, 1, x)."""
+    patch = square(lambda x, y: x * y)
+    assert energy(patch, "thin-plate") == pytest.approx(2, rel=1e-9)
+    assert energy(patch, "dirichlet") == pytest.approx(2 + 2 / 3, rel=1e-2)
+
+
+@pytest.mark.parametrize("name", mostly_long(["pentagon", "hexagon", "nonagon", "box-corner"]))
+@pytest.mark.parametrize("kind", ["thin-plate", "dirichlet"])
+def test_energy_agrees_with_differences(name, kind):
+    found = load(SPECS / f"{name}.toml")
+    patch = found.patches[0] if isinstance(found, Model) else found
+    from gtb_cli.design.energy import energy_samples
+
+    p, areas = energy_samples(patch.domain, len(patch.knots))
+    inside = patch.domain.heights_of_columns(p).min(axis=0) / patch.domain.normal_lengths.min() > 0.05
+    size = np.sqrt(areas.sum())
+    h = 1e-4 * size
+    x, y = np.array([h, 0]), np.array([0, h])
+
+    def at(q: np.ndarray) -> np.ndarray:
+        return patch.evaluate(q, "linear")
+
+    from gtb_cli.design.energy import moments_energy
+
+    q = p[inside][::7]
+    form = np.zeros((len(patch.knots),) * 2)
+    for _, _, knots, s, _ in patch.rational_basis.locations(q, "linear"):
+        form += moments_energy(knots / size, patch.log_products, s * size, np.ones(len(s[0])), kind)
+    value = np.einsum("ik,ij,jk->", patch.control_points, form, patch.control_points)
+    if kind == "dirichlet":
+        expected = sum((((at(q + d) - at(q - d)) / (2 * h)) ** 2).sum() for d in (x, y)) * size**2
+    else:
+        middle = 2 * at(q)
+        xx, yy = ((at(q + d) - middle + at(q - d)) / h**2 for d in (x, y))
+        xy = (at(q + x + y) - at(q + x - y) - at(q - x + y) + at(q - x - y)) / (4 * h**2)
+        expected = ((xx**2).sum() + 2 * (xy**2).sum() + (yy**2).sum()) * size**4
+    assert value == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["thin-plate", "dirichlet"])
+@pytest.mark.parametrize("keep", ["boundary", "tangents"])
+def test_a_fair_patch_has_less_energy_and_the_same_boundary(kind, keep):
+    found = load(SPECS / "box-corner.toml")
+    patch = found.patches[0]
+    result = fair(patch, kind, keep)
+    assert result.after < result.before
+    assert result.before == pytest.approx(energy(patch, kind), rel=1e-9)
+    assert result.after == pytest.approx(energy(result.patch, kind), rel=1e-6)
+    kept = kept_knots(patch.domain, keep)
+    assert kept.sum() == {"boundary": 12, "tangents": 24}[keep]
+    assert result.free == 37 - kept.sum()
+    np.testing.assert_array_equal(result.patch.control_points[kept], patch.control_points[kept])
+    if keep == "tangents":
+        edge = np.array([[18.0, 0.0], [14.0, 0.0]])
+        np.testing.assert_allclose(result.patch.normals(edge), patch.normals(edge), atol=1e-12)
+
+
+def test_no_small_change_lowers_the_energy():
+    patch = fair(load(PENTAGON)).patch
+    least = energy(patch)
+    rng = np.random.default_rng(2)
+    free = ~kept_knots(patch.domain, "boundary")
+    for _ in range(5):
+        moved = patch.control_points + 1e-3 * rng.normal(size=(len(patch.knots), 3)) * free[:, None]
+        assert energy(patch.replace(control_points=moved)) > least
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e5)])
+def test_any_size_and_place_of_knots_and_points(scale, shift):
+    patch = load(SPECS / "hexagon.toml")
+    moved = patch.replace(knots=patch.knots * scale, control_points=patch.control_points * scale + shift)
+    expected = fair(patch).patch.control_points
+    np.testing.assert_allclose((fair(moved).patch.control_points - shift) / scale, expected, atol=1e-6)
+
+
+def test_repeated_knots_stay_where_they_are_indistinct():
+    patch = load(SPECS / "hexagon.toml")
+    inner = int(np.flatnonzero(~patch.domain.incidence.any(axis=1))[0])
+    double = Patch(
+        np.vstack([patch.knots, patch.knots[inner]]), np.vstack([patch.control_points, patch.control_points[inner]])
+    )
+    assert np.isfinite(fair(double).patch.control_points).all()
+
+
+def test_what_cannot_be_fair():
+    with pytest.raises(DomainError, match="this is a curve"):
+        fair(load(CURVE))
+    with pytest.raises(DomainError, match="keep: expected"):
+        fair(load(PENTAGON), keep="x")  # type: ignore[arg-type]
+    with pytest.raises(DomainError, match="energy: expected"):
+        fair(load(PENTAGON), "x")  # type: ignore[arg-type]
+
+
+# --- the command
+
+
+def test_fair_prints_a_spec():
+    result = gtb("fair", BICUBIC, "--energy", "dirichlet")
+    assert result.status == 0
+    np.testing.assert_array_equal(
+        parse(result.text).control_points, fair(load(BICUBIC), "dirichlet").patch.control_points
+    )
+    assert "4 free control points, energy" in result.err
+    again = gtb("fair", "-", stdin=gtb("fair", BICUBIC).out)
+    np.testing.assert_allclose(parse(again.text).control_points, parse(gtb("fair", BICUBIC).text).control_points)
+
+
+def test_fair_says_what_folds_and_what_has_nothing_free():
+    crossed = b"""
+knots = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 1]]
+control_points = [[0, 0], [2, 0], [0, 2], [2, 2], [9, 9]]
+"""
+    assert "warning: the patch folds" in gtb("fair", "-", stdin=crossed).err
+    triangle = b"knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]"
+    assert "no control point is free" in gtb("fair", "-", stdin=triangle).err
+    curve = gtb("fair", CURVE)
+    assert curve.status == 2
+    assert "this is a curve" in curve.err

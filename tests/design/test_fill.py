@@ -1,0 +1,399 @@
+"""Holes filled with one patch: boundary and tangent planes are what was given, and the inside is fair."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.design.energy import energy
+from gtb_cli.design.fill import Filling, fill
+from gtb_cli.design.holes import fill_hole, rings
+from gtb_cli.design.loops import bspline_pieces, loop_from_text, loop_or_model
+from gtb_cli.design.sides import Side, bernstein, bezier_form, curve_side, points_and_tangents, stations
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.writer import dump
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.design.loops import ARC, homogeneous, random_sides
+from tests.exact import CONTEXT
+from tests.marks import long, mostly_long
+from tests.shell import SPECS, gtb
+
+HERE = Path(__file__).parent
+CUP = HERE / "cagd86.gbp"
+
+PLANES = 1e-9
+"""Degrees between normals along filled edges and the given ones, at 50 digits and away from the corners."""
+
+
+def exact(values: np.ndarray) -> list:
+    return [CONTEXT.mpf(float(x)) for x in values]
+
+
+def exact_angles(filling: Filling, sides: list[Side], places: tuple[float, ...] = (0.05, 0.3, 0.5, 0.8)) -> list[float]:
+    """Angles in degrees, at 50 digits, between tangent × row of the patch and tangent × field of the sides."""
+    patch = filling.patch
+    shape = patch.domain
+    by_name = {side.name: side for side in sides}
+    angles = []
+    for k, side in enumerate(filling.sides):
+        given = by_name[side.name]
+        edge = int(np.abs(shape.vertices - patch.knots[k]).sum(axis=1).argmin())
+        on = shape.edge_knots(edge)
+        heights = shape.heights[:, edge]
+        row = np.flatnonzero(np.abs(heights - heights[heights > 0].min()) < 1e-9 * heights.max())
+        row = row[np.argsort(shape.along(edge, patch.knots[row]))]
+        for t in places:
+            at = int(np.abs(stations() - t).argmin())
+            t = CONTEXT.mpf(float(stations()[at]))
+            position, rate = _rational(patch, on, t)
+            second, _ = _rational(patch, row, t)
+            normal = _cross(rate, [a - b for a, b in zip(second, position, strict=True)])
+            curve, tangent = points_and_tangents(given.curve, stations()[[at]])
+            assert np.abs(curve[0] - np.array([float(x) for x in position])).max() < 1e-12
+            wanted = _cross(exact(tangent[0]), exact(given.across[at]))
+            sine = CONTEXT.sqrt(sum(x * x for x in _cross(normal, wanted)))
+            cosine = sum(a * b for a, b in zip(normal, wanted, strict=True))
+            angles.append(float(CONTEXT.degrees(CONTEXT.atan2(sine, cosine))))
+    return angles
+
+
+def _rational(patch: Patch, members: np.ndarray, t):
+    """Point and derivative, up to a factor, of a row of knots that are even steps apart: a rational Bézier curve."""
+    degree = len(members) - 1
+    logs = exact(patch.log_products[members])
+    powers = [CONTEXT.exp(log) * t**j * (1 - t) ** (degree - j) for j, log in enumerate(logs)]
+    total = sum(powers)
+    points = [exact(b) for b in patch.control_points[members]]
+    position = [sum(w * b[i] for w, b in zip(powers, points, strict=True)) / total for i in range(3)]
+    rate = [
+        sum(j * w * (b[i] - position[i]) for j, (w, b) in enumerate(zip(powers, points, strict=True))) for i in range(3)
+    ]
+    return position, rate
+
+
+def _cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def assert_fills(filling: Filling, sides: list[Side]) -> None:
+    assert filling.folds == 0
+    assert filling.angle < PLANES
+    assert max(exact_angles(filling, sides)) < PLANES
+    assert len(filling.patch.domain.vertices) == len(sides)
+
+
+@pytest.mark.parametrize("n", mostly_long([5, 3, 4, 6, 7, 8, 9, 10, 11, 12], quick=1))
+@pytest.mark.parametrize("seed", mostly_long(range(10), quick=1))
+def test_random_loops_are_filled(n, seed):
+    sides = random_sides(n, seed)
+    assert_fills(fill(sides), sides)
+
+
+@pytest.mark.parametrize("n", mostly_long([3, 4, 6, 9], quick=1))
+def test_rational_loops_are_filled(n):
+    sides = random_sides(n, 1, (2, 4), rational=True)
+    assert_fills(fill(sides), sides)
+
+
+@pytest.mark.parametrize("degree", mostly_long([1, 10], quick=1))
+def test_high_and_low_degrees(degree):
+    sides = random_sides(4, 2, (degree, degree))
+    assert_fills(fill(sides), sides)
+
+
+def test_at_corners_the_normal_is_that_of_the_sides():
+    sides = random_sides(5, 3)
+    filling = fill(sides)
+    patch = filling.patch
+    normals = patch.normals(patch.domain.vertices)
+    for k, side in enumerate(filling.sides):
+        before = filling.sides[k - 1].curve
+        first, last = side.curve[1, :3] / side.curve[1, 3], before[-2, :3] / before[-2, 3]
+        expected = np.cross(first - side.ends[0], last - side.ends[0])
+        np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
+    assert np.nanmax(filling.corner_angles) < 1e-6
+
+
+def test_corners_where_ribbons_disagree_are_said(tmp_path):
+    sides = random_sides(4, 4)
+    turned = Side("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
+    filling = fill([turned, *sides[1:]])
+    assert filling.angle < PLANES
+    assert filling.corner_angles[0] > 5
+    assert filling.corner_angles[1] > 5
+    assert np.nanmax(filling.corner_angles[2:]) < 1e-6
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_any_size_and_place(scale, shift):
+    plain = random_sides(3, 5, (3, 3))
+    moved = []
+    for side in plain:
+        weights = side.curve[:, 3:]
+        curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
+        moved.append(Side(side.name, curve, side.across * scale))
+    one, other = fill(plain).patch, fill(moved).patch
+    np.testing.assert_allclose((other.control_points - shift) / scale, one.control_points, atol=1e-6 if shift else 1e-9)
+
+
+def test_the_order_and_direction_of_sides_do_not_matter():
+    sides = random_sides(4, 6)
+    mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
+    one, other = fill(sides), fill(mixed)
+    assert any("other end" in remark for remark in other.remarks)
+    np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
+
+
+@long
+def test_sides_without_ribbons_are_met():
+    sides = random_sides(5, 7)
+    bare = [Side(side.name, side.curve) for side in sides]
+    filling = fill(bare)
+    assert math.isnan(filling.angle)
+    mixed = fill([bare[0], *sides[1:]])
+    assert mixed.angle < PLANES
+    assert filling.energy < mixed.energy < fill(sides, raises=mixed.raises[0]).energy * (1 + 1e-9)
+
+
+def test_a_sphere_is_filled_nearly_as_a_sphere():
+    """Three quarters of great circles with the sphere's tangent planes: the inside is an octant to a per cent."""
+    turns = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
+    sides = [
+        Side(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
+        for k, turn in enumerate(turns)
+    ]
+    filling = fill(sides, raises=2)
+    assert filling.angle < PLANES
+    u = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ filling.patch.domain.vertices
+    radii = np.linalg.norm(filling.patch.evaluate(u), axis=1)
+    assert np.abs(radii - 1).max() < 0.02
+
+
+@long
+def test_flat_has_less_dirichlet_energy_and_fair_less_of_a_plate():
+    sides = random_sides(4, 8)
+    fair, flat = fill(sides).patch, fill(sides, inner="flat").patch
+    assert energy(flat, "dirichlet") < energy(fair, "dirichlet")
+    assert energy(fair, "thin-plate") < energy(flat, "thin-plate")
+
+
+@long
+def test_fullness_goes_on_along_the_planes():
+    sides = random_sides(4, 8)
+    full = fill(sides, fullness=1.5)
+    assert full.angle < PLANES
+    assert full.energy > fill(sides).energy
+
+
+@pytest.mark.parametrize(
+    ("sides", "message"),
+    [
+        ([], "has no extent"),
+        (random_sides(3, 0)[:2], "has 2 sides, at least 3"),
+        (random_sides(4, 0)[:3], "is not closed, side 2 ends"),
+        ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
+        (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
+        (
+            [Side("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
+            "side 0: the ribbon's distance from the curve vanishes",
+        ),
+    ],
+)
+def test_what_is_no_loop(sides, message):
+    with pytest.raises(DomainError, match=message):
+        fill(sides)
+
+
+def test_a_parallel_ribbon_spans_no_plane():
+    sides = random_sides(3, 0)
+    _, tangents = points_and_tangents(sides[0].curve, stations())
+    with pytest.raises(DomainError, match="parallel to the curve"):
+        fill([Side("side 0", sides[0].curve, tangents), *sides[1:]])
+
+
+@pytest.mark.parametrize("options", [{"inner": "x"}, {"fullness": 0}, {"fullness": math.nan}, {"raises": -1}])
+def test_options_that_make_no_sense(options):
+    with pytest.raises(DomainError, match=f"{next(iter(options))}:"):
+        fill(random_sides(3, 0), **options)
+
+
+def test_a_side_that_is_a_point_is_left_out():
+    sides = random_sides(4, 9)
+    corner = sides[2].ends[0]
+    point = Side("tip", homogeneous(np.tile(corner, (4, 1))))
+    filling = fill([*sides[:2], point, *sides[2:]])
+    assert filling.remarks[0] == "tip is a point, and left out"
+    assert_fills(filling, sides)
+
+
+# --- curves as rational Bézier curves
+
+
+def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
+    """Knots 0, 1/3, 1/2, 1: degree 6 with points missing, filled up to degree 8."""
+    curve = Patch([0, 1 / 3, 1 / 2, 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1], [3, 0, 0]], [1, 2, 0.5, 3])
+    (points,) = bezier_form(curve)
+    assert (points[:, 3] > 0).all()
+    found, _ = points_and_tangents(points, np.linspace(0, 1, 50))
+    t = np.linspace(0, 1, 4001)
+    near = np.abs(found[:, None] - curve.evaluate(t, "linear")[None]).max(axis=2).min(axis=1)
+    assert near.max() < 2e-3
+    with pytest.raises(DomainError, match="knots are not multiples of a common step"):
+        bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
+
+
+def test_pieces_of_a_bspline():
+    """Against the Cox-de Boor recursion of scipy."""
+    from scipy.interpolate import BSpline
+
+    knots = np.array([0, 0, 0, 0, 0.3, 0.7, 0.7, 1, 1, 1, 1.0])
+    points = np.random.default_rng(1).normal(size=(7, 3))
+    spline = BSpline(knots, points, 3)
+    t = np.linspace(0, 1, 9)
+    for piece, (low, high) in zip(bspline_pieces(3, knots, points), [(0, 0.3), (0.3, 0.7), (0.7, 1)], strict=True):
+        np.testing.assert_allclose(bernstein(3, t) @ piece, spline(low + t * (high - low)), atol=1e-14)
+
+
+# --- files
+
+
+def test_the_cup_is_filled():
+    sides = loop_from_text(CUP.read_bytes(), str(CUP))
+    filling = fill(sides)
+    assert_fills(filling, sides)
+    assert filling.energy < 2.5e4
+
+
+def test_a_loop_of_bsplines_is_filled():
+    path = HERE / "pocket3sided.lop"
+    sides = loop_from_text(path.read_bytes(), str(path))
+    assert [side.name for side in sides][:2] == ["side 0 piece 0", "side 0 piece 1"]
+    filling = fill(sides)
+    assert filling.folds == 0
+    for k, side in enumerate(filling.sides):
+        np.testing.assert_allclose(filling.patch.control_points[k], side.ends[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "message"),
+    [
+        ("gbp", "", "x.gbp:1: ends where the number of sides is expected"),
+        ("gbp", "5 x", "x.gbp:1: the degree is expected, got 'x'"),
+        ("gbp", "2 3", "x.gbp:1: the number of sides must be a whole number from 3 to 100, got 2"),
+        ("gbp", "3 2.5", "x.gbp:1: the degree must be a whole number from 3 to 20"),
+        ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: ends where a coordinate of the boundary is expected"),
+        ("gbp", "3 3\n0 0 nan", "x.gbp:2: a coordinate of the centre must be at most 1e+100"),
+        ("lop", "1\n3\n8 0 0 0 0 1 1 1 0", "x.lop:3: knots of curve 0 must ascend"),
+        ("lop", "1\n3\n8 0 0 0 0 1 1 1 1\n5", "x.lop:4: the number of points of curve 0 must be"),
+        ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: more than its sides need, from '7' on"),
+        ("lop", "1" * 1_000_001, "x.lop: is too large"),
+    ],
+)
+def test_bad_loops(suffix, text, message):
+    with pytest.raises(SpecError) as error:
+        loop_from_text(text.encode(), f"x.{suffix}")
+    assert str(error.value).startswith(message)
+
+
+TRIANGLE = """
+[[patches]]
+knots = [0, 1]
+control_points = [[0, 0, 0], [1, 0, 0]]
+ribbon = [[0, 1, 0.5], [1, 1, 0]]
+[[patches]]
+knots = [0, 1, 2]
+coefficients = "binomial"
+control_points = [[1, 0, 0], [1, 0.5, 0.2], [0, 1, 0]]
+[[patches]]
+knots = [0, 1]
+control_points = [[0, 1, 0], [0, 0, 0]]
+"""
+
+
+def test_a_spec_of_curves_is_filled(tmp_path):
+    sides = loop_or_model(TRIANGLE.encode(), "x.toml")
+    assert [side.across is None for side in sides] == [False, True, True]
+    result = gtb("fill", "-", stdin=TRIANGLE.encode())
+    assert result.status == 0
+    assert "3 sides" in result.err
+    patch = parse(result.text)
+    assert len(patch.domain.vertices) == 3
+    assert gtb("fill", "-", stdin=TRIANGLE.encode()).out == result.out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (TRIANGLE.replace("[1, 1, 0]]", "[1, 1, 0], [1, 1, 1]]"), "<stdin>:5: patches[0].ribbon: must be a list with"),
+        (TRIANGLE.replace("[1, 1, 0]]", "[1, 'x', 0]]"), "<stdin>:5: patches[0].ribbon[1][1]: expression 'x'"),
+        (TRIANGLE.replace("ribbon", "ribon"), "<stdin>:5: patches[0].ribon: is not a key"),
+        (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
+        ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
+        ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),
+    ],
+)
+def test_bad_specs_of_loops(text, message):
+    result = gtb("fill", "-", stdin=text.encode())
+    assert result.status == 2
+    assert result.out == b""
+    assert message in result.err
+
+
+# --- holes of models
+
+
+@pytest.fixture(scope="module")
+def box() -> Model:
+    found = load(SPECS / "box-corner.toml")
+    assert isinstance(found, Model)
+    return found
+
+
+def test_the_corner_of_a_box_is_filled_and_fairer_than_by_hand(box):
+    open_box = Model(box.patches[1:])
+    assert [len(ring.edges) for ring in rings(open_box)] == [6, 6]
+    filled, filling = fill_hole(open_box, "rounding-x edge 0")
+    assert filling.raises == (0,) * 6
+    assert filling.angle < PLANES
+    assert filling.folds == 0
+    assert len(filled.joints.shared) == 12
+    assert energy(filling.patch) < energy(box.patches[0]) / 5
+    assert len(parse(dump(filled)).patches) == 7
+
+
+def test_the_command_says_which_holes_there_are(box, tmp_path):
+    path = tmp_path / "open.toml"
+    path.write_text(dump(Model(box.patches[1:])), encoding="utf-8")
+    several = gtb("fill", path)
+    assert several.status == 2
+    assert "the model has 2, --hole EDGE names one of: rounding-x edge 0 (of 6 sides)" in several.err
+    assert "no open ring has an edge 'x'" in gtb("fill", path, "--hole", "x").err
+    done = gtb("fill", path, "--hole", "face-z edge 0")
+    assert done.status == 0
+    assert "6 sides, " in done.err
+    assert gtb("fill", path, "--hole", "face-z edge 0", "-q").err == ""
+    closed = gtb("fill", SPECS / "hebesphenorotunda.toml")
+    assert "has no closed ring of open edges" in closed.err
+
+
+def test_hole_is_for_models():
+    assert "--hole names an edge of a model" in gtb("fill", CUP, "--hole", "side 0").err
+
+
+@long
+def test_real_neighbours_are_touched():
+    """The five edges of a pentagon with real knots, some of them lattices with gaps: fitted, and the angle said."""
+    patch = load(SPECS / "pentagon.toml")
+    assert isinstance(patch, Patch)
+    _, filling = fill_hole(Model((patch,)))
+    assert filling.angle < 1
+
+
+def test_a_side_from_a_surface_is_refused():
+    with pytest.raises(DomainError, match="is a surface"):
+        curve_side(load(SPECS / "pentagon.toml"), None, "x")
