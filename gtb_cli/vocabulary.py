@@ -52,7 +52,8 @@ ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 BASIS = "basis:"
 """Before the index of a basis function: a further such scalar."""
 
-PARAMETRIZATIONS = ("toric", "linear")
+PARAMETRIZATIONS = ("linear", "toric")
+"""Where the vertices of a mesh are put, the default first."""
 
 TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
 """Starter specs."""

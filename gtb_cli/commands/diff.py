@@ -86,7 +86,7 @@ def diff(
     tolerance: float | str | None,
     resolution: int | None,
     mesh_tolerance: float | str | None,
-    parametrization: Parametrization | None,
+    parametrization: Parametrization,
     max_faces: int,
     as_json: bool,
     output: str,

@@ -19,15 +19,15 @@ from gtb_cli.shell.options import (
     console_option,
     json_option,
     output_option,
-    parametrization_option,
     spec_argument,
     spec_format_option,
 )
 from gtb_cli.shell.streams import opened, read_patch, shown_input, write_blocks
-from gtb_cli.vocabulary import MAX_FACES
+from gtb_cli.vocabulary import MAX_FACES, PARAMETRIZATIONS
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
+    from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
 MAX_GRID = 10**6
@@ -53,8 +53,14 @@ MAX_LINE = 10_000
     metavar="N",
     help="In place of PARAMS: the parameters of the vertices of gtb mesh -n N, which begin each line.",
 )
-@click.option("--header", is_flag=True, help="Print names of the columns first.")
-@parametrization_option
+@click.option("--header", is_flag=True, help="Names of the columns first, and parameters in front of each line.")
+@click.option(
+    "--parametrization",
+    type=click.Choice(PARAMETRIZATIONS),
+    default="toric",
+    help="What parameters mean: toric, what they do in the paper (so it is without this option); or linear, so that "
+    "the patch has linear precision, as those of gtb mesh.",
+)
 @json_option
 @output_option
 @spec_format_option
@@ -65,7 +71,7 @@ def evaluate(
     basis: bool,
     grid: int | None,
     header: bool,
-    parametrization: str | None,
+    parametrization: Parametrization,
     as_json: bool,
     output: str,
     spec_format: str | None,
@@ -78,7 +84,8 @@ def evaluate(
 
     PARAMS is a file, or standard input: on each line one parameter, "t" for a curve and "u v" for a surface,
     separated by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each gives one line, with the
-    shortest digits that read back exactly. With --json: {"points": [...], "parameters": [...]}, or "basis".
+    shortest digits that read back exactly. With --json: {"points": [...], "parameters": [...]}, or "basis". With
+    --header each line begins with its parameters, below the names of the columns: "u v T0 T1 ..." with --basis.
 
     With --grid there is nothing to read: parameters cover the domain, corners and edges included, and each line is
     "u v x y z" (of a curve "t x y z"), for any program that plots.
@@ -91,20 +98,20 @@ def evaluate(
         raise click.UsageError("spec and parameters cannot both be standard input")
     loaded = read_patch(spec, spec_format)
     evaluated = loaded.basis if basis else loaded.evaluate
-    values = partial(evaluated, parametrization="linear" if parametrization == "linear" else "toric")
+    values = partial(evaluated, parametrization=parametrization)
     batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
     if as_json:
         write_blocks(output, _json(batches, "basis" if basis else "points"))
         return
-    names = _columns(loaded, basis, grid is not None)
-    first = [" ".join(names).encode("ascii") + b"\n"] if header else []
-    write_blocks(output, chain(first, map(_rows if grid is None else _rows_with_parameters, batches)))
+    first = [" ".join(_columns(loaded, basis)).encode("ascii") + b"\n"] if header else []
+    with_parameters = header or grid is not None
+    write_blocks(output, chain(first, map(_rows_with_parameters if with_parameters else _rows, batches)))
 
 
-def _columns(patch: Patch, basis: bool, with_parameters: bool) -> list[str]:
-    """Names of what each line holds."""
-    parameters = (["t"] if patch.dimension == 1 else ["u", "v"]) if with_parameters else []
-    return parameters + ([f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"])
+def _columns(patch: Patch, basis: bool) -> list[str]:
+    """Names of what each line holds that begins with its parameters."""
+    values = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
+    return [*(["t"] if patch.dimension == 1 else ["u", "v"]), *values]
 
 
 def _grid(

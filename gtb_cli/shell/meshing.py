@@ -55,8 +55,7 @@ class MeshOptions:
 
     def settings_for(self, spec: Patch | Model) -> dict[str, object]:
         """What options mean for a spec, where that differs from spec to spec."""
-        settings: dict[str, object] = {"parametrization": self.recipe.parametrization_for(spec)}
-        return settings if self.recipe.tolerance is None else settings | {"tolerance": self.recipe.tolerance_for(spec)}
+        return {} if self.recipe.tolerance is None else {"tolerance": self.recipe.tolerance_for(spec)}
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""

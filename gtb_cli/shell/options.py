@@ -142,8 +142,9 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON."
 parametrization_option = click.option(
     "--parametrization",
     type=click.Choice(PARAMETRIZATIONS),
-    help="Take parameters as the paper does (toric), or so that the patch has linear precision (linear). "
-    "Without it: toric, but linear for meshes of models and, always, with --tolerance.",
+    default=PARAMETRIZATIONS[0],
+    help="Where vertices are put: linear, evenly up to the edges, whatever the units of the knots (so it is without "
+    "this option); or toric, at the paper's parameters, which may crowd.",
 )
 
 lifting_option = click.option(
@@ -230,7 +231,7 @@ def mesh_options(function: Function) -> Function:
         *args: Any,
         resolution: int | None,
         tolerance: float | str | None,
-        parametrization: Parametrization | None,
+        parametrization: Parametrization,
         format: str | None,
         normals: bool,
         uv: bool,

@@ -24,7 +24,7 @@ SHOWN = "quality"
 
 
 def with_attributes(
-    shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "toric"
+    shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "linear"
 ) -> tuple[Mesh, int]:
     """Return a mesh with scalars for each vertex.
 
@@ -37,7 +37,7 @@ def with_attributes(
     names : sequence of str
         Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`;
         or ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``.
-    parametrization : {"toric", "linear"}
+    parametrization : {"linear", "toric"}
         That of the mesh.
 
     Returns
@@ -122,7 +122,7 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
     return result
 
 
-def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "toric") -> FloatArray:
+def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
     """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
     if mesh.parameters is None:
         raise DomainError("tangents: the mesh has no parameters")

@@ -42,8 +42,8 @@ class Recipe:
     tolerance : float, str or None
         Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal;
         replaces `resolution`.
-    parametrization : "toric", "linear" or None
-        None: the one that suits.
+    parametrization : "linear" or "toric"
+        Where vertices are put: evenly, or at the paper's parameters.
     normals : bool
         Whether a surface gets its unit normals.
     radius : float or None
@@ -65,7 +65,7 @@ class Recipe:
 
     resolution: int = RESOLUTION
     tolerance: float | str | None = None
-    parametrization: Parametrization | None = None
+    parametrization: Parametrization = "linear"
     normals: bool = False
     radius: float | None = None
     thickness: float | None = None
@@ -104,11 +104,15 @@ class Recipe:
         mesh = tessellate(
             spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
         )
-        remarks = self._crowding(spec, mesh)
+        remarks = self._confusion(spec, mesh)
+        if self.parametrization == "toric":
+            from gtb_cli.tessellation.crowding import crowding
+
+            remarks += crowding(spec, self.resolution)
         if self.attributes:
             from gtb_cli.tessellation.attributes import with_attributes
 
-            mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization_for(spec))
+            mesh, replaced = with_attributes(spec, mesh, self.attributes, self.parametrization)
             if replaced:
                 remarks.append(
                     f"the curvature has no finite limit at {replaced} of {len(mesh.vertices)} vertices, "
@@ -128,7 +132,7 @@ class Recipe:
             require_watertight(spec, mesh)
         return mesh, remarks
 
-    def _crowding(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
+    def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """What to know of a model whose coarse mesh has sides with more than two faces."""
         from gtb_cli.theory.model import Model
 
@@ -150,7 +154,7 @@ class Recipe:
 
         tangents: FloatArray | None = None
         if mesh.is_curve and not isinstance(spec, Model):
-            tangents = curve_tangents(spec, mesh, self.parametrization_for(spec))
+            tangents = curve_tangents(spec, mesh, self.parametrization)
         folded = folded_segments(mesh, radius, tangents=tangents)
         remarks = []
         if len(folded):
@@ -168,13 +172,6 @@ class Recipe:
         if diagonal == 0:
             raise DomainError(f"tolerance: {self.tolerance} of the size of a single point is nothing")
         return percentage(self.tolerance) / 100 * diagonal
-
-    def parametrization_for(self, spec: Patch | Model) -> Parametrization:
-        """Return the parametrization that was asked for, or else the one that suits."""
-        from gtb_cli.theory.model import Model
-
-        suitable: Parametrization = "linear" if isinstance(spec, Model) or self.tolerance is not None else "toric"
-        return self.parametrization or suitable
 
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""

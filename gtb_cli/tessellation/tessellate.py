@@ -32,7 +32,7 @@ def tessellate(
     shape: Patch | Model,
     resolution: int = 32,
     tolerance: float | None = None,
-    parametrization: Parametrization | None = None,
+    parametrization: Parametrization = "linear",
     *,
     normals: bool = True,
     max_faces: int = MAX_FACES,
@@ -47,9 +47,9 @@ def tessellate(
         Cells along each edge of the domain; not used with a tolerance.
     tolerance : float, optional
         Largest distance from the surface to the mesh, in model units; verified by sampling.
-    parametrization : {"toric", "linear"}, optional
-        Where vertices are put. Default: toric, the paper's, for a patch without tolerance, else linear; with a
-        tolerance always linear.
+    parametrization : {"linear", "toric"}
+        Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
+        large exponents. With a tolerance always linear.
     normals : bool
         Whether a surface's mesh gets its unit normals, which take longer than its points.
     max_faces : int
@@ -79,8 +79,6 @@ def tessellate(
         from gtb_cli.theory.joints import find_joints  # imported, like refinement, by the meshes that need it
 
         joints = find_joints(patches)
-    if parametrization is None:
-        parametrization = "linear" if isinstance(shape, Model) or tolerance is not None else "toric"
     if tolerance is not None and parametrization == "toric":
         raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
     sampler = Sampler(patches, parametrization, isinstance(shape, Model), joints.flipped if joints else ())

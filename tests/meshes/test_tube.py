@@ -471,7 +471,7 @@ def test_a_curve_becomes_stl(tmp_path):
     assert result.err == f"gtb: {path}: {33 * SIDES + 2} vertices, {66 * SIDES} faces\n"
     read = stl.Mesh.from_file(str(path))
     assert read.is_closed(exact=True)
-    assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05, "toric")), rel=1e-4)
+    assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05)), rel=1e-4)
 
 
 def test_the_radius_may_be_an_expression_and_the_bend_is_warned_of():

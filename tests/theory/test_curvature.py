@@ -365,7 +365,7 @@ def test_no_attribute_of_any_spec_is_infinite(path):
     mesh, replaced = with_attributes(shape, tessellate(shape, 8), ATTRIBUTES)
     values = np.stack(list(mesh.attributes.values()))
     assert np.isfinite(values).all()
-    raw = curvature(shape, mesh.parameters)
+    raw = curvature(shape, mesh.parameters, "linear")
     undefined = np.isnan(raw.gaussian)
     assert replaced == undefined.sum()
     np.testing.assert_array_equal(mesh.attributes["gaussian_curvature"][~undefined], raw.gaussian[~undefined])

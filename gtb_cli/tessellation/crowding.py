@@ -1,0 +1,81 @@
+"""Where the toric parametrisation puts vertices on top of each other, so that single triangles span most of a patch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.knots.face import INTERIOR
+from gtb_cli.meshes.topology import sides_of
+from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.triangulation import Triangulation, triangulation
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+WIDE = 0.1
+"""Part of an edge, or inside of the domain, that one side of a triangle may span before vertices are said to crowd."""
+
+FINE = 16
+"""Segments along each edge from which sides are not that wide by themselves."""
+
+NO_WIDTH = 1e-9
+"""Part of the domain's size below which the corners of a face are one point."""
+
+
+def crowding(spec: Patch | Model, resolution: int) -> list[str]:
+    """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing where they do not.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+    resolution : int
+        Segments along each edge of each domain.
+
+    Notes
+    -----
+    Places are compared in the linear parametrisation, by ``μ = Σ_i T_i a_i``, in which a mesh is even: one more
+    evaluation of the patch, with its knots in place of the control points.
+    """
+    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    widest, lost, count = 0.0, 0, 0
+    for patch in patches:
+        part = triangulation(patch.domain, resolution)
+        places = _places(patch, part, shared_edges=isinstance(spec, Model))
+        widest = max(widest, _widest(patch, part, places))
+        ends = np.stack([part.cells, np.roll(part.cells, 1, axis=1)], axis=-1)
+        widths = np.linalg.norm(places[ends[..., 0]] - places[ends[..., 1]], axis=-1)
+        lost += int(np.count_nonzero((widths <= NO_WIDTH * patch.domain.size).any(axis=1)))
+        count += len(part.cells)
+    cells, side = ("segments", "segment") if patches[0].dimension == 1 else ("faces", "side of a face")
+    found = []
+    if lost:
+        found.append(f"{lost} of {count} {cells} have corners at one point")
+    if widest > WIDE and resolution >= FINE:
+        found.append(f"one {side} spans {widest:.0%} of the patch")
+    if not found:
+        return []
+    return [f"toric parameters crowd: {' and '.join(found)}; leave out --parametrization toric"]
+
+
+def _places(patch: Patch, part: Triangulation, *, shared_edges: bool) -> FloatArray:
+    """(m, d) points μ of the vertices of a toric mesh."""
+    faces = patch.domain.faces
+    face = np.full(len(part.parameters), INTERIOR)
+    face[part.boundary] = faces.edges[:, None]
+    face[part.boundary[:, 0]] = faces.corners
+    sampler = Sampler((patch,), "toric", shared_edges)
+    locations = sampler.locations(0, part.parameters, face)
+    return patch.rational_basis.blend(patch.knots, locations, len(face))
+
+
+def _widest(patch: Patch, part: Triangulation, places: FloatArray) -> float:
+    """The largest part of an edge that a segment on it spans, or of the domain that a side inside does."""
+    if patch.dimension == 1:
+        return float(np.abs(np.diff(places[:, 0])).max() / patch.domain.size)
+    edges = sides_of(part.cells).edges
+    widest = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1).max() / patch.domain.size
+    for edge, start in zip(part.boundary, np.roll(part.boundary, -1, axis=0), strict=True):
+        border = places[np.append(edge, start[0])]
+        steps = np.linalg.norm(np.diff(border, axis=0), axis=1)
+        widest = max(widest, steps.max() / steps.sum())
+    return float(widest)
