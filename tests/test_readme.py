@@ -9,10 +9,15 @@ from tests.marks import long
 from tests.shell import REPOSITORY, SPECS, gtb, script
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+COMMANDS_PAGE = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
+
+LINES = 250
+"""The README is read in ten minutes."""
 
 
 def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    found = re.findall(rf"^```{language}\n(.*?)^```$", README + COMMANDS_PAGE, re.MULTILINE | re.DOTALL)
+    return list(dict.fromkeys(found))
 
 
 @pytest.fixture
@@ -26,10 +31,16 @@ def workplace(tmp_path):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_a_section(name):
-    section = re.search(rf"^### gtb {name}\n(.*?)^##", README, re.MULTILINE | re.DOTALL)
-    assert section, f"README.md has no section '### gtb {name}'"
+def test_every_command_has_a_row_and_a_section(name):
+    row = re.search(rf"^\| `gtb {name}` \|.*\| `gtb {name}\b", README, re.MULTILINE)
+    assert row, f"README.md has no row for {name}"
+    section = re.search(rf"^## gtb {name}\n(.*?)^## ", COMMANDS_PAGE, re.MULTILINE | re.DOTALL)
+    assert section, f"specs/COMMANDS.md has no section '## gtb {name}'"
     assert f"gtb {name} " in section[1]
+
+
+def test_it_is_short():
+    assert len(README.splitlines()) <= LINES
 
 
 SEQUENCES = re.compile("gtb (degenerate|knot-limit) ")
@@ -52,8 +63,9 @@ def test_its_python_runs(block, workplace, monkeypatch):
 
 
 def test_its_links_lead_somewhere():
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        assert (REPOSITORY / target).exists()
+    for folder, text in ((REPOSITORY, README), (SPECS, COMMANDS_PAGE)):
+        for target in re.findall(r"\]\(([^)#]+)", text):
+            assert (folder / target).exists()
 
 
 def test_its_targets_of_make_are_there():

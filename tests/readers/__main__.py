@@ -167,7 +167,7 @@ def _print_table(kinds: Sequence[Kind], cells: dict[tuple[str, str], str], versi
 
 
 def _print_summary(cells: dict[tuple[str, str], str], versions: dict[str, str]) -> None:
-    """Print one table, for the README: what each reader keeps of each format, and what it does not read."""
+    """Print the table of the README beside this: what each reader keeps of each format, and what it passes over."""
     formats = list(dict.fromkeys(kind.format for kind in KINDS))
     print("| |", " | ".join(format.upper() for format in formats), "|")
     print("|---|" + "---|" * len(formats))
