@@ -10,7 +10,7 @@ from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.bezier import binomial_coefficients, lattice_of
+from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 
 SAMPLES = 200
 """Parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or cubic."""

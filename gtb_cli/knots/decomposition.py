@@ -13,9 +13,11 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import PARAMETER_ULPS
 from gtb_cli.knots.hull import border_of, depth_in, knot_tolerance
 from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
+from gtb_cli.values import by_value
 
 
-@dataclass(frozen=True)
+@by_value
+@dataclass(frozen=True, eq=False)
 class RegularDecomposition:
     """Cells of knots under the upper faces of the lifted knots (a_i, λ_i). Made by `regular_decomposition`.
 

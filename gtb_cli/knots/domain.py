@@ -14,6 +14,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positiv
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
+from gtb_cli.values import by_value
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
@@ -28,7 +29,8 @@ CANCELLING_DISTANCE = 2.0**-10
 """Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
 
 
-@dataclass(frozen=True)
+@by_value
+@dataclass(frozen=True, eq=False)
 class Domain:
     """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
 
@@ -113,17 +115,31 @@ class Domain:
         return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
 
     def columns(self, u: ArrayLike) -> FloatArray:
-        """Return parameters as (m, d), after checking shape and finiteness; accepts (m,) for a curve."""
+        """Return parameters as (m, d), as `grid` does."""
+        return self.grid(u)[0]
+
+    def grid(self, u: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
+        """Return parameters as (m, d), and the shape of the grid that they were given in.
+
+        Parameters
+        ----------
+        u : (…, d) float, or (…) for a curve
+            For a curve a last axis of length 1 is taken for d, unless it is the only one.
+
+        Raises
+        ------
+        DomainError
+            The last axis has another length, or these are no numbers.
+        """
         try:
             array = np.asarray(u, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise DomainError(f"parameters: not a regular array of numbers ({error})") from None
-        if array.ndim == 1 and self.dimension == 1:
-            array = array[:, None]
-        if array.ndim != 2 or array.shape[1] != self.dimension:
-            expected = "(m, 2)" if self.dimension == 2 else "(m,) or (m, 1)"
-            raise DomainError(f"parameters: expected shape {expected}, got {array.shape}")
-        return array
+        if self.dimension == 1 and (array.ndim < 2 or array.shape[-1] != 1):
+            array = array[..., None]
+        if array.ndim == 0 or array.shape[-1] != self.dimension:
+            raise DomainError(f"parameters: expected shape (…, 2), as those of a surface, got {array.shape}")
+        return array.reshape(-1, self.dimension), array.shape[:-1]
 
     @np.errstate(over="ignore", invalid="ignore")  # of infinite parameters, which are refused
     def heights_of_columns(self, u: FloatArray, first: int = 0, faces: IntArray | None = None) -> FloatArray:

@@ -8,17 +8,20 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.topology import sides_of
+from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     import trimesh
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True)
+@by_value
+@dataclass(frozen=True, eq=False)
 class Origin:
     """Where the vertices of a model's mesh come from.
 
@@ -34,9 +37,13 @@ class Origin:
     turned: BoolArray
 
 
-@dataclass(frozen=True)
+@by_value
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """A polyline or a triangle mesh.
+
+    A value: meshes with equal contents are equal, have the same hash, and pickle and copy as such. Its arrays are
+    read-only views of those that are given, which are not copied.
 
     Parameters
     ----------
@@ -69,6 +76,12 @@ class Mesh:
     origin: Origin | None = None
 
     def __post_init__(self) -> None:
+        self._take("vertices", np.float64)
+        self._take("cells", np.int64)
+        self._take("parameters", np.float64)
+        self._take("normals", np.float64)
+        attributes = {name: _view(values, np.float64) for name, values in self.attributes.items()}
+        object.__setattr__(self, "attributes", MappingProxyType(attributes))
         count = len(self.vertices)
         if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
             raise DomainError(f"vertices: expected shape (m, 3), got {self.vertices.shape}")
@@ -77,6 +90,18 @@ class Mesh:
         for label, values in (("parameters", self.parameters), ("normals", self.normals), *self.attributes.items()):
             if values is not None and len(values) != count:
                 raise DomainError(f"{label}: {len(values)} rows for {count} vertices")
+
+    def _take(self, label: str, kind: type) -> None:
+        values = getattr(self, label)
+        if values is not None:
+            try:
+                object.__setattr__(self, label, _view(values, kind))
+            except (TypeError, ValueError) as error:
+                raise DomainError(f"{label}: not a regular array of numbers ({error})") from None
+
+    def __repr__(self) -> str:
+        what = "segments" if self.is_curve else "faces"
+        return f"<Mesh {self.name}: {len(self.vertices)} vertices, {len(self.cells)} {what}>"
 
     @property
     def is_curve(self) -> bool:
@@ -139,3 +164,15 @@ class Mesh:
         return trimesh.Trimesh(
             vertices=self.vertices, faces=self.cells, vertex_normals=self.normals, process=False, validate=False
         )
+
+
+def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
+    """A read-only view of an array, or of a copy where it has another type."""
+    array = np.asarray(values)
+    if kind is np.int64 and array.dtype.kind not in "iu":
+        raise TypeError(f"whole numbers are expected, these are {array.dtype}")
+    if array.dtype == kind and not array.flags.writeable:
+        return array
+    view: NDArray[Any] = array.astype(kind, copy=False).view()
+    view.flags.writeable = False
+    return view

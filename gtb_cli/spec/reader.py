@@ -16,16 +16,14 @@ from gtb_cli.knots.hull import convex_hull
 from gtb_cli.spec.document import Faults, shown
 from gtb_cli.spec.expression import evaluate_expression
 from gtb_cli.spec.scanner import Path
-from gtb_cli.theory.basis import partition_of_unity_coefficients
-from gtb_cli.theory.bezier import binomial_coefficients
 from gtb_cli.theory.model import Model
-from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.patch import COEFFICIENTS, Patch
 
 PATCH_KEYS = frozenset(
     ("name", "knots", "weights", "control_points", "coefficients", "lifting", "edge_normals", "edge_scale")
 )
 MODEL_KEYS = frozenset(("name", "patches"))
-NAMED_COEFFICIENTS = ("binomial", "partition-of-unity")
+NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
 
 LARGEST = 1e100
 """Largest size of a coordinate, lifting value or scale: squares and products of two stay finite."""
@@ -292,11 +290,9 @@ def _check_size(knots: FloatArray) -> None:
 
 
 def _coefficients(domain: Domain, name: str) -> FloatArray:
-    if name == "binomial":
-        return binomial_coefficients(domain)
-    if len(domain.knots) > MAX_UNITY:
+    if name == "partition-of-unity" and len(domain.knots) > MAX_UNITY:
         raise DomainError(f"coefficients: {name} is for at most {MAX_UNITY} knots, got {len(domain.knots)}")
-    return partition_of_unity_coefficients(domain)
+    return COEFFICIENTS[name](domain)
 
 
 def name_fault(name: str) -> str | None:

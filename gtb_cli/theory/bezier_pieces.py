@@ -17,7 +17,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.hull import KNOT_TOLERANCE
-from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.elevation import MAX_KNOTS, ORDINARY
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

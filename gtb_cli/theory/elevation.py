@@ -9,7 +9,7 @@ from gtb_cli.arrays import FloatArray, IntArray, finite, positive
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.theory.bezier import lattice_of
+from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.theory.patch import Patch
 
 MAX_KNOTS = 10_000

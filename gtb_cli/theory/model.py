@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import by_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,20 +18,35 @@ if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
 
-@dataclass(frozen=True, eq=False)
+@by_value
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Several patches that belong together, such as a closed body or a regular control surface.
 
+    A value, as `Patch` is one; ``len``, ``model[0]`` and iteration are about its patches.
+
     Parameters
     ----------
-    patches : tuple of Patch
+    patches : sequence of Patch
+        All curves or all surfaces.
     name : str, optional
+
+    Raises
+    ------
+    DomainError
+        No patches, something else, or curves and surfaces together.
     """
 
     patches: tuple[Patch, ...]
     name: str | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.patches, Patch):
+            raise DomainError("patches: expected several patches, got one: [patch]")
+        object.__setattr__(self, "patches", tuple(self.patches))
+        for index, patch in enumerate(self.patches):
+            if not isinstance(patch, Patch):
+                raise DomainError(f"patches[{index}]: expected a Patch, got {type(patch).__name__}")
         if not self.patches:
             raise DomainError("patches: a model needs at least one")
         if len({patch.dimension for patch in self.patches}) > 1:
@@ -37,6 +54,17 @@ class Model:
 
     def __len__(self) -> int:
         return len(self.patches)
+
+    def __getitem__(self, index: int) -> Patch:
+        return self.patches[index]
+
+    def __repr__(self) -> str:
+        kind = "curves" if self.dimension == 1 else "surfaces"
+        return f"<Model {self.name or 'without a name'}: {len(self)} {kind}>"
+
+    def replace(self, **changes: Any) -> Model:
+        """Return a copy with other values in some fields."""
+        return dataclasses.replace(self, **changes)
 
     def __iter__(self) -> Iterator[Patch]:
         return iter(self.patches)

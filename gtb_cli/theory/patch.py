@@ -14,9 +14,14 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray, IntArray, finite, positive, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
-from gtb_cli.theory.basis import Location, exponentials
+from gtb_cli.knots.lattice import binomial_coefficients
+from gtb_cli.theory.basis import Location, exponentials, partition_of_unity_coefficients
 from gtb_cli.theory.normals import NormalField
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
+from gtb_cli.values import by_value
+
+COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
+"""Rules that make coefficients for a domain, by the names that specs have for them."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +35,8 @@ class Made(NamedTuple):
     rational_basis: RationalBasis
 
 
-@dataclass(frozen=True, eq=False)
+@by_value
+@dataclass(frozen=True, eq=False, repr=False)
 class Patch:
     """A GT-Bézier curve (d = 1) or surface (d = 2): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
 
@@ -42,8 +48,8 @@ class Patch:
         b_i, in model units; planar points get z = 0.
     weights : (n,) float, optional
         ω_i > 0, default 1.
-    coefficients : (n,) float, optional
-        c_i > 0, default 1. They act only through the products c_i ω_i.
+    coefficients : (n,) float, "binomial" or "partition-of-unity", optional
+        c_i > 0, default 1, or the rule that makes them, as in a spec. They act only through the products c_i ω_i.
     edge_normals, edge_scale
         Scale of the edge functions, see `gtb_cli.knots.domain.domain`: changes the parametrisation, not the image.
     lifting : (n,) float, optional
@@ -60,6 +66,11 @@ class Patch:
     DomainError
         Arrays that do not fit, are not finite, or not positive; knots with a flat hull.
 
+    Notes
+    -----
+    A value: patches with equal numbers and names are equal, have the same hash, and pickle and copy as such. Arrays are
+    the patch's own, and read-only; `replace` makes changed copies.
+
     References
     ----------
     Def. 3.1, Def. 4.1.
@@ -74,7 +85,7 @@ class Patch:
     lifting: FloatArray | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
     log_weights: FloatArray = field(default=None, kw_only=True)  # type: ignore[arg-type]
-    made: Made = field(default=None, kw_only=True, repr=False)  # type: ignore[assignment]
+    made: Made = field(default=None, kw_only=True, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -89,7 +100,11 @@ class Patch:
             points = read_only(np.column_stack([points, np.zeros(len(points))]))
         set_field(self, "control_points", points)
         self._set_weights(n)
-        coefficients = np.ones(n) if self.coefficients is None else self.coefficients
+        coefficients: ArrayLike | str = np.ones(n) if self.coefficients is None else self.coefficients
+        if isinstance(coefficients, str):
+            if coefficients not in COEFFICIENTS:
+                raise DomainError(f"coefficients: expected numbers, {' or '.join(COEFFICIENTS)}, got {coefficients!r}")
+            coefficients = COEFFICIENTS[coefficients](shape)
         set_field(self, "coefficients", positive("coefficients", coefficients))
         if self.lifting is not None:
             set_field(self, "lifting", finite("lifting", self.lifting))
@@ -97,11 +112,17 @@ class Patch:
             values = getattr(self, label)
             if (values is not None and len(values) != n) or (label != "control_points" and np.ndim(values) > 1):
                 raise DomainError(f"{label}: expected {n} entries, one per knot, got shape {values.shape}")
+        if self.name is not None and not isinstance(self.name, str):
+            raise DomainError(f"name: expected a string, got {self.name!r}")
         products = read_only(self.log_weights + np.log(self.coefficients))
         basis = None if self.made is None else self.made.rational_basis
         if basis is None or basis.domain is not shape or not np.array_equal(basis.log_weights, products):
             basis = RationalBasis(shape, products)
         set_field(self, "made", Made(self.weights, self.log_weights, basis))
+
+    def __repr__(self) -> str:
+        kind = "curve" if self.dimension == 1 else f"{len(self.domain.vertices)}-sided surface"
+        return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
 
     def _domain(self) -> Domain:
         """Δ: that of the patch this is a copy of, where knots and edge functions are the same."""
@@ -177,14 +198,14 @@ class Patch:
 
         Parameters
         ----------
-        u : (m, d) float, or (m,) for a curve
-            Parameters in Δ.
+        u : (…, d) float, or (…) for a curve
+            Parameters in Δ: one, a row of them, or a grid. For a curve a last axis of length 1 is taken for d.
         parametrization : {"toric", "linear"}
             What they mean, see `gtb_cli.theory.parametrization`.
 
         Returns
         -------
-        (m, 3) float
+        (…, 3) float
             Points, in model units. On edge j the curve of the knots on that edge; at corners exactly their control
             points.
 
@@ -197,20 +218,22 @@ class Patch:
         ----------
         Eq. (301), eq. (401).
         """
-        columns = self.domain.columns(u)
-        return self.points_at(self.rational_basis.locations(columns, parametrization), len(columns))
+        columns, grid = self.domain.grid(u)
+        points = self.points_at(self.rational_basis.locations(columns, parametrization), len(columns))
+        return points.reshape(*grid, 3)
 
     def basis(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-        """(m, n) values T_i(u) of the rational basis (eq. 202, eq. 205); parameters as in `evaluate`."""
-        columns = self.domain.columns(u)
-        return self.rational_basis.values(self.rational_basis.locations(columns, parametrization), len(columns))
+        """(…, n) values T_i(u) of the rational basis (eq. 202, eq. 205); parameters as in `evaluate`."""
+        columns, grid = self.domain.grid(u)
+        basis = self.rational_basis
+        return basis.values(basis.locations(columns, parametrization), len(columns)).reshape(*grid, len(self.knots))
 
     def points_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) points at locations found by any parametrisation."""
         return self.rational_basis.blend(self.control_points, locations, count)
 
     def derivatives(self, u: ArrayLike) -> FloatArray:
-        """(m, 3, d) first derivatives ∂P/∂u at parameters inside Δ.
+        """(…, 3, d) first derivatives ∂P/∂u at parameters inside Δ, given as in `evaluate`.
 
         ``∂P/∂u = Σ_j (Σ_i T_i h_j(a_i) (b_i − P)) (s_j ξ_j)ᵀ / h_j(u)``.
 
@@ -219,7 +242,7 @@ class Patch:
         DomainError
             A parameter lies on the boundary, where the derivative may be infinite: use `normals` there.
         """
-        u = self.domain.columns(u)
+        u, grid = self.domain.grid(u)
         result = np.empty((len(u), 3, self.dimension))
         points = self.control_points - self._middle
         for where, face, knots, s, heights in self.rational_basis.locations(u):
@@ -234,19 +257,19 @@ class Patch:
                 for column, height in zip(self.domain.heights.T, heights, strict=True)
             ]
             result[where] = np.einsum("jkm,jl->mkl", np.array(rates), self.domain.normals)
-        return result
+        return result.reshape(*grid, 3, self.dimension)
 
     def normals(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
         """Unit normals of a surface, in the direction of ∂P/∂u_0 × ∂P/∂u_1, with their limits on the boundary.
 
         Parameters
         ----------
-        u : (m, 2) float
+        u : (…, 2) float
         parametrization : {"toric", "linear"}
 
         Returns
         -------
-        (m, 3) float
+        (…, 3) float
             NaN where the surface has no normal there (coincident control points): see
             `gtb_cli.tessellation.tessellate`, which takes the mean of adjacent faces.
 
@@ -261,8 +284,9 @@ class Patch:
         the directions to the next knots along its two edges. Inside, digits are kept up to the boundary and where
         few knots hold nearly all of T; see `gtb_cli.theory.normals`.
         """
-        columns = self.domain.columns(u)
-        return self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
+        columns, grid = self.domain.grid(u)
+        normals = self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
+        return normals.reshape(*grid, 3)
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, 3) unit normals, as `normals`, at locations found by any parametrisation."""

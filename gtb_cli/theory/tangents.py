@@ -23,12 +23,12 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
     ----------
     patch : Patch
         A curve.
-    t : (m,) or (m, 1) float
+    t : (…) or (…, 1) float
         Parameters of either parametrisation.
 
     Returns
     -------
-    (m, 3) float
+    (…, 3) float
         NaN where the derivative vanishes. At an end the limit: the direction from its control point to that of the
         nearest knot that has another one, of copies of a knot to their mean.
 
@@ -41,8 +41,9 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
     ----------
     Property (c) of GT-Bézier curves, eq. 302, whose lengths depend on k_0 and k_1; the directions do not.
     """
-    columns = patch.domain.columns(t)
-    return tangents_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
+    columns, grid = patch.domain.grid(t)
+    found = tangents_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
+    return found.reshape(*grid, 3)
 
 
 def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArray:

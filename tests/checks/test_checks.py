@@ -15,8 +15,8 @@ from gtb_cli.checks.probe import Probe, evenly
 from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Outcome
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.bezier import binomial_coefficients
 from gtb_cli.theory.degeneration import regular_control_surface
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

@@ -23,7 +23,7 @@ def square(f) -> Patch:
     i, j = (index.ravel() / 3 for index in np.mgrid[:4, :4])
     knots = np.column_stack([i, j])
     from gtb_cli.knots.domain import domain
-    from gtb_cli.theory.bezier import binomial_coefficients
+    from gtb_cli.knots.lattice import binomial_coefficients
 
     return Patch(knots, np.column_stack([i, j, f(i, j)]), coefficients=binomial_coefficients(domain(knots)))
 

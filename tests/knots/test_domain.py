@@ -386,8 +386,8 @@ def test_slanted_edges_are_snapped_within_four_ulp_only():
         ([[math.inf, 1]], r"parameters\[0\]: must be finite, got \(inf, 1.0\)"),
         ([[-math.inf, math.inf]], r"parameters\[0\]: must be finite, got \(-inf, inf\)"),
         ([[1e300, -1e300]], r"parameters\[0\]: .* is outside the domain"),
-        ([1.0, 1.0], r"parameters: expected shape \(m, 2\), got \(2,\)"),
-        ([[1.0, 1.0, 1.0]], r"parameters: expected shape \(m, 2\), got \(1, 3\)"),
+        ([1.0, 1.0, 1.0], r"parameters: expected shape \(…, 2\), as those of a surface, got \(3,\)"),
+        ([[1.0, 1.0, 1.0]], r"parameters: expected shape \(…, 2\), as those of a surface, got \(1, 3\)"),
         ([["a", "b"]], "parameters: not a regular array of numbers"),
     ],
 )
@@ -404,8 +404,17 @@ def test_a_curves_parameters_are_checked_alike():
     for u, message in (([0, -1e-9], r"\[1\]: \(-1e-09\) is outside"), ([math.nan], r"\[0\]: must be finite")):
         with pytest.raises(DomainError, match=message):
             shape.edge_functions(u)
-    with pytest.raises(DomainError, match=r"expected shape \(m,\) or \(m, 1\), got \(1, 2\)"):
-        shape.edge_functions([[1, 2]])
+
+
+def test_parameters_of_a_curve_are_a_grid_of_numbers_and_those_of_a_surface_one_of_pairs():
+    assert [domain([0, 1, 3]).grid(u)[1] for u in (1, [1, 2], [[1], [2]], [[1, 2]], [[[1], [2]]])] == [
+        (),
+        (2,),
+        (2,),
+        (1, 2),
+        (1, 2),
+    ]
+    assert [domain(SQUARE).grid(u)[1] for u in ([1, 1], [[1, 1]], np.ones((3, 4, 2)))] == [(), (1,), (3, 4)]
 
 
 def test_no_parameters_give_no_values():

@@ -14,12 +14,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.knots import domain as domain_room
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.spec.document import MAX_BYTES, Faults
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.reader import LARGEST
 from gtb_cli.spec.writer import dump
-from gtb_cli.theory import domain as domain_room
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import ARC, GOOD_SPECS, SPECS, TRIANGLE, arrays

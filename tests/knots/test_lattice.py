@@ -11,7 +11,7 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.bezier import MAX_DEGREE, binomial_coefficients
+from gtb_cli.knots.lattice import MAX_DEGREE, binomial_coefficients
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""
