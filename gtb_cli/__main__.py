@@ -41,6 +41,7 @@ def main() -> None:
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
         status = STOPPED + (stop.args[0] if stop.args else signal.SIGINT)
+        _discard_unfinished()  # where the signal came between a file and what would remove it
     sys.exit(status)
 
 
@@ -52,7 +53,8 @@ def _catch_signals() -> None:
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal last
         if _importing(frame):
-            # Nothing is written yet, and some of what imports call swallows exceptions.
+            # Some of what imports call swallows exceptions: nothing would stop.
+            _discard_unfinished()
             os._exit(STOPPED + number)
         now = time.monotonic()
         if now - last > IMPATIENCE:
@@ -63,6 +65,13 @@ def _catch_signals() -> None:
         number = getattr(signal, name)
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
             signal.signal(number, stop)
+
+
+def _discard_unfinished() -> None:
+    """Remove files that are not complete, if any were begun."""
+    discard = getattr(sys.modules.get("gtb_cli.files"), "discard_unfinished", None)
+    if discard is not None:
+        discard()
 
 
 def _importing(frame: FrameType | None) -> bool:

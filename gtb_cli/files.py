@@ -16,13 +16,16 @@ PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
+_unfinished: dict[str, None] = {}  # temporary files, and folders that were made for them, in their order
+
 
 def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
     """Write `blocks` to `path` so that the file is either the whole new one or the untouched old one.
 
     A symbolic link is followed and the file it names is replaced; the mode of the
-    old file is kept, a new file gets the usual one (`0o666` less the umask). What is
-    no regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly.
+    old file is kept, and its owner and group where the system lets this process give
+    files away. A new file gets the usual mode (`0o666` less the umask). What is not a
+    regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly.
 
     Parameters
     ----------
@@ -65,7 +68,9 @@ class StagedFiles:
     written in full under a temporary name first; the renames come last. A folder
     that is not there yet is made under a temporary name, too, and appears with all
     its files in one step. If anything fails before, no file appears and no folder
-    stays. A Ctrl-C during the renames finishes them and is then passed on.
+    stays. A rename that fails takes back those before it: each file that is replaced
+    has a second name until the last is there. A Ctrl-C during the renames finishes
+    them and is then passed on.
 
     Parameters
     ----------
@@ -79,7 +84,8 @@ class StagedFiles:
     Raises
     ------
     ExportError
-        The folder cannot be made or a file not be written.
+        The folder cannot be made or a file not be written. Where a file system has no
+        second names, the message says which files are new already.
     """
 
     def __init__(self, folder: str | os.PathLike[str], record: str | None = None) -> None:
@@ -87,6 +93,7 @@ class StagedFiles:
         self._record = record
         self._old_record = ""
         self._staged: dict[str, str] = {}  # target -> temporary
+        self._old: dict[str, str] = {}  # target that is there already -> the second name that it gets
         self._made: list[str] = []
         self._hidden: str | None = None  # the new folder, until it gets its name
 
@@ -114,12 +121,15 @@ class StagedFiles:
             missing.append(parent)
             parent = os.path.dirname(parent)
         for parent in reversed(missing):
-            self._made.append(parent)
-            with suppress(FileExistsError):  # another process may make the same folder
-                os.mkdir(parent)
+            self._make(parent)
         self._hidden = _temporary_name(place)
-        self._made.append(self._hidden)
-        os.mkdir(self._hidden)
+        self._make(self._hidden)
+
+    def _make(self, folder: str) -> None:
+        self._made.append(folder)
+        _unfinished[folder] = None
+        with suppress(FileExistsError):  # another process may make the same folder
+            os.mkdir(folder)
 
     def add(self, name: str, blocks: Iterable[bytes]) -> None:
         """Write `blocks` under a temporary name, to become the file `name` of the folder.
@@ -186,21 +196,57 @@ class StagedFiles:
             with suppress(OSError):  # someone else may have made the folder meanwhile: then its files are replaced
                 os.rename(self._hidden, os.path.abspath(self.folder))
         left = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
+        if len(self._staged) > 1:
+            self._keep_old(left)
         if self._old_record in left:
             _discard(self._old_record)
         for target, temporary in left.items():
             try:
                 os.replace(temporary, target)
             except OSError as error:
-                raise _refusal(target, error) from error
+                refusal = _refusal(target, error)
+                new = self._taken_back()
+                raise ExportError(f"{refusal}; new already: {', '.join(new)}" if new else str(refusal)) from error
+
+    def _keep_old(self, targets: Iterable[str]) -> None:
+        """Give files that are about to be replaced a second name."""
+        for target in targets:
+            if os.path.lexists(target):
+                name = self._old.setdefault(target, _temporary_name(target))
+                _unfinished[name] = None
+                with suppress(OSError):  # it has one since before an interruption; or the file system has none
+                    os.link(target, name)
+
+    def _taken_back(self) -> list[str]:
+        """Undo the renames; what is left of them."""
+        if self._hidden is not None and not os.path.lexists(self._hidden):
+            with suppress(OSError):
+                os.rename(os.path.abspath(self.folder), self._hidden)
+        new = []
+        for target, temporary in self._staged.items():
+            if target in self._old:
+                try:
+                    os.replace(self._old[target], target)
+                except OSError:
+                    if not os.path.lexists(temporary):
+                        new.append(target)
+            elif not os.path.lexists(temporary):
+                with suppress(OSError):
+                    os.unlink(target)
+        return new
 
     def _abandon(self) -> None:
         """Remove what has no name yet, and the folders made for it."""
-        for temporary in self._staged.values():
+        for temporary in (*self._staged.values(), *self._old.values()):
             _discard(temporary)
         for place in reversed(self._made):
-            with suppress(OSError):  # not empty: what was made is in it, or what someone else put there
-                os.rmdir(place)
+            _discard_folder(place)
+
+
+def discard_unfinished() -> None:
+    """Remove all that has no name yet, and the folders made for it: for a process that ends without unwinding."""
+    for place in reversed(list(_unfinished)):
+        _discard_folder(place) if os.path.isdir(place) else _discard(place)
 
 
 def _check_path(path: str) -> None:
@@ -256,17 +302,34 @@ def _temporary_name(target: str) -> str:
 
 
 def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
-    """Write `blocks` to the new file `temporary`, with the mode that `target` has or would get."""
+    """Write `blocks` to the new file `temporary`, with the mode and owner that `target` has or would get."""
     try:
-        mode = stat.S_IMODE(os.stat(target).st_mode)
+        old = os.stat(target)
     except FileNotFoundError:
-        mode = None
+        old = None
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    with open(os.open(temporary, flags, 0o666 if mode is None else 0o600), "wb") as file:
-        if mode is not None:
-            os.chmod(temporary, mode)
+    _unfinished[temporary] = None
+    with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:
+        if old is not None:
+            _make_like(file.fileno(), temporary, old)
         _write(file, blocks)
         os.fsync(file.fileno())
+
+
+def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:
+    """Give an open file the owner, where that may be, and the mode of another."""
+    mode = stat.S_IMODE(old.st_mode)
+    if hasattr(os, "fchown"):
+        own = os.fstat(descriptor)
+        if (own.st_uid, own.st_gid) != (old.st_uid, old.st_gid):
+            try:
+                os.fchown(descriptor, old.st_uid, old.st_gid)
+            except OSError:
+                with suppress(OSError):  # only root gives files away; a group of its own anyone may choose
+                    os.fchown(descriptor, -1, old.st_gid)
+                mode &= ~(stat.S_ISUID | stat.S_ISGID)  # to run as another owner is not what the old file was for
+    # By the descriptor where the system can: a link may have been put in the place of the path.
+    os.chmod(descriptor if os.chmod in os.supports_fd else path, mode)
 
 
 def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
@@ -278,6 +341,13 @@ def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
 def _discard(temporary: str) -> None:
     with suppress(OSError):
         os.unlink(temporary)
+    _unfinished.pop(temporary, None)
+
+
+def _discard_folder(place: str) -> None:
+    with suppress(OSError):  # not empty: what was made is in it, or what someone else put there
+        os.rmdir(place)
+    _unfinished.pop(place, None)
 
 
 def _refusal(path: str, error: OSError) -> ExportError:

@@ -25,8 +25,8 @@ def breaking(error: BaseException):
     raise error
 
 
-def stage(folder, contents):
-    with StagedFiles(folder) as staged:
+def stage(folder, contents, record=None):
+    with StagedFiles(folder, record) as staged:
         for name, blocks in contents.items():
             staged.add(name, blocks)
 
@@ -174,6 +174,43 @@ def test_a_write_protected_file_is_not_replaced(tmp_path, monkeypatch):
     assert (tmp_path / "mesh.obj").read_text() == "old"
 
 
+def test_the_mode_is_set_on_what_was_opened(tmp_path, monkeypatch):
+    """A link that is put in the place of the temporary file does not lead the mode elsewhere."""
+    (tmp_path / "mesh.obj").write_text("old")
+    (tmp_path / "mesh.obj").chmod(0o666)
+    (tmp_path / "secret").write_text("secret")
+    (tmp_path / "secret").chmod(0o600)
+    real = os.open
+
+    def swapped(path, *arguments):
+        descriptor = real(path, *arguments)
+        os.unlink(path)
+        os.symlink(tmp_path / "secret", path)
+        return descriptor
+
+    monkeypatch.setattr(os, "open", swapped)
+    replace_file(tmp_path / "mesh.obj", [b"new"])
+    assert stat.S_IMODE((tmp_path / "secret").stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("may", [True, False])
+def test_the_owner_is_kept_where_the_system_allows_it(may, tmp_path, monkeypatch):
+    calls = []
+
+    def chown(descriptor, owner, group):
+        calls.append((owner, group))
+        if not may and owner != -1:
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "fchown", chown)
+    mode = stat.S_IFREG | stat.S_ISUID | 0o640
+    with open(tmp_path / "new", "wb") as file:
+        files._make_like(file.fileno(), file.name, os.stat_result((mode, 0, 0, 1, 4321, 1234, 0, 0, 0, 0)))
+        files._make_like(file.fileno(), file.name, os.fstat(file.fileno()))
+    assert calls == [(4321, 1234)] if may else [(4321, 1234), (-1, 1234)]
+    assert (tmp_path / "new").stat().st_mode == (mode if may else mode & ~stat.S_ISUID)
+
+
 # --- what is no regular file -----------------------------------------------------------------------------------------
 
 
@@ -283,6 +320,65 @@ def test_a_rename_that_fails_leaves_no_temporary_file(tmp_path, monkeypatch):
         stage(tmp_path, {"a.obj": [b"new"], "b.obj": [b"new"]})
     with pytest.raises(ExportError, match=r"c\.obj: Input/output error"):
         replace_file(tmp_path / "c.obj", [b"new"])
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("links", [True, False])
+@pytest.mark.parametrize("failing", ["a", "b", "c", "record"])
+def test_a_rename_that_fails_takes_back_the_others(failing, links, tmp_path, monkeypatch):
+    """As in a folder where only the owner of a file may replace it: together or not at all."""
+    old = {"a": "old", "c": "old", "record": "old"}
+    for name, text in old.items():
+        (tmp_path / name).write_text(text)
+    real = os.replace
+
+    def sticky(source, target):
+        if os.path.basename(target) == failing and not os.path.lexists(target + ".refused"):
+            Path(target + ".refused").touch()
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+        real(source, target)
+
+    def refuse(*_):
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "replace", sticky)
+    if not links:
+        monkeypatch.setattr(os, "link", refuse)
+    with pytest.raises(ExportError, match=rf"cannot write {tmp_path}/{failing}: Operation not permitted") as caught:
+        stage(tmp_path, {name: [b"new"] for name in ("a", "b", "c", "record")}, "record")
+    (tmp_path / f"{failing}.refused").unlink()
+    found = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    if links:
+        assert found == old
+        assert "already" not in str(caught.value)
+    else:  # nothing can be taken back, and the message says what is new
+        new = [str(tmp_path / name) for name in ("a", "c") if found[name] == "new"]
+        assert new == [str(tmp_path / name) for name in ("a", "c") if name < failing]
+        assert str(caught.value).partition("; new already: ")[2] == ", ".join(new)
+        assert "record" not in found
+
+
+def test_a_new_folder_goes_again_when_a_file_elsewhere_cannot_be_renamed(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    staged = StagedFiles(tmp_path / "deep" / "out")
+    staged.__enter__()
+    staged.add("a", [b"new"])
+    staged.add_path(str(tmp_path / "manifest"), [b"new"])
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(ExportError, match="manifest: Operation not permitted"):
+        staged.__exit__(None, None, None)
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_is_unfinished_can_be_discarded_from_outside(tmp_path):
+    """As a process does that leaves at once."""
+    with StagedFiles(tmp_path / "deep" / "out") as staged:
+        staged.add("a", [b"new"])
+        staged.add_path(str(tmp_path / "b"), [b"new"])
+        files.discard_unfinished()
+        assert os.listdir(tmp_path) == []
     assert os.listdir(tmp_path) == []
 
 

@@ -7,18 +7,26 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
+    from multiprocessing.connection import Connection
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 MAX_JOBS = 64
+
+BEAT = 1.0
+"""Seconds between two signs of life of a worker."""
+
+SILENCE = 60
+"""Signs of life that a worker may miss while its result is waited for. Some libraries try for ever, and let no other
+thread run meanwhile, when there is too little memory for them to be imported."""
 
 SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
@@ -37,7 +45,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     Raises
     ------
     GtbError
-        A process was killed, as happens when memory runs out; or what `function` raises.
+        A process was killed, or says nothing for long, as happens when memory runs out; or what `function` raises.
 
     Notes
     -----
@@ -49,16 +57,19 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
 
     # A copy of this process has everything imported already; elsewhere than on Linux, copies are not safe.
     context = get_context("fork" if sys.platform == "linux" else "spawn")
-    executor = ProcessPoolExecutor(jobs, context, _start_worker)
+    life, sign = context.Pipe(duplex=False)
+    if os.name == "posix":
+        os.set_blocking(sign.fileno(), False)  # where nobody listens for hours, the pipe is full
+    executor = ProcessPoolExecutor(jobs, context, _start_worker, (sign,))
     waiting: deque[Future[R]] = deque()
     try:
         for task in tasks:
             with _signals_later():  # this may start processes
                 waiting.append(_submitted(executor, function, task))
             if len(waiting) > jobs:
-                yield waiting.popleft().result()
+                yield _awaited(waiting.popleft(), life)
         while waiting:
-            yield waiting.popleft().result()
+            yield _awaited(waiting.popleft(), life)
         executor.shutdown()
     except BrokenProcessPool:
         raise GtbError("a process was killed (is there too little memory? -j 1 needs less)") from None
@@ -70,6 +81,25 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
         if writer is not None:
             writer.close()
         executor.shutdown(cancel_futures=True)
+        life.close()
+        sign.close()
+
+
+def _awaited(result: Future[R], life: Connection) -> R:
+    """Return a result when it is there, unless a worker falls silent before."""
+    from concurrent.futures import wait
+    from multiprocessing import active_children
+
+    missed: dict[int | None, int] = {}
+    while not wait([result], BEAT).done:
+        heard = set()
+        while life.poll():
+            heard.add(int.from_bytes(life.recv_bytes(), "little"))
+        for process in active_children():
+            missed[process.pid] = 0 if process.pid in heard else missed.get(process.pid, 0) + 1
+        if max(missed.values(), default=0) > SILENCE:
+            raise GtbError("a process says nothing any more (is there too little memory? -j 1 needs less)")
+    return result.result()
 
 
 def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: T) -> Future[R]:
@@ -94,8 +124,8 @@ def _signals_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _start_worker() -> None:
-    """Leave Ctrl-C to the first process, and end with it however it ends."""
+def _start_worker(sign: Connection) -> None:
+    """Leave Ctrl-C to the first process, end with it however it ends, and give signs of life until then."""
     import threading
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -103,13 +133,15 @@ def _start_worker() -> None:
         signal.signal(number, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_live, args=(sign,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
+def _live(sign: Connection) -> None:
     from multiprocessing import parent_process
 
     parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    while parent is not None and parent.is_alive():
+        with suppress(OSError):  # nobody listens
+            sign.send_bytes(os.getpid().to_bytes(8, "little"))
+        parent.join(BEAT)
+    os._exit(1)

@@ -288,6 +288,33 @@ def test_a_stopped_process_leaves_no_traces(number, status, start, tmp_path):
     assert (tmp_path / "x.obj").read_text(encoding="utf-8") == "old"
 
 
+STOPPED_IN_AN_IMPORT = """
+import os, signal, sys
+
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if os.path.exists("a"):  # the folders are made, and so is the one with the temporary name
+            assert [name[:5] for name in os.listdir("a/b")] == [".gtb-"]
+            print("stopped in an import", flush=True)
+            os.kill(os.getpid(), signal.SIGTERM)
+
+sys.meta_path.insert(0, Stop())
+from gtb_cli.__main__ import main
+main()
+"""
+
+
+def test_a_process_that_is_stopped_in_an_import_leaves_no_new_folder(tmp_path):
+    """Such a process leaves at once, without unwinding."""
+    arguments = ["mesh", PENTAGON, BICUBIC, "-n", "2", "-f", "stl", "-o", "a/b/out"]
+    line = [sys.executable, "-c", STOPPED_IN_AN_IMPORT, *arguments]
+    done = subprocess.run(line, cwd=tmp_path, env=environment(), capture_output=True, timeout=TIMEOUT, check=False)
+    assert done.returncode == 128 + signal.SIGTERM
+    assert done.stdout == b"stopped in an import\n"
+    assert done.stderr == b""
+    assert names(tmp_path) == []
+
+
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
     child = start(
         "mesh",

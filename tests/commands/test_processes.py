@@ -1,0 +1,38 @@
+"""Work shared among processes: what becomes of it when one of them fails."""
+
+import ctypes
+import time
+
+import pytest
+
+from gtb_cli.errors import GtbError
+from gtb_cli.shell import processes
+from gtb_cli.shell.processes import in_processes
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch):
+    monkeypatch.setattr(processes, "BEAT", 0.05)
+    monkeypatch.setattr(processes, "SILENCE", 6)
+
+
+def held(seconds):
+    """Let no other thread of the process run, as the import of a library does that tries for ever."""
+    ctypes.PyDLL(None).usleep(int(1e6 * seconds))
+    return seconds
+
+
+def slept(seconds):
+    time.sleep(seconds)
+    return seconds
+
+
+def test_a_worker_that_says_nothing_for_long_is_an_error():
+    start = time.monotonic()
+    with pytest.raises(GtbError, match=r"a process says nothing any more .*-j 1 needs less"):
+        list(in_processes(held, [0, 100, 0], 2))
+    assert time.monotonic() - start < 10
+
+
+def test_a_worker_that_works_for_long_is_waited_for():
+    assert list(in_processes(slept, [0, 1, 0], 2)) == [0, 1, 0]
