@@ -46,6 +46,9 @@ FORMATS = {
 SPEC_FORMATS = ("toml", "json")
 """Formats of specs; also the suffixes of their files."""
 
+IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")
+"""Formats of other programs that become specs."""
+
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 """Scalars that a mesh may have at each vertex."""
 

@@ -1,0 +1,60 @@
+"""`gtb import`: files of other programs → specs."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.options import INPUT, console_option, output_option
+from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
+from gtb_cli.vocabulary import IMPORTS
+
+
+@click.command("import")
+@click.argument("file", metavar="FILE", default=STANDARD, type=INPUT)
+@click.option(
+    "--from",
+    "format",
+    type=click.Choice(IMPORTS),
+    help="Read FILE as this. Without it its content says, or its suffix.",
+)
+@output_option
+@console_option
+def import_(file: str, format: str | None, output: str, console: Console) -> None:
+    """\b
+    Example: printf '1 1  0 0 0  0 1 0  1 0 0  1 1 1' | gtb import --from bzr
+
+    Print a file of another program as a spec: a patch, or a model of several.
+
+    Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, exactly, span by span, B-splines and
+    NURBS from IGES (.igs, .iges: entities 126 and 128), from Rhino (.3dm, by the extra gtb-cli[rhino]) and from geomdl
+    (.json). What a format has that a patch does not, such as trimming and units, is said. Boundaries of holes (.gbp,
+    .lop) are filled as by gtb fill.
+    """
+    from gtb_cli.design.fill import fill
+    from gtb_cli.design.imports import import_file
+    from gtb_cli.design.loops import SUFFIXES, loop_from_text
+    from gtb_cli.spec.document import MAX_BYTES
+    from gtb_cli.spec.writer import dump
+
+    source = shown_input(file)
+    data = read_bytes(file, MAX_BYTES + 1)
+    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+        sides = loop_from_text(data, source)
+        with about(source):
+            filling = fill(sides, name=file_stem(os.path.splitext(os.path.basename(source))[0]))
+            text = dump(filling.patch)
+        remarks = (
+            *filling.remarks,
+            "edges and ribbons are kept, the inside is fair, and not that of the file's scheme",
+        )
+    else:
+        found = import_file(source, data, format)
+        remarks = found.remarks
+        with about(source):
+            text = dump(found.shape)
+    write_text(output, text)
+    for remark in remarks:
+        console.note(f"{source}: {remark}")

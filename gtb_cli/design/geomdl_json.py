@@ -1,0 +1,142 @@
+"""JSON files of geomdl (NURBS-Python): its curves and surfaces, as exact Bézier patches."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.nets import MAX_DEGREE
+from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.design.words import LARGEST
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.document import place, read, shown
+from gtb_cli.spec.reader import MAX_PATCHES, name_fault
+from gtb_cli.spec.scanner import Path
+from gtb_cli.theory.patch import Patch
+
+
+class _Fault(Exception):
+    """What is wrong with a value, and the path to it."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        super().__init__(path, message)
+        self.path, self.message = path, message
+
+
+def read_geomdl(data: bytes, source: str) -> list[Patch]:
+    """Read the shapes of a file that geomdl's ``export_json`` wrote; trims are left out.
+
+    Raises
+    ------
+    SpecError
+        File, line, key path and what was found.
+    """
+    document = read(data, source, "json")
+    try:
+        shape = _get(document.data, (), "shape", dict)
+        kind = _get(shape, ("shape",), "type", str)
+        if kind not in ("curve", "surface"):
+            raise _Fault(("shape", "type"), f"expected curve or surface, got {shown(kind)}")
+        entries = _get(shape, ("shape",), "data", list)
+        if len(entries) > MAX_PATCHES:
+            raise _Fault(("shape", "data"), f"has {len(entries)} shapes, a model has at most {MAX_PATCHES} patches")
+        patches: list[Patch] = []
+        for index, entry in enumerate(entries):
+            path: Path = ("shape", "data", index)
+            try:
+                patches += _curve(entry, path) if kind == "curve" else _surface(entry, path)
+            except DomainError as error:
+                raise _Fault(path, str(error)) from None
+            if len(patches) > MAX_PATCHES:
+                raise _Fault(path, f"here the model has more than {MAX_PATCHES} patches")
+        return patches
+    except _Fault as fault:
+        line = document.lines({fault.path}).get(fault.path)
+        where = f"{source}:{line}" if line else source
+        keys = f"{place(fault.path)}: " if fault.path else ""
+        raise SpecError(f"{where}: {keys}{fault.message}") from None
+
+
+def _curve(entry: object, path: Path) -> list[Patch]:
+    degree = _whole(entry, path, "degree", MAX_DEGREE)
+    rows = _rows(entry, path)
+    return curve_spans(degree, _row(entry, path, "knotvector"), rows, _name(entry))
+
+
+def _surface(entry: object, path: Path) -> list[Patch]:
+    degrees = _whole(entry, path, "degree_u", MAX_DEGREE), _whole(entry, path, "degree_v", MAX_DEGREE)
+    sizes = _whole(entry, path, "size_u", MAX_CONTROL_POINTS), _whole(entry, path, "size_v", MAX_CONTROL_POINTS)
+    rows = _rows(entry, path)
+    if len(rows) != sizes[0] * sizes[1]:
+        raise _Fault((*path, "control_points"), f"expected {sizes[0]} × {sizes[1]} points, got {len(rows)}")
+    knots = _row(entry, path, "knotvector_u"), _row(entry, path, "knotvector_v")
+    return surface_spans(degrees, knots, rows.reshape(*sizes, 4), _name(entry))
+
+
+def _get(table: object, path: Path, key: str, kind: type[Any]) -> Any:
+    """A value of a table, of a kind."""
+    if not isinstance(table, dict):
+        raise _Fault(path, f"expected a table, got {shown(table)}")
+    if key not in table:
+        raise _Fault(path, f"has no {key}")
+    value = table[key]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        names = {dict: "a table", list: "a list", str: "text", int: "a whole number"}
+        raise _Fault((*path, key), f"expected {names[kind]}, got {shown(value)}")
+    return value
+
+
+def _whole(entry: object, path: Path, key: str, most: int) -> int:
+    value: int = _get(entry, path, key, int)
+    if not 1 <= value <= most:
+        raise _Fault((*path, key), f"expected 1 to {most}, got {shown(value)}")
+    return value
+
+
+def _row(table: object, path: Path, key: str) -> FloatArray:
+    values = _get(table, path, key, list)
+    return np.array([_number(value, (*path, key, index)) for index, value in enumerate(values)], dtype=np.float64)
+
+
+def _rows(entry: object, path: Path) -> FloatArray:
+    """(n, 4) homogeneous control points."""
+    table = _get(entry, path, "control_points", dict)
+    path = (*path, "control_points")
+    points = _get(table, path, "points", list)
+    rows = np.zeros((len(points), 4))
+    for index, point in enumerate(points):
+        where = (*path, "points", index)
+        if not isinstance(point, list) or len(point) not in (2, 3):
+            raise _Fault(where, f"expected 2 or 3 coordinates, got {shown(point)}")
+        rows[index, : len(point)] = [_number(x, (*where, k)) for k, x in enumerate(point)]
+    rows[:, 3] = 1.0
+    if "weights" in table:
+        weights = _row(table, path, "weights")
+        if len(weights) != len(rows):
+            raise _Fault((*path, "weights"), f"expected {len(rows)}, one for each point, got {len(weights)}")
+        if not (weights > 0).all():
+            bad = int(np.argmin(weights > 0))
+            raise _Fault((*path, "weights", bad), f"must be positive, got {weights[bad]:g}")
+        rows[:, 3] = weights
+        rows[:, :3] *= weights[:, None]
+    return rows
+
+
+def _number(value: object, path: Path) -> float:
+    number = math.nan
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+    if not abs(number) <= LARGEST:
+        raise _Fault(path, f"expected a number up to {LARGEST:g}, got {shown(value)}")
+    return number
+
+
+def _name(entry: object) -> str | None:
+    name = entry.get("name") if isinstance(entry, dict) else None
+    return name if isinstance(name, str) and not name_fault(name) else None

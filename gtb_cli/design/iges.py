@@ -1,0 +1,280 @@
+"""IGES files: rational B-spline curves (entity 126) and surfaces (128), as exact Bézier patches.
+
+A file has lines of 80 columns; column 73 names the section: S for remarks, G for global values, D for the directory
+(two lines an entity), P for parameters (in free format up to column 64). How many other entities there are, trimming
+among them, is said.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.imports import Found
+from gtb_cli.design.nets import MAX_DEGREE
+from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.design.words import LARGEST, NUMBER, SHOWN
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.reader import MAX_PATCHES, name_fault
+from gtb_cli.theory.patch import Patch
+
+CURVE, SURFACE, TRANSFORMATION = 126, 128, 124
+
+KINDS = {
+    100: "circular arcs",
+    102: "composite curves",
+    104: "conics",
+    106: "polylines",
+    108: "planes",
+    110: "lines",
+    112: "spline curves",
+    114: "spline surfaces",
+    116: "points",
+    118: "ruled surfaces",
+    120: "surfaces of revolution",
+    122: "tabulated cylinders",
+    141: "boundaries",
+    142: "curves on surfaces",
+    143: "bounded surfaces",
+    144: "trimmed surfaces",
+    186: "solids",
+    502: "vertex lists",
+    504: "edge lists",
+    508: "loops",
+    510: "faces",
+    514: "shells",
+}
+"""What entities that are left out are called; others are named by number."""
+
+UNITS = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils", 9: "microns"}
+UNITS |= {10: "centimetres", 11: "microinches"}
+
+NESTED = 20
+"""Most transformations one after another."""
+
+NARROWER = 1e-9
+"""Fraction of a parameter range by which a given one is smaller, so that it matters."""
+
+
+@dataclass(frozen=True)
+class Entity:
+    """A directory entry: kind, parameters' first line and number of lines, transformation, use and name."""
+
+    kind: int
+    first: int
+    count: int
+    transformation: int
+    use: str
+    name: str | None
+    line: int
+
+
+class _File:
+    """The sections of a file: the directory by its numbers, parameters by theirs, and where they stand."""
+
+    def __init__(self, data: bytes, source: str) -> None:
+        self.source = source
+        self.globals = ""
+        self.parameters: dict[int, tuple[int, str]] = {}
+        self.entities: dict[int, Entity] = {}
+        directory: list[tuple[int, str]] = []
+        lines = re.split("\r\n|\n|\r", data.decode("latin-1"))
+        for number, line in enumerate(lines, 1):
+            match line[72:73]:
+                case "G":
+                    self.globals += line[:72]
+                case "D":
+                    directory.append((number, line))
+                case "P":
+                    self.parameters[len(self.parameters) + 1] = number, line[:64]
+        if not directory:
+            raise SpecError(f"{source}: has no directory, which IGES files have (a D in column 73)")
+        for index in range(0, len(directory) - 1, 2):
+            self.entities[index + 1] = self._entity(*directory[index], directory[index + 1][1])
+
+    def fail(self, line: int, message: str) -> SpecError:
+        return SpecError(f"{self.source}:{line}: {message}")
+
+    def _entity(self, line: int, first: str, second: str) -> Entity:
+        label = second[56:64].strip()
+        number = second[64:72].strip()
+        name = f"{label}-{number}" if label and number not in ("", "0") else label
+        return Entity(
+            self._field(line, first, 0, "entity type"),
+            self._field(line, first, 1, "parameter pointer"),
+            self._field(line + 1, second, 3, "parameter line count"),
+            abs(self._field(line, first, 6, "transformation")),
+            first[64:72].strip().zfill(8)[2:6],
+            None if not name or name_fault(name) else name,
+            line,
+        )
+
+    def _field(self, line: int, text: str, index: int, what: str) -> int:
+        word = text[8 * index : 8 * index + 8].strip() or "0"
+        if not re.fullmatch(r"[-+]?\d{1,8}", word, re.ASCII):
+            raise self.fail(line, f"expected the {what}, a whole number, got {word!r}")
+        return int(word)
+
+    def numbers(self, entity: Entity) -> tuple[list[float], int]:
+        """Numbers of an entity's parameters, after its type, and the line where they begin."""
+        if not 1 <= entity.first <= len(self.parameters) or not 1 <= entity.count <= len(self.parameters):
+            raise self.fail(entity.line, f"expected parameters of entity {entity.kind}, got none at {entity.first}")
+        line = self.parameters[entity.first][0]
+        rows = (self.parameters.get(entity.first + k, (0, ""))[1] for k in range(entity.count))
+        fields = "".join(rows).partition(";")[0].split(",")
+        values = []
+        for index, field in enumerate(fields):
+            word = field.strip()
+            value = 0.0
+            if word:
+                value = float(word.lower().replace("d", "e")) if NUMBER.fullmatch(word) else math.nan
+            if not abs(value) <= LARGEST:
+                raise self.fail(line, f"expected numbers of entity {entity.kind}, got {word[:SHOWN]!r} at {index}")
+            values.append(value)
+        if int(values[0]) != entity.kind:
+            raise self.fail(line, f"expected parameters of entity {entity.kind}, got those of {values[0]:g}")
+        return values[1:], line
+
+    def units(self) -> str | None:
+        """The unit of length, from the fourteenth global value."""
+        fields: list[str] = []
+        text = self.globals
+        while text and len(fields) < 15:
+            found = re.match(r"\s*(\d{1,4})H", text)
+            if found:
+                end = found.end() + int(found[1])
+                fields.append(text[found.end() : end])
+                text = text[end:].lstrip()[1:]
+            else:
+                field, _, text = text.partition(",")
+                fields.append(field.strip())
+        if len(fields) < 14 or not fields[13].isdigit():
+            return None
+        return UNITS.get(int(fields[13])) or (fields[14] if len(fields) > 14 and fields[14].isprintable() else None)
+
+    def transformation(self, entity: Entity) -> FloatArray:
+        """(3, 4) rotation and translation of an entity."""
+        total = np.eye(3, 4)
+        number = entity.transformation
+        for _ in range(NESTED):
+            if not number:
+                return total
+            found = self.entities.get(number)
+            if found is None or found.kind != TRANSFORMATION:
+                raise self.fail(entity.line, f"expected a transformation (entity 124) at {number}")
+            values, line = self.numbers(found)
+            if len(values) < 12:
+                raise self.fail(line, f"expected 12 numbers of a transformation, got {len(values)}")
+            matrix = np.array(values[:12]).reshape(3, 4)
+            total = np.column_stack([matrix[:, :3] @ total[:, :3], matrix[:, :3] @ total[:, 3] + matrix[:, 3]])
+            number = found.transformation
+        raise self.fail(entity.line, f"more than {NESTED} transformations one after another")
+
+
+def read_iges(data: bytes, source: str) -> Found:
+    """Read the B-spline curves and surfaces of an IGES file.
+
+    Raises
+    ------
+    SpecError
+        What was found, and where.
+
+    Notes
+    -----
+    Curves that lie in the parameter plane of a surface, or bound one, are not taken. Surfaces are whole: what trims
+    them is left out, and said.
+    """
+    file = _File(data, source)
+    patches: list[Patch] = []
+    remarks = []
+    left = Counter[int]()
+    narrow = 0
+    for entity in file.entities.values():
+        # The use flag is 05 for parameter space; a physically dependent curve (01, 03) belongs to something else.
+        free = entity.use[:2] in ("00", "02") and entity.use[2:] != "05"
+        if entity.kind == SURFACE or (entity.kind == CURVE and free):
+            read = _surface if entity.kind == SURFACE else _curve
+            spans, is_narrow = read(file, entity)
+            patches += spans
+            narrow += is_narrow
+            if len(patches) > MAX_PATCHES:
+                raise file.fail(entity.line, f"here the model has more than {MAX_PATCHES} patches")
+        elif entity.kind in KINDS:
+            left[entity.kind] += 1
+    if units := file.units():
+        remarks.append(f"its unit of length is {units}")
+    if left:
+        parts = ", ".join(f"{KINDS[kind]} ({kind}): {number}" for kind, number in sorted(left.items()))
+        remarks.append(f"surfaces are whole, not trimmed; left out are {parts}")
+    if narrow:
+        remarks.append(f"{narrow} have a parameter range smaller than that of their knots: the whole is given")
+    return Found(patches, remarks)
+
+
+def _curve(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
+    values, line = file.numbers(entity)
+    k, degree = _counts(file, line, values[:2], "K, M of a curve")
+    rest = values[6:]
+    n = k + 1
+    _need(file, line, rest, (n + degree + 1) + 4 * n, "a curve")
+    knots, rest = np.array(rest[: n + degree + 1]), rest[n + degree + 1 :]
+    rows = _homogeneous(file, entity, rest, n)
+    try:
+        spans = curve_spans(degree, knots, rows, entity.name)
+    except DomainError as error:
+        raise file.fail(line, f"entity {CURVE}: {error}") from None
+    return spans, _is_narrow(rest[4 * n : 4 * n + 2], knots, degree, n)
+
+
+def _surface(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
+    values, line = file.numbers(entity)
+    k, l, p, q = _counts(file, line, values[:4], "K1, K2, M1, M2 of a surface")  # noqa: E741
+    rest = values[9:]
+    m, n = k + 1, l + 1
+    _need(file, line, rest, (m + p + 1) + (n + q + 1) + 4 * m * n, "a surface")
+    first, rest = np.array(rest[: m + p + 1]), rest[m + p + 1 :]
+    second, rest = np.array(rest[: n + q + 1]), rest[n + q + 1 :]
+    rows = _homogeneous(file, entity, rest, m * n)
+    try:
+        # The first index runs fastest.
+        spans = surface_spans((p, q), (first, second), rows.reshape(n, m, 4).transpose(1, 0, 2), entity.name)
+    except DomainError as error:
+        raise file.fail(line, f"entity {SURFACE}: {error}") from None
+    ranges = rest[4 * m * n : 4 * m * n + 4]
+    return spans, _is_narrow(ranges[:2], first, p, m) or _is_narrow(ranges[2:], second, q, n)
+
+
+def _counts(file: _File, line: int, values: list[float], what: str) -> tuple[int, ...]:
+    half = len(values) // 2
+    limits = [MAX_CONTROL_POINTS] * half + [MAX_DEGREE] * half
+    expected = 4 if what.startswith("K1") else 2
+    for value, limit in zip(values, limits, strict=False):
+        if value != int(value) or not 1 <= value <= limit:
+            raise file.fail(line, f"expected {what}, whole numbers from 1, got {value:g}")
+    if len(values) < expected:
+        raise file.fail(line, f"expected {what}, got {len(values)} numbers")
+    return tuple(map(int, values))
+
+
+def _need(file: _File, line: int, values: list[float], count: int, what: str) -> None:
+    if len(values) < count:
+        raise file.fail(line, f"expected {count} numbers of {what}: knots, weights, points; got {len(values)}")
+
+
+def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -> FloatArray:
+    """(count, 4) rows x w, y w, z w, w of transformed points, from the weights and then the points."""
+    weights = np.array(values[:count])
+    points = np.array(values[count : 4 * count]).reshape(count, 3)
+    matrix = file.transformation(entity)
+    return np.column_stack([(points @ matrix[:, :3].T + matrix[:, 3]) * weights[:, None], weights])
+
+
+def _is_narrow(ends: list[float], knots: FloatArray, degree: int, count: int) -> bool:
+    low, high = float(knots[degree]), float(knots[count])
+    slack = NARROWER * (high - low)
+    return len(ends) == 2 and ends[0] < ends[1] and (ends[0] > low + slack or ends[1] < high - slack)

@@ -1,0 +1,130 @@
+"""Files of other programs as patches: which formats there are, and which one a file has."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from importlib import import_module
+from typing import NamedTuple, cast
+
+from gtb_cli.errors import SpecError
+from gtb_cli.spec.document import MAX_BYTES
+from gtb_cli.spec.reader import MAX_PATCHES, name_fault
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+class Imported(NamedTuple):
+    """What a file holds.
+
+    Attributes
+    ----------
+    shape : Patch or Model
+    remarks : tuple of str
+        What the format has and a patch does not: units, trimming, layers.
+    """
+
+    shape: Patch | Model
+    remarks: tuple[str, ...]
+
+
+class Found(NamedTuple):
+    """Patches of a file, and remarks on what was left out."""
+
+    patches: list[Patch]
+    remarks: list[str]
+
+
+READERS = {
+    "trp": "trp:read_trp",
+    "bv": "bezierview:read_bv",
+    "bpt": "bezier_nets:read_bpt",
+    "bzr": "bezier_nets:read_bzr",
+    "iges": "iges:read_iges",
+    "3dm": "rhino:read_3dm",
+    "geomdl": "geomdl_json:read_geomdl",
+}
+"""Formats and the rooms that read them, imported when they are needed."""
+
+SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
+
+PLAIN = ("trp", "bv", "bpt", "bzr")
+"""Formats that are numbers and little else: whichever takes a file to its end is its format."""
+
+
+def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
+    """Read a file of another program.
+
+    Parameters
+    ----------
+    path : str
+        File name, for messages, for the name of the result, and its suffix for the format.
+    data : bytes
+        Its content.
+    format : str, optional
+        Of `READERS`; without it the content says, then the suffix.
+
+    Raises
+    ------
+    SpecError
+        The format is not known, or the file not right: file, line and what was found.
+
+    Notes
+    -----
+    Curves and surfaces cannot be mixed in a model: of a file that has both, surfaces are taken.
+    """
+    if len(data) > MAX_BYTES:
+        raise SpecError(f"{path}: is too large, at most {MAX_BYTES // 10**6} MB are read")
+    found = _read(path, data, format)
+    patches, remarks = found.patches, list(found.remarks)
+    surfaces = [patch for patch in patches if patch.dimension == 2]
+    if surfaces and len(surfaces) < len(patches):
+        remarks.append(f"{len(patches) - len(surfaces)} curves beside the surfaces are left out")
+        patches = surfaces
+    if not patches:
+        raise SpecError("\n".join(f"{path}: {line}" for line in ["has no patches", *remarks]))
+    if len(patches) > MAX_PATCHES:
+        raise SpecError(f"{path}: has {len(patches)} patches, a model has at most {MAX_PATCHES}")
+    stem = os.path.splitext(os.path.basename(path))[0]
+    name = None if path.startswith("<") or name_fault(stem) else stem
+    if len(patches) == 1:
+        return Imported(patches[0].replace(name=patches[0].name or name), tuple(remarks))
+    return Imported(Model(tuple(patches), name), tuple(remarks))
+
+
+def _read(path: str, data: bytes, format: str | None) -> Found:
+    format = format or _by_content(data) or SUFFIXES.get(os.path.splitext(path)[1].lower())
+    if format is not None:
+        return _with(format, data, path)
+    takers = []
+    for name in PLAIN:
+        try:
+            takers.append((name, _with(name, data, path)))
+        except SpecError:
+            continue
+    if len(takers) == 1:
+        return takers[0][1]
+    reason = f"may be {' or '.join(name for name, _ in takers)}" if takers else "is in no format that is read"
+    raise SpecError(f"{path}: {reason}; --from says which of {', '.join(READERS)} it is")
+
+
+def _with(format: str, data: bytes, path: str) -> Found:
+    room, _, attribute = READERS[format].partition(":")
+    read = cast(
+        Callable[[bytes, str], "list[Patch] | Found"],
+        getattr(import_module(f"gtb_cli.design.{room}"), attribute),
+    )
+    found = read(data, path)
+    return Found(found, []) if isinstance(found, list) else found
+
+
+def _by_content(data: bytes) -> str | None:
+    """The format of a file that says what it is."""
+    if data.startswith(b"3D Geometry File Format"):
+        return "3dm"
+    if data.lstrip()[:1] == b"{":
+        return "geomdl"
+    first = data[:82].replace(b"\r", b"\n").partition(b"\n")[0]
+    if len(first) >= 80 and first[72:73] == b"S" and first[73:80].strip() == b"1":
+        return "iges"
+    return None

@@ -1,0 +1,67 @@
+"""Control nets of classical Bézier curves, rectangles and triangles as patches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
+from gtb_cli.knots.lattice import binomial_coefficients
+from gtb_cli.theory.patch import Patch
+
+MAX_DEGREE = 60
+"""Highest degree of a net: a rectangle of this degree both ways has as many knots as a spec may."""
+
+
+def curve(points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+    """Return the Bézier curve of (n + 1, 3) control points, with the knots 0 … n."""
+    return _lattice(np.arange(len(points), dtype=np.float64)[:, None], points, weights, name)
+
+
+def rectangle(net: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+    """Return the Bézier rectangle of an (m + 1, n + 1, 3) net, with the knot (i, j) for its point i, j."""
+    m, n = net.shape[:2]
+    knots = np.column_stack([np.repeat(np.arange(m), n), np.tile(np.arange(n), m)]).astype(np.float64)
+    return _lattice(knots, net.reshape(-1, 3), None if weights is None else weights.ravel(), name)
+
+
+def triangle(degree: int, points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
+    """Return the Bézier triangle of control points in rows: n + 1, n, …, 1 of them, with the knot (i, j) in row j."""
+    knots = [(i, j) for j in range(degree + 1) for i in range(degree + 1 - j)]
+    return _lattice(np.array(knots, dtype=np.float64), points, weights, name)
+
+
+def polygon(corners: FloatArray, name: str | None = None) -> Patch:
+    """Return the patch of a polygon: a knot for each corner, at those of a triangle, a square or a regular polygon.
+
+    Its edges are straight, and where the corners are in a plane, so is it.
+    """
+    r = len(corners)
+    angles = 2 * np.pi * np.arange(r) / r
+    knots = {
+        3: np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+        4: np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+    }.get(r, np.column_stack([np.cos(angles), np.sin(angles)]))
+    return Patch(knots, corners, name=name)
+
+
+def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points and weights of (m, 4) homogeneous control points x w, y w, z w, w.
+
+    Raises
+    ------
+    DomainError
+        A weight is not positive: there is no patch for it.
+    """
+    weights = rows[:, 3]
+    if not (weights > 0).all():
+        bad = int(np.argmin(weights > 0))
+        raise DomainError(f"weights[{bad}]: must be positive, got {weights[bad]:g}")
+    points = rows[:, :3] / weights[:, None]
+    return points, weights
+
+
+def _lattice(knots: FloatArray, points: FloatArray, weights: FloatArray | None, name: str | None) -> Patch:
+    patch = Patch(knots, points, coefficients=binomial_coefficients(domain(knots)), name=name)
+    return patch if weights is None else patch.replace(weights=weights)

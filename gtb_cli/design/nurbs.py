@@ -1,0 +1,135 @@
+"""B-spline and NURBS curves and surfaces as exact Bézier patches, span by span.
+
+Inserting knots until each is there as often as the degree gives the Bézier points of a span [t_k, t_{k+1}]: the values
+of the span's polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.design.nets import MAX_DEGREE, curve, dehomogenized, rectangle
+from gtb_cli.errors import DomainError
+from gtb_cli.spec.reader import MAX_PATCHES
+from gtb_cli.theory.patch import Patch
+
+MAX_CONTROL_POINTS = 100_000
+"""Of a curve or surface."""
+
+SHORTEST = 1e-12
+"""Spans below this fraction of all are none: knots that were meant to be equal."""
+
+
+def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | None = None) -> list[Patch]:
+    """Return the Bézier curves of a NURBS curve, one for each span.
+
+    Parameters
+    ----------
+    degree : int
+    knots : (n + degree + 1,) float
+        Ascending; clamped or not.
+    rows : (n, 4) float
+        Homogeneous control points x w, y w, z w, w.
+    name : str, optional
+        Of the curve; of several spans each gets a number.
+
+    Raises
+    ------
+    DomainError
+        Knots that do not fit or do not ascend, or weights that are not positive.
+    """
+    matrices = span_matrices(degree, knots, len(rows))
+    patches = []
+    for i, (first, matrix) in enumerate(matrices):
+        points, weights = dehomogenized(matrix @ rows[first : first + degree + 1])
+        patches.append(curve(points, weights, _numbered(name, i, len(matrices))))
+    return patches
+
+
+def surface_spans(
+    degrees: tuple[int, int],
+    knots: tuple[FloatArray, FloatArray],
+    net: FloatArray,
+    name: str | None = None,
+) -> list[Patch]:
+    """Return the Bézier rectangles of a NURBS surface, one for each pair of spans, as `curve_spans`.
+
+    Parameters
+    ----------
+    degrees : tuple of int
+    knots : tuple of (m + degrees[0] + 1,), (n + degrees[1] + 1,) float
+    net : (m, n, 4) float
+        Homogeneous control points.
+    name : str, optional
+    """
+    m, n = net.shape[:2]
+    first, second = (
+        span_matrices(degree, row, count) for degree, row, count in zip(degrees, knots, (m, n), strict=True)
+    )
+    total = len(first) * len(second)
+    if total > MAX_PATCHES:
+        raise DomainError(f"has {total} spans, a model has at most {MAX_PATCHES} patches")
+    patches: list[Patch] = []
+    for i, left in first:
+        for j, right in second:
+            part = net[i : i + degrees[0] + 1, j : j + degrees[1] + 1]
+            rows = np.einsum("ai,ijk,bj->abk", left, part, right)
+            points, weights = dehomogenized(rows.reshape(-1, 4))
+            shape = degrees[0] + 1, degrees[1] + 1
+            label = _numbered(name, len(patches), total)
+            patches.append(rectangle(points.reshape(*shape, 3), weights.reshape(shape), label))
+    return patches
+
+
+def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:
+    """Find for each span of a B-spline basis its first control point, and the matrix that gives its Bézier points.
+
+    Parameters
+    ----------
+    degree : int
+    knots : (count + degree + 1,) float
+    count : int
+        Of control points.
+
+    Returns
+    -------
+    list of (int, (degree + 1, degree + 1) float)
+        Rows of a matrix are not negative and add up to 1, so that nothing is lost, and positive weights stay so.
+    """
+    if not 1 <= degree <= MAX_DEGREE:
+        raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
+    if not degree < count <= MAX_CONTROL_POINTS:
+        raise DomainError(f"control points: expected {degree + 1} to {MAX_CONTROL_POINTS} for degree {degree}")
+    if len(knots) != count + degree + 1:
+        raise DomainError(f"knots: expected {count + degree + 1}, control points plus order, got {len(knots)}")
+    steps = np.diff(knots)
+    if not (steps >= 0).all():
+        k = int(np.argmin(steps >= 0))
+        raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
+    low, high = knots[degree], knots[count]
+    spans = [k for k in range(degree, count) if steps[k] > SHORTEST * (high - low)]
+    if not high > low or not spans:
+        raise DomainError("knots: all spans are empty")
+    if len(spans) > MAX_PATCHES:
+        raise DomainError(f"has {len(spans)} spans, a model has at most {MAX_PATCHES} patches")
+    return [(k - degree, _bezier_points(degree, knots, k)) for k in spans]
+
+
+def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
+    """De Boor's algorithm with degree − j times the span's start and j times its end, on the unit control points."""
+    start, end = knots[k], knots[k + 1]
+    rows = []
+    for j in range(degree + 1):
+        table = np.eye(degree + 1)
+        for step, place in enumerate([start] * (degree - j) + [end] * j, 1):
+            for i in range(degree, step - 1, -1):
+                low, high = knots[k - degree + i], knots[k + 1 + i - step]
+                share = (place - low) / (high - low)
+                table[i] = (1 - share) * table[i - 1] + share * table[i]
+        rows.append(table[degree])
+    return np.array(rows)
+
+
+def _numbered(name: str | None, index: int, count: int) -> str | None:
+    return name if count == 1 or name is None else f"{name}-{index}"

@@ -1,0 +1,117 @@
+"""The words of a text file of numbers, one after another, and errors that name the line of one."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NoReturn
+
+from gtb_cli.arrays import FloatArray, read_only
+from gtb_cli.errors import SpecError
+
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
+"""As C, C++ and Fortran write numbers."""
+
+LARGEST = 1e100
+"""Beyond this a coordinate or weight is an error: the square of twice as many digits would overflow."""
+
+SHOWN = 60
+"""Characters of a word in a message."""
+
+
+class Words:
+    """Words of a file in their order, with their lines; line ends do not matter, nor does what follows a ``#``.
+
+    Parameters
+    ----------
+    data : bytes
+    source : str
+        File name for messages.
+
+    Raises
+    ------
+    SpecError
+        The file is not text, or has no words.
+    """
+
+    def __init__(self, data: bytes, source: str) -> None:
+        if b"\0" in data:
+            raise SpecError(f"{source}: is not text")
+        text = data.decode("utf-8-sig", "backslashreplace")
+        self.source = source
+        self._words: list[str] = []
+        self._lines: list[int] = []
+        for number, line in enumerate(text.split("\n"), 1):
+            words = line.partition("#")[0].split()
+            self._words += words
+            self._lines += [number] * len(words)
+        self._next = 0
+        if not self._words:
+            raise SpecError(f"{source}: is empty")
+
+    @property
+    def left(self) -> int:
+        """How many words have not been read."""
+        return len(self._words) - self._next
+
+    @property
+    def line(self) -> int:
+        """Line of the word that comes next, or of the last one."""
+        return self._lines[min(self._next, len(self._lines) - 1)]
+
+    def fail(self, message: str, line: int | None = None) -> NoReturn:
+        """Raise a `SpecError` about the word that comes next, or another line."""
+        raise SpecError(f"{self.source}:{self.line if line is None else line}: {message}")
+
+    def peek(self) -> str:
+        """Return the word that comes next, or nothing at the end."""
+        return self._words[self._next] if self.left else ""
+
+    def skip(self, count: int = 1) -> None:
+        """Pass over words."""
+        self._next += count
+
+    def rest_of_line(self) -> str:
+        """Read all words that are left on the line of the next one."""
+        start, line = self._next, self.line
+        while self.left and self._lines[self._next] == line:
+            self._next += 1
+        return " ".join(self._words[start : self._next])
+
+    def word(self, what: str) -> str:
+        """Read a word."""
+        self.need(1, what)
+        self._next += 1
+        return self._words[self._next - 1]
+
+    def need(self, count: int, what: str) -> None:
+        """Refuse a file in which fewer words are left, before anything is made for them."""
+        if self.left < count:
+            self.fail(f"expected {what}, {count} numbers, and the file ends after {self.left}")
+
+    def whole(self, what: str, low: int, high: int) -> int:
+        """Read a whole number within limits."""
+        self.need(1, what)
+        word = self.peek()
+        if not re.fullmatch(r"[-+]?\d{1,9}", word, re.ASCII) or not low <= int(word) <= high:
+            self.fail(f"expected {what}, a whole number from {low} to {high}, got {word[:SHOWN]!r}")
+        self._next += 1
+        return int(word)
+
+    def rows(self, count: int, width: int, what: str) -> FloatArray:
+        """Read (count, width) numbers."""
+        self.need(count * width, what)
+        values = []
+        for _ in range(count * width):
+            word = self.peek()
+            value = float(word.lower().replace("d", "e")) if NUMBER.fullmatch(word) else math.nan
+            if not abs(value) <= LARGEST:
+                self.fail(f"expected {what}, got {word[:SHOWN]!r}, which is not a number up to {LARGEST:g}")
+            values.append(value)
+            self._next += 1
+        return read_only(values).reshape(count, width)
+
+    def end(self) -> None:
+        """Refuse words that are left."""
+        if self.left:
+            self.fail(f"expected the end of the file, got {self.peek()[:SHOWN]!r}")
