@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
+from gtb_cli.tessellation.seams import joints
 from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -20,19 +23,36 @@ by `CURVE_TOLERANCE` at most, and their weights by a factor that near 1."""
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
     """How patches fit together: that joined edges are one curve, and what a closed body would not have."""
-    joints = model.joints
+    shared = model.joints
     what = "edges" if model.dimension == 2 else "ends"
-    gap = max((distance for _, _, distance in joints.almost), default=0.0) / _size(model)
+    gap = max((distance for _, _, distance in shared.almost), default=0.0) / _size(model)
     outcomes = {
         "joined edges": _joined(model),
-        "open edges": number(len(joints.open), f"number of {what} with no neighbour"),
-        "crowded edges": number(len(joints.crowded), f"number of curves that more than two {what} share"),
-        "orientation": number(len(joints.one_sided), "number of joints at which orientations cannot agree"),
+        "open edges": number(len(shared.open), f"number of {what} with no neighbour"),
+        "crowded edges": number(len(shared.crowded), f"number of curves that more than two {what} share"),
+        "orientation": number(len(shared.one_sided), "number of joints at which orientations cannot agree"),
         "almost joined edges": number(
-            gap, f"largest gap of the {len(joints.almost)} pairs of edges that nearly coincide, of the model's size"
+            gap, f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size"
         ),
     }
-    return tuple(outcome.of(name, STATED) for name, outcome in outcomes.items())
+    return tuple(outcome.of(name, STATED) for name, outcome in {**outcomes, **_smoothness(model)}.items())
+
+
+def _smoothness(model: Model) -> dict[str, Outcome]:
+    """The largest angle and difference of curvatures at seams; of surfaces that have some."""
+    seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
+    if not seams:
+        return {}
+    worst = max(seams, key=lambda seam: seam.angle)
+    place = ", ".join(f"{x:.4g}" for x in worst.place)
+    where = f"degrees, the largest angle between normals, where {worst.name(model)} meet, near ({place})"
+    found = {"angle of joints": number(worst.angle, where)}
+    bent = [seam for seam in seams if math.isfinite(seam.bend)]
+    if bent:
+        most = max(bent, key=lambda seam: seam.bend)
+        reason = f"1/length, the largest difference of normal curvatures across, where {most.name(model)} meet"
+        found["curvature across joints"] = number(most.bend, reason)
+    return found
 
 
 def _joined(model: Model) -> Outcome:

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import console_option, json_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.options import (
+    console_option,
+    json_option,
+    output_option,
+    requirements_of,
+    spec_argument,
+    spec_format_option,
+)
 from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
@@ -29,10 +36,20 @@ FIGURES_WIDTH = 20
 @click.command
 @spec_argument
 @json_option
+@click.option(
+    "--require",
+    callback=requirements_of,
+    metavar="WHAT",
+    multiple=True,
+    help="Exit with status 1, naming edges, unless the mesh is watertight, no patch turns back on itself (unfolded), "
+    "or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
+)
 @output_option
 @spec_format_option
 @console_option
-def check(spec: str, as_json: bool, output: str, spec_format: str | None, console: Console) -> None:
+def check(
+    spec: str, as_json: bool, require: tuple[str, ...], output: str, spec_format: str | None, console: Console
+) -> None:
     """\b
     Example: gtb check specs/pentagon.toml
 
@@ -55,6 +72,11 @@ def check(spec: str, as_json: bool, output: str, spec_format: str | None, consol
         colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
         text = _table(report.findings, colours) if isinstance(report, Report) else _model_text(report, colours)
     write_text(output, text)
+    if require:
+        from gtb_cli.tessellation.recipe import Recipe
+
+        with about(shown_input(spec)):
+            Recipe(require=require).mesh(loaded)
     if not report.holds:
         raise click.exceptions.Exit(FAILED)
 

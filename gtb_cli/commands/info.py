@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -50,6 +51,7 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
 
 
 def _joints(model: Model) -> dict[str, Any]:
+    from gtb_cli.tessellation.seams import joints as seams_of
     from gtb_cli.theory.joints import edge_name
 
     joints = model.joints
@@ -64,6 +66,15 @@ def _joints(model: Model) -> dict[str, Any]:
         ],
         "crowded_edges": [[edge_name(model.patches, ref) for ref in refs] for refs in joints.crowded],
         "one_sided": bool(joints.one_sided),
+        "joints": [
+            {
+                "edges": [edge_name(model.patches, ref) for ref in (seam.first, seam.second)],
+                "angle": seam.angle if math.isfinite(seam.angle) else None,
+                "place": seam.place.tolist(),
+                "curvature_difference": seam.bend if math.isfinite(seam.bend) else None,
+            }
+            for seam in seams_of(model)
+        ],
     }
 
 
@@ -111,6 +122,7 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
             lines.append(("almost shared", f"{' and '.join(almost['edges'])}, {almost['distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
+        lines += [("joint", _joint_text(joint)) for joint in found["joints"]]
     else:
         error = found["linear_precision_error"]
         corners, edges = found["hull_vertices"], found["edges"]
@@ -128,6 +140,17 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
     lines += [("lowest", _row(found["bounding_box"][0])), ("highest", _row(found["bounding_box"][1]))]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in found.get("patches", ()))
+
+
+def _joint_text(joint: dict[str, Any]) -> str:
+    """Write a joint on a line."""
+    text = " and ".join(joint["edges"])
+    if joint["angle"] is None:
+        return f"{text}: without normals"
+    place = ", ".join(f"{x:.4g}" for x in joint["place"])
+    text += f": {joint['angle']:.2g} degrees near ({place})"
+    bend = joint["curvature_difference"]
+    return text if bend is None else f"{text}, curvatures across differ by {bend:.3g}"
 
 
 def _row(values: list[float]) -> str:

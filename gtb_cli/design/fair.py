@@ -9,9 +9,9 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray
 from gtb_cli.design.energy import Energy, energy_matrix
-from gtb_cli.design.folds import folds
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
+from gtb_cli.meshes.folds import folds
 from gtb_cli.tessellation.triangulation import central_triangulation
 from gtb_cli.theory.frame import LAYER
 from gtb_cli.theory.patch import Patch

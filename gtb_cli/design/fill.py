@@ -18,7 +18,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.energy import Energy, energy_matrix
-from gtb_cli.design.folds import folds
 from gtb_cli.design.net import Net, net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
@@ -32,9 +31,11 @@ from gtb_cli.design.sides import (
 from gtb_cli.design.torus import starts, torus_of
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
+from gtb_cli.meshes.folds import folds
 from gtb_cli.tessellation.triangulation import central_triangulation
 from gtb_cli.theory.basis import Location, exponents, face_knots
 from gtb_cli.theory.frame import shares
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MOST_SIDES = 24
@@ -76,6 +77,8 @@ class Filling:
     folds : int
         Places, of some thousand, at which the patch is turned over.
     remarks : tuple of str
+    model : Model or None
+        The model whose hole it was, with the patch.
     """
 
     patch: Patch
@@ -86,6 +89,7 @@ class Filling:
     raises: tuple[int, ...]
     folds: int
     remarks: tuple[str, ...]
+    model: Model | None = None
 
     @property
     def is_sound(self) -> bool:

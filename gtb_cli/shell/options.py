@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from gtb_cli.errors import SpecError
+from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import refuse_overwriting
@@ -39,6 +39,18 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     if not 0 < number < math.inf:
         raise click.BadParameter(f"{value!r} is not a positive number or percentage, such as 0.01 or 1%", ctx, param)
     return text if text.endswith("%") else number
+
+
+def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    """Read requirements, each once."""
+    if value:
+        from gtb_cli.tessellation.requirements import requirements
+
+        try:
+            requirements(value)
+        except DomainError as error:
+            raise click.BadParameter(str(error).removeprefix("require: "), ctx, param) from None
+    return tuple(dict.fromkeys(value))
 
 
 def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
@@ -223,8 +235,11 @@ def mesh_options(function: Function) -> Function:
     )
     @click.option(
         "--require",
-        type=click.Choice(["watertight"]),
-        help="Write nothing and exit with status 1, naming the open edges, unless the mesh is closed.",
+        callback=requirements_of,
+        metavar="WHAT",
+        multiple=True,
+        help="Write nothing and exit with status 1, naming edges, unless the mesh is watertight, no patch turns back "
+        "on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
     )
     @functools.wraps(function)
     def command(
@@ -240,7 +255,7 @@ def mesh_options(function: Function) -> Function:
         radius: float | None,
         thickness: float | None,
         attributes: tuple[str, ...],
-        require: Literal["watertight"] | None,
+        require: tuple[str, ...],
         **values: Any,
     ) -> object:
         if resolution is not None and tolerance is not None:

@@ -56,7 +56,7 @@ def is_animation(options: MeshOptions, output: str) -> bool:
         ("radius", options.recipe.radius is not None),
         ("thickness", options.recipe.thickness is not None),
         ("attribute", bool(options.recipe.attributes)),
-        ("require", options.recipe.require is not None),
+        ("require", bool(options.recipe.require)),
     ):
         if given:
             raise click.UsageError(f"--{name} is for single meshes, of gtb mesh")

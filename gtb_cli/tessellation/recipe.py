@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from gtb_cli.errors import DomainError, RequirementError, ToleranceError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
 
 if TYPE_CHECKING:
@@ -52,8 +52,9 @@ class Recipe:
         That of a solid beside a surface: on the side of the normals, or the other if negative.
     attributes : tuple of str
         Of `gtb_cli.vocabulary.ATTRIBUTES`.
-    require : "watertight" or None
-        Refuse a mesh that is not closed.
+    require : tuple of str
+        Refuse what does not have these properties: "watertight", "unfolded", "smooth:1deg", see
+        `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
 
@@ -70,7 +71,7 @@ class Recipe:
     radius: float | None = None
     thickness: float | None = None
     attributes: tuple[str, ...] = ()
-    require: Literal["watertight"] | None = None
+    require: tuple[str, ...] = ()
     max_faces: int = MAX_FACES
 
     def __post_init__(self) -> None:
@@ -80,8 +81,13 @@ class Recipe:
             raise DomainError("--tolerance chooses the parameters itself: leave out --parametrization toric")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: makes a tube of a curve, and thickness a solid of a surface, not both")
-        if self.require not in (None, "watertight"):
-            raise DomainError(f"require: expected watertight, got {self.require!r}")
+        require = self.require
+        words = (require,) if isinstance(require, str) else () if require is None else tuple(require)
+        object.__setattr__(self, "require", words)
+        if words:
+            from gtb_cli.tessellation.requirements import requirements
+
+            requirements(words)
 
     def mesh(self, spec: Patch | Model) -> tuple[Mesh, list[str]]:
         """Make the mesh of a patch or model, and say what is unusual about its shape.
@@ -93,7 +99,7 @@ class Recipe:
         ToleranceError
             Too many faces would be needed.
         RequirementError
-            The mesh is not watertight, and has to be; names the open edges.
+            Something that is required is not so; names the edges or places.
         """
         from gtb_cli.tessellation.tessellate import tessellate
 
@@ -104,6 +110,8 @@ class Recipe:
         mesh = tessellate(
             spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
         )
+        surface = mesh
+        offset_folds: list[str] = []
         remarks = self._confusion(spec, mesh)
         if self.parametrization == "toric":
             from gtb_cli.tessellation.crowding import crowding
@@ -120,17 +128,19 @@ class Recipe:
                 )
         if self.radius is not None:
             mesh, found = self._tube(spec, mesh, self.radius, tolerance)
-            remarks += found
+            offset_folds += found
         elif self.thickness is not None:
             from gtb_cli.meshes.solid import folded_faces, thicken
 
             folded = folded_faces(mesh, self.thickness)
             if len(folded):
-                remarks.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
+                offset_folds.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
             mesh = thicken(mesh, self.thickness)
-        if self.require == "watertight":
-            require_watertight(spec, mesh)
-        return mesh, remarks
+        if self.require:
+            from gtb_cli.tessellation.requirements import require
+
+            require(self.require, spec, mesh, surface, offset_folds)
+        return mesh, remarks + offset_folds
 
     def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """What to know of a model whose coarse mesh has sides with more than two faces."""
@@ -229,29 +239,6 @@ def percentage(text: str) -> float:
     if not 0 < value < math.inf:
         raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
     return value
-
-
-def require_watertight(spec: Patch | Model, mesh: Mesh) -> None:
-    """Raise `RequirementError`, with the open edges, for a mesh that is not closed."""
-    if mesh.is_curve:
-        raise RequirementError("not watertight: a curve has no inside (--radius R makes a tube)")
-    count = len(mesh.open_sides)
-    if not count:
-        return
-    from gtb_cli.theory.joints import edge_name, find_joints, obstacles
-    from gtb_cli.theory.model import Model
-
-    patches = spec.patches if isinstance(spec, Model) else (spec,)
-    joints = find_joints(patches)
-    lines = obstacles(joints, patches)
-    if not isinstance(spec, Model):
-        lines += [
-            f"{edge_name(patches, joint.first)} and edge {joint.second[1]} are the same curve, but only the edges of "
-            "models are joined: write the patch as [[patches]]"
-            for joint in joints.shared
-        ]
-    lines = lines or [f"{count} sides of triangles are open"]
-    raise RequirementError("\n".join(f"not watertight: {line}" for line in lines))
 
 
 def _where(mesh: Mesh, cells: IntArray) -> str:

@@ -1,0 +1,104 @@
+"""`fill` for Python: a hole from a file, from curves, or in a model."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import finite
+from gtb_cli.design.fill import Filling
+from gtb_cli.design.fill import fill as fill_sides
+from gtb_cli.design.holes import fill_hole
+from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
+from gtb_cli.design.sides import Side, curve_side
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.document import MAX_BYTES
+from gtb_cli.spec.scanner import Format
+from gtb_cli.theory.model import Model
+
+
+def fill(
+    loop: Model | str | os.PathLike[str],
+    ribbons: Sequence[ArrayLike | None] | None = None,
+    *,
+    hole: str | None = None,
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+    name: str | None = None,
+) -> Filling:
+    """Fill a hole with one patch.
+
+    Parameters
+    ----------
+    loop : Model or path
+        A model of curves, the sides in any order; or of surfaces, with an open ring of edges; or a file with one of
+        these or with a `.gbp` or `.lop` loop.
+    ribbons : sequence of (n, 3) float or None, optional
+        Of a model of curves: for each the second row of control points, ribbon − curve being the cross field.
+    hole : str, optional
+        Of a model of surfaces: an edge of the ring, as ``"wall-0 edge 2"``; not needed if there is one ring.
+    inner : {"fair", "flat"}
+        Least thin-plate or Dirichlet energy.
+    fullness : float
+        Factor of how far the patch goes on along the given planes; 1 is the fairest.
+    raises : int, optional
+        How often the degree of edges is raised, at least.
+    name : str, optional
+        Of the patch.
+
+    Returns
+    -------
+    Filling
+        With the `patch`, the `model` with it where there is one, and what was measured.
+
+    Raises
+    ------
+    SpecError, DomainError
+        A file, loop or option that is not right.
+    """
+    found = read_loop(loop) if not isinstance(loop, Model) else loop if loop.dimension == 2 else _sides(loop, ribbons)
+    if isinstance(found, Model):
+        model, filling = fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
+        return replace(filling, model=model)
+    if hole is not None:
+        raise DomainError("hole: names an edge of a model of surfaces, this is a loop of curves")
+    return fill_sides(found, inner=inner, fullness=fullness, raises=raises, name=name)
+
+
+def read_loop(path: str | os.PathLike[str]) -> list[Side] | Model:
+    """Read a loop or a model from a file, by its suffix.
+
+    Raises
+    ------
+    SpecError
+        It cannot be read, or is not right.
+    """
+    source = os.fspath(path)
+    suffix = os.path.splitext(source)[1].lower()
+    try:
+        with open(source, "rb") as file:
+            data = file.read((MAX_LOOP_BYTES if suffix in SUFFIXES else MAX_BYTES) + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise SpecError(f"{source or repr(source)}: {reason or error}") from None
+    if suffix in SUFFIXES:
+        return loop_from_text(data, source)
+    kind: Format | None = "json" if suffix == ".json" else "toml" if suffix == ".toml" else None
+    return loop_or_model(data, source, kind)
+
+
+def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[Side]:
+    rows = [None] * len(loop) if ribbons is None else list(ribbons)
+    if len(rows) != len(loop):
+        raise DomainError(f"ribbons: expected {len(loop)}, one for each curve or None, got {len(rows)}")
+    sides = []
+    for index, (curve, row) in enumerate(zip(loop, rows, strict=True)):
+        ribbon = None if row is None else finite(f"ribbons[{index}]", row)
+        if ribbon is not None and ribbon.shape != curve.control_points.shape:
+            raise DomainError(f"ribbons[{index}]: expected shape {curve.control_points.shape}, got {ribbon.shape}")
+        sides.append(curve_side(curve, ribbon, curve.name or f"patches[{index}]"))
+    return sides

@@ -1,0 +1,126 @@
+"""Seams of models, and what may be required: angles, creases, folds, open edges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError, RequirementError
+from gtb_cli.knots.domain import domain
+from gtb_cli.spec.loading import load
+from gtb_cli.spec.writer import dump
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.requirements import requirements
+from gtb_cli.tessellation.seams import joints
+from gtb_cli.theory.bezier import binomial_coefficients
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.shell import PENTAGON, SPECS, gtb
+
+CUBE = SPECS / "rounded-cube.toml"
+
+
+def sheet(points, name: str) -> Patch:
+    """A Bézier patch of degree 2 × 1 along y, from rows of three points."""
+    knots = np.array([[i, j] for j in range(2) for i in range(3)], dtype=float)
+    return Patch(knots, np.array(points, dtype=float), coefficients=binomial_coefficients(domain(knots)), name=name)
+
+
+def roof(degrees: float) -> Model:
+    """Two parabolic sheets that meet along the y axis at an angle."""
+    slope = math.tan(math.radians(degrees))
+    left = sheet([[-1, y, 0] if i == 0 else [(i - 2) / 2, y, 0] for y in (0, 1) for i in range(3)], "left")
+    right = sheet([[i / 2, y, i / 2 * slope] for y in (0, 1) for i in range(3)], "right")
+    return Model((left, right), "roof")
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-7, 0.5, 30.0, 89.0])
+def test_the_angle_of_a_roof(degrees):
+    (seam,) = joints(roof(degrees))
+    assert seam.angle == pytest.approx(degrees, rel=1e-8, abs=1e-12)
+    assert abs(seam.place[0]) < 1e-12
+    assert seam.name(roof(degrees)) == "left edge 1 and right edge 3"
+
+
+def test_the_difference_of_curvatures_of_two_parabolas():
+    """z = x² beside z = −3 x²: 2 + 6 = 8 at x = 0."""
+    left = sheet([[x, y, z] for y in (0, 1) for x, z in ((-1, 1), (-0.5, 0), (0, 0))], "left")
+    right = sheet([[x, y, z] for y in (0, 1) for x, z in ((0, 0), (0.5, 0), (1, -3))], "right")
+    (seam,) = joints(Model((left, right)))
+    assert seam.angle < 1e-12
+    assert seam.bend == pytest.approx(8, rel=1e-12)
+    flipped = right.replace(knots=right.knots[:, ::-1], coefficients=right.coefficients)
+    (seam,) = joints(Model((left, flipped)))
+    assert seam.angle < 1e-12
+    assert seam.bend == pytest.approx(8, rel=1e-12)
+
+
+def test_curves_have_no_seams():
+    assert joints(Model((load(SPECS / "cubic-bezier.toml"),))) == ()
+
+
+def test_the_rounded_cube_is_closed_and_smooth(tmp_path):
+    model = load(CUBE)
+    assert model.joints.closed
+    assert max(seam.angle for seam in joints(model)) < 1e-6
+    everything = ["watertight", "smooth:0.001deg", "unfolded"]
+    options = [part for word in everything for part in ("--require", word)]
+    assert gtb("mesh", CUBE, "-n", "4", *options, "-o", tmp_path / "cube.stl").status == 0
+    vertices = Recipe(6).mesh(model)[0].vertices
+    # Distance from the inner cube: 1 but for the corners, which are nearly spheres.
+    distance = np.linalg.norm(np.maximum(np.abs(vertices) - 2, 0), axis=1)
+    assert np.abs(distance - 1).max() < 0.02
+
+
+def test_a_crease_is_named(tmp_path):
+    path = tmp_path / "roof.toml"
+    path.write_text(dump(roof(4.0)), encoding="utf-8")
+    out = tmp_path / "roof.obj"
+    result = gtb("mesh", path, "--require", "smooth:1deg", "-o", out)
+    assert result.status == 1
+    assert "roof.toml: not smooth: left edge 1 and right edge 3 meet at 4 degrees, near (0, " in result.err
+    assert not out.exists()
+    assert gtb("mesh", path, "--require", "smooth:4.1", "-o", out).status == 0
+    checked = gtb("check", path, "--require", "smooth:1deg", "--require", "watertight")
+    assert checked.status == 1
+    assert "not smooth" in checked.err
+    assert "not watertight: left edge 0 is open" in checked.err
+    assert "angle of joints" in checked.text
+    assert gtb("check", path, "--require", "smooth:5deg").status == 0
+    assert "left edge 1 and right edge 3: 4 degrees near (0, " in gtb("info", path).text
+
+
+FOLDED = """
+name = "bow"
+knots = [[0, 0], [2, 0], [2, 2], [0, 2]]
+control_points = [[0, 0], [2, 0], [0, 2], [2, 2]]
+"""
+
+
+def test_a_fold_is_found(tmp_path):
+    path = tmp_path / "bow.toml"
+    path.write_text(FOLDED, encoding="utf-8")
+    result = gtb("mesh", path, "-n", "8", "--require", "unfolded")
+    assert result.status == 1
+    assert "not unfolded: bow turns back on itself at" in result.err
+    assert gtb("mesh", PENTAGON, "-n", "8", "--require", "unfolded").status == 0
+    thick = gtb("mesh", PENTAGON, "-n", "8", "--thickness", "3", "--require", "unfolded")
+    assert thick.status == 1
+    assert "not unfolded: with a thickness of 3 the offset folds" in thick.err
+
+
+@pytest.mark.parametrize("word", ["smooth", "smooth:", "smooth:x", "smooth:-1", "smooth:nan", "smooth:1_0", "tight"])
+def test_requirements_that_are_none(word):
+    with pytest.raises(DomainError, match="require: expected"):
+        requirements([word])
+    assert gtb("mesh", PENTAGON, "--require", word).status == 2
+    with pytest.raises(DomainError, match="require: expected"):
+        Recipe(require=(word,))
+
+
+def test_requirements_in_python():
+    assert requirements(["watertight", "smooth:0.5deg"]) == {"watertight": 0.0, "smooth": 0.5}
+    with pytest.raises(RequirementError, match="not smooth"):
+        Recipe(2, require="smooth:1deg").mesh(roof(3.0))
