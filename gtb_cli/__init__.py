@@ -8,6 +8,9 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a traceback
 
 if TYPE_CHECKING:
+    from gtb_cli.design.fair import fair
+    from gtb_cli.design.filling import fill
+    from gtb_cli.design.fit import fit
     from gtb_cli.errors import DomainError, ExportError, GtbError, SpecError, ToleranceError
     from gtb_cli.formats.export import write_mesh
     from gtb_cli.knots.decomposition import regular_decomposition
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.notebook import page, plot
     from gtb_cli.spec.loading import load
+    from gtb_cli.tessellation.seams import joints
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.knot_limit import merge_knots, move_knots
@@ -34,6 +38,10 @@ __all__ = [
     "ToleranceError",
     "__version__",
     "degenerate",
+    "fair",
+    "fill",
+    "fit",
+    "joints",
     "load",
     "merge_knots",
     "move_knots",
@@ -55,7 +63,11 @@ _ROOMS = {
     "SpecError": "errors",
     "ToleranceError": "errors",
     "degenerate": "theory.degeneration",
+    "fair": "design.fair",
+    "fill": "design.filling",
+    "fit": "design.fit",
     "frame": "pictures.notebook",
+    "joints": "tessellation.seams",
     "load": "spec.loading",
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",

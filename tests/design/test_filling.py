@@ -1,0 +1,98 @@
+"""`gtb_cli.fill` in Python, and readers of loops against damaged files."""
+
+from __future__ import annotations
+
+import random
+import time
+
+import numpy as np
+import pytest
+
+import gtb_cli
+from gtb_cli.design.loops import loop_from_text, loop_or_model
+from gtb_cli.design.sides import loop
+from gtb_cli.errors import DomainError, GtbError, SpecError
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.design.test_fill import CUP, HERE, TRIANGLE
+from tests.marks import mostly_long
+from tests.mutations import ODD_BYTES, ODD_NUMBERS
+from tests.shell import SPECS
+
+SECONDS = 1.0
+"""Longest that reading a damaged file may take."""
+
+
+def triangle() -> Model:
+    corners = np.eye(3)
+    return Model(tuple(Patch([0, 1], corners[[k, (k + 1) % 3]], name=f"side-{k}") for k in range(3)))
+
+
+def test_fill_takes_curves_and_ribbons():
+    inwards = [1 / 3 - curve.control_points.mean(axis=0) + 0.1 for curve in triangle()]
+    ribbons = [curve.control_points + step for curve, step in zip(triangle(), inwards, strict=True)]
+    filling = gtb_cli.fill(triangle(), ribbons, name="lid")
+    assert filling.patch.name == "lid"
+    assert filling.angle < 1e-9
+    assert filling.model is None
+    bare = gtb_cli.fill(triangle())
+    points = bare.patch.evaluate(bare.patch.domain.center[None])
+    assert points.sum() == pytest.approx(1, abs=1e-6)
+
+
+def test_fill_takes_files_and_models(tmp_path):
+    assert len(gtb_cli.fill(HERE / "pocket3sided.lop", raises=0).sides) == 7
+    path = tmp_path / "loop.toml"
+    path.write_text(TRIANGLE, encoding="utf-8")
+    assert len(gtb_cli.fill(path).sides) == 3
+    box = gtb_cli.load(SPECS / "box-corner.toml")
+    filling = gtb_cli.fill(Model(box.patches[1:]), hole="face-x edge 0")
+    assert filling.model.patches[-1].name == "hole"
+    assert len(gtb_cli.joints(filling.model)) == 12
+    with pytest.raises(SpecError, match="No such file"):
+        gtb_cli.fill(tmp_path / "none.toml")
+    with pytest.raises(DomainError, match="hole: names an edge"):
+        gtb_cli.fill(triangle(), hole="x")
+    with pytest.raises(DomainError, match="ribbons: expected 3"):
+        gtb_cli.fill(triangle(), [None])
+    with pytest.raises(DomainError, match=r"ribbons\[1\]: expected shape \(2, 3\), got \(3, 3\)"):
+        gtb_cli.fill(triangle(), [None, np.eye(3), None])
+
+
+def damaged(rng: random.Random, text: bytes) -> bytes:
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(text) + 1)
+        kind = rng.randrange(5)
+        if kind == 0:
+            text = text[:at] + rng.choice(ODD_BYTES) + text[at:]
+        elif kind == 1:
+            text = text[:at] + text[at + rng.randint(1, 40) :]
+        elif kind == 2:
+            text = text[:at]
+        else:
+            words = text.split(b" ")
+            words[rng.randrange(len(words))] = rng.choice(ODD_NUMBERS).encode()
+            text = b" ".join(words)
+    return text
+
+
+@pytest.mark.parametrize("seed", mostly_long(range(40)))
+@pytest.mark.parametrize("name", ["cagd86.gbp", "pocket3sided.lop", "loop.toml"])
+def test_damaged_files_are_refused_or_read(name, seed):
+    """2,000 for each kind of file, 50 of a seed."""
+    rng = random.Random(f"{name} {seed}")
+    source = TRIANGLE.encode() if name == "loop.toml" else (CUP.parent / name).read_bytes()
+    for _ in range(50):
+        text = damaged(rng, source)
+        start = time.perf_counter()
+        message = name
+        try:
+            found = loop_or_model(text, name) if name == "loop.toml" else loop_from_text(text, name)
+            if isinstance(found, list):
+                loop(found)
+        except SpecError as error:
+            message = str(error)
+        except GtbError:
+            pass
+        assert name in message
+        assert time.perf_counter() - start < SECONDS
