@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+LFS_POINTER = b"version https://git-lfs"
+"""How a file begins that Git LFS keeps elsewhere."""
+
+LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
+
 
 class Format(NamedTuple):
     """What a mesh format holds; its name in `FORMATS` is also its suffix.

@@ -14,6 +14,7 @@ from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.theory.basis import exponents, torus_coordinates
 from gtb_cli.theory.degeneration import degenerate
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.tangents import tangents
 
 ORDERS = 4
 """Minors of up to this many rows are sampled: each is a sum of at most 24 products."""
@@ -252,7 +253,14 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     if direction @ expected < 0:
         sine = 2.0 - sine
     bound = 2 * neglected + ROUNDINGS * EPS * probe.reach * probe.extent / float(np.abs(end.step).max())
-    return within_rounding(sine, bound, "sine of the angle to the next control point, the larger of both ends")
+    reason = "sine of the angle to the next control point, the larger of both ends"
+    found = within_rounding(sine, bound, reason)
+    if found.status != "holds":
+        return found
+    tangent = end.sign * tangents(moved, [end.at])[0]
+    expected = end.step / np.sqrt((end.step**2).sum())
+    off = largest(np.abs(tangent - expected))
+    return at_most(max(sine, off), bound, reason) if off <= bound else at_most(off, bound, f"{reason}: of the tangent")
 
 
 def end_tangent_lengths(probe: Probe) -> Outcome:

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from gtb_cli.checks.probe import Probe
+from gtb_cli.arrays import EPS
+from gtb_cli.checks.probe import ROUNDINGS, Probe
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.tessellation.triangulation import cell_count, triangulation
@@ -28,6 +29,9 @@ meet, where the limit is approached most slowly."""
 CONVERGED = 1e-6
 """Largest distance from the limit, of the extent; measured, 1e-12 is usual."""
 
+COMMON = 1000.0
+"""Logarithm of a factor of all weights that no float holds."""
+
 CELL_SAMPLES = 100
 """Roughly the most samples of each cell."""
 
@@ -43,6 +47,25 @@ def multiple_knots(probe: Probe) -> Outcome:
     return within_rounding(
         value, probe.distance_rounding, "largest distance from the patch of merged knots, of the extent"
     )
+
+
+def weights(probe: Probe) -> Outcome:
+    """The patch with the weights x^λ ω against its own basis times x^λ; also for weights beyond the range of floats.
+
+    A common factor of the weights changes no point: with `COMMON` in it they are kept as logarithms.
+    """
+    patch = probe.patch
+    lifting = np.arange(len(patch.knots)) % 2.0 if patch.lifting is None else patch.lifting
+    lifting = lifting / max(float(np.abs(lifting).max()), np.finfo(float).tiny)
+    growth = (lifting - lifting.max()) / max(float(np.ptp(lifting)), np.finfo(float).tiny)
+    shares = probe.basis * np.exp(growth)
+    expected = (shares / shares.sum(axis=1, keepdims=True)) @ patch.control_points
+    value = max(
+        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected) for common in (0, COMMON)
+    )
+    bound = 2 * probe.distance_rounding + COMMON * EPS * ROUNDINGS
+    of = "of weights e^λ ω, λ = 0 … −1, as the lifting has them" if patch.lifting is not None else "of other weights"
+    return within_rounding(value, bound, f"largest distance from the basis times the factors {of}, of the extent")
 
 
 def toric_degeneration(probe: Probe) -> Outcome:

@@ -38,6 +38,7 @@ PROPERTIES = (
     Property("one weight to infinity", "Sec. 3 (g)", None, curve.one_weight),
     Property("isoparametric curves", None, "Sec. 4 (d)", surface.isoparametric_curves),
     Property("multiple knots", "Thm 3.1, Cor. 3.1", "Thm 4.1", degeneration.multiple_knots),
+    Property("weights of the degeneration", "eq. 304", "eq. 403", degeneration.weights),
     Property("toric degeneration", "Thm 3.2", "Thm 4.2", degeneration.toric_degeneration),
     Property("linear precision", "Ex. 4.1", "Ex. 4.1", basis.linear_precision),
     Property("linear precision, linear parametrization", "Ex. 4.1", "Ex. 4.1", basis.linear_precision_of_linear),

@@ -22,7 +22,7 @@ from gtb_cli.shell.options import (
     spec_format_option,
     tolerance_of,
 )
-from gtb_cli.shell.streams import about, opened, refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.streams import about, is_regular, opened, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
 
@@ -137,7 +137,7 @@ def _compared(first: Side, second: Side, tolerance: float | str | None) -> Diffe
 
 def _load(side: Side) -> KnownMesh:
     """Read a mesh file, or make the mesh of a spec: what the content says, else the suffix."""
-    from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
+    from gtb_cli.formats.meshfiles import MAX_STREAM, decode_mesh, format_of, size_limit
     from gtb_cli.meshes.known import known_exactly
     from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
     from gtb_cli.spec.loading import parse
@@ -147,10 +147,15 @@ def _load(side: Side) -> KnownMesh:
     with opened(path) as file:
         start = file.read(BEGINNING)
         limit = MAX_SPEC_BYTES if suffix in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+        stream = not is_regular(file)
+        if stream:
+            limit = min(limit, MAX_STREAM)
         if file.seekable():  # so that a large file is in memory once and not twice
             file.seek(-len(start), os.SEEK_CUR)
             start = b""
         data = start + file.read(limit + 1 - len(start))
+    if stream and len(data) > MAX_STREAM:
+        raise GtbError(f"{shown}: does not end within {MAX_STREAM >> 20} MB, and more is read from files only")
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return decode_mesh(data, shown, kind)

@@ -7,6 +7,7 @@ takes damaged files for good ones, and needs 0.5 s to be imported.
 from __future__ import annotations
 
 import os
+from codecs import BOM_UTF8
 
 import numpy as np
 
@@ -14,10 +15,14 @@ from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content
 from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_BYTES = 1 << 31
 """Larger files are refused."""
+
+MAX_STREAM = 1 << 28
+"""What is not a file may have no end: more of it is not read. Five million faces, the most that are made unless asked
+otherwise, are 200 MB of OBJ."""
 
 STL_HEADER = 84
 """Bytes before the facets of a binary STL file, the last four their number."""
@@ -71,6 +76,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             raise GtbError("is empty")
         if len(data) > MAX_BYTES:
             raise GtbError(f"is larger than {MAX_BYTES >> 30} GB")
+        if data.startswith(LFS_POINTER):
+            raise GtbError(LFS_FAULT)
         kind = format or format_of(data)
         if kind not in FORMATS:
             raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
@@ -109,7 +116,7 @@ def format_of(data: bytes) -> str | None:
     start = data[:4096].lstrip()
     if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
         return "stl"
-    for line in data[:65536].splitlines():
+    for line in data[:65536].removeprefix(BOM_UTF8).splitlines():
         words = line.split(None, 1)
         if words and not words[0].startswith(b"#"):
             return "obj" if words[0] in _OBJ_STARTS and b"=" not in line else None
@@ -123,7 +130,7 @@ def _content(data: bytes, kind: str) -> Content:
     if kind == "obj":
         from gtb_cli.formats.obj import read_obj
 
-        return read_obj(data)
+        return read_obj(data.removeprefix(BOM_UTF8))
     if kind == "ply":
         from gtb_cli.formats.ply import read_ply
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -82,6 +83,14 @@ def opened(path: str) -> Iterator[IO[bytes]]:
         raise
     except OSError as error:
         raise SpecError(f"{shown_input(path)}: {error.strerror or error}") from None
+
+
+def is_regular(file: IO[bytes]) -> bool:
+    """Whether an open file has an end that is known: it is not a pipe, and not a device."""
+    try:
+        return stat.S_ISREG(os.fstat(file.fileno()).st_mode)
+    except (OSError, ValueError):  # bytes in memory
+        return True
 
 
 def shown_input(path: str) -> str:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.scanner import Format, Path, Scanner, TooMuch
+from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER
 
 Repeated: TypeAlias = tuple[Path, int, int]
 
@@ -17,10 +18,7 @@ MAX_BYTES = 10_000_000
 MAX_LINES = 200_000
 """Most lines in a spec, with the same reason."""
 
-GIT_LFS = "a pointer of Git LFS"
-
 _STRANGERS = {
-    GIT_LFS: re.compile(rb"version https://git-lfs"),
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
@@ -176,11 +174,11 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
 
 def _check_kind(data: bytes, source: str) -> None:
     """Refuse what is something else than a spec, and known by how it begins."""
+    if data.startswith(LFS_POINTER):
+        raise SpecError(f"{source}: {LFS_FAULT}")
     kind = next((kind for kind, pattern in _STRANGERS.items() if pattern.match(data)), None)
     if kind is None and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         kind = "an STL mesh"
-    if kind == GIT_LFS:
-        raise SpecError(f"{source}: is {kind} in place of the file, which git lfs pull fetches")
     if kind is not None:
         raise SpecError(f"{source}: is {kind}, and a spec is expected")
 

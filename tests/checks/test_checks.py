@@ -17,9 +17,10 @@ from gtb_cli.checks.report import Outcome
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.degeneration import regular_control_surface
+from gtb_cli.theory.degeneration import LARGEST_LOG, degenerate, regular_control_surface
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.theory.tangents import tangents
 from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS
 
@@ -374,6 +375,8 @@ BREAKS = [
     ("one weight to infinity", "example-3.1", Shifted),
     ("isoparametric curves", "bicubic", Shifted),
     ("multiple knots", "repeated-knot", KnotsCount),
+    ("weights of the degeneration", "pentagon", Shifted),
+    ("weights of the degeneration", "example-3.1", Shifted),
     ("toric degeneration", "pentagon", Larger),
     ("toric degeneration", "example-3.4", Larger),
     ("linear precision, linear parametrization", "pentagon", Shifted),
@@ -393,6 +396,64 @@ def test_a_check_sees_what_is_broken(name, patch, kind):
 def test_every_property_with_a_verdict_is_broken_here():
     without_verdict = {"linear precision", "coefficients of unity"}
     assert {name for name, _, _ in BREAKS} == {prop.name for prop in PROPERTIES} - without_verdict
+
+
+def wrong_in_logarithms(patch, x, lifting=None):
+    """Weights beyond floats get the inverse of their factors."""
+    right = degenerate(patch, x, lifting)
+    if np.abs(right.log_weights).max() <= LARGEST_LOG:
+        return right
+    return patch.replace(log_weights=2 * patch.log_weights - right.log_weights)
+
+
+def wrong_in_floats(patch, x, lifting=None):
+    """Weights within floats get the inverse of their factors."""
+    right = degenerate(patch, x, lifting)
+    if np.abs(right.log_weights).max() > LARGEST_LOG:
+        return right
+    return patch.replace(log_weights=2 * patch.log_weights - right.log_weights)
+
+
+@pytest.mark.parametrize("wrong", [wrong_in_logarithms, wrong_in_floats])
+@pytest.mark.parametrize("name", ["pentagon", "example-3.1", "bicubic"])
+def test_a_wrong_sign_in_the_weights_of_a_degeneration_is_seen(wrong, name, monkeypatch):
+    assert finding(spec(name), "weights of the degeneration").status == "holds"
+    monkeypatch.setattr("gtb_cli.checks.degeneration.degenerate", wrong)
+    found = finding(spec(name), "weights of the degeneration")
+    assert found.status == "fails"
+    assert found.value > 0.01
+
+
+def backwards(patch, t, *arguments):
+    """The tangent at the end points back into the curve."""
+    return tangents(patch, t, *arguments) * np.where(np.ravel(t) == patch.knots.max(), -1, 1)[:, None]
+
+
+def to_the_last(patch, t, *arguments):
+    """Tangents at the ends look along the chord."""
+    order = np.argsort(patch.knots[:, 0])
+    chord = patch.control_points[order[-1]] - patch.control_points[order[0]]
+    return np.tile(chord / np.sqrt((chord**2).sum()), (len(t), 1))
+
+
+def turned(patch, t, *arguments):
+    """By a little."""
+    right = tangents(patch, t, *arguments)
+    return right + SMALL * np.roll(right, 1, axis=1)
+
+
+def without(patch, t, *arguments):
+    """There are none."""
+    return np.full((len(t), 3), np.nan)
+
+
+@pytest.mark.parametrize("wrong", [backwards, to_the_last, turned, without])
+def test_a_wrong_tangent_at_an_end_is_seen(wrong, monkeypatch):
+    assert finding(spec("example-3.1"), "end tangents").status == "holds"
+    monkeypatch.setattr("gtb_cli.checks.curve.tangents", wrong)
+    found = finding(spec("example-3.1"), "end tangents")
+    assert found.status == "fails"
+    assert found.value > found.bound
 
 
 @pytest.mark.parametrize("kind", [Unsolvable, Endless])

@@ -116,6 +116,36 @@ def test_what_has_no_end_is_not_read_to_it(source, tmp_path):
     assert peak < 50e6
 
 
+def test_a_mesh_without_end_is_not_read_to_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("gtb_cli.formats.meshfiles.MAX_STREAM", 1 << 20)
+    pipe = tmp_path / "pipe.obj"
+    os.mkfifo(pipe)
+
+    def write() -> None:
+        with contextlib.suppress(BrokenPipeError), pipe.open("wb") as file:
+            while True:
+                file.write(b"v 0 0 0\n" * 5_000)
+
+    threading.Thread(target=write, daemon=True).start()
+    result = gtb("diff", pipe, PENTAGON)
+    assert result.status == 2
+    assert "pipe.obj: does not end within 1 MB, and more is read from files only" in result.err
+    large = tmp_path / "large.obj"
+    large.write_bytes(b"v 0 0 0\n" * 200_000 + b"l 1 2\n")
+    assert gtb("diff", large, large).status == 0
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb"])
+def test_a_pointer_of_git_lfs_is_named(suffix, tmp_path):
+    path = tmp_path / f"mesh.{suffix}"
+    path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    result = gtb("diff", path, PENTAGON)
+    assert result.status == 2
+    assert (
+        result.err == f"gtb: error: {path}: is a pointer of Git LFS in place of the file, which git lfs pull fetches\n"
+    )
+
+
 def plane(n: int) -> Mesh:
     mesh = surface(n)
     return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)

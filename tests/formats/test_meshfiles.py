@@ -608,3 +608,9 @@ def test_any_damage_is_a_mesh_or_a_refusal(data, damages):
         assert np.isfinite(mesh.vertices).all()
         assert mesh.cells.min() >= 0
         assert mesh.cells.max() < len(mesh.vertices)
+
+
+@pytest.mark.parametrize("format", [None, "obj"])
+def test_an_obj_may_begin_with_a_byte_order_mark(format):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    assert len(decoded("\ufeff" + text, format).faces) == 1
