@@ -148,7 +148,7 @@ def test_a_command_is_imported_alone_and_without_numpy(name):
     early = imported_at_top(MODULES[name])
     assert "numpy" not in packages(early)
     shell = {other for other in MODULES if wing_of(other) == "shell"}
-    assert own(early) <= {"__init__", "errors", "vocabulary", RECIPE} | shell
+    assert own(early) <= {"__init__", "errors", "threads", "vocabulary", RECIPE} | shell
 
 
 def test_options_are_read_without_numpy():

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 Function: TypeAlias = Callable[..., object]
 
+MOST_THREADS = 256
+
 MAX_RESOLUTION = 10**8
 """Its square still is a 64-bit number."""
 
@@ -159,6 +161,24 @@ parametrization_option = click.option(
     "this option); or toric, at the paper's parameters, which may crowd.",
 )
 
+
+def _limit_threads(ctx: click.Context, param: click.Parameter, value: int) -> None:
+    from gtb_cli.threads import limit_threads
+
+    limit_threads(value)
+
+
+threads_option = click.option(
+    "--threads",
+    type=WholeNumber(0, MOST_THREADS),
+    metavar="N",
+    default=0,
+    expose_value=False,
+    callback=_limit_threads,
+    help="Threads that share the work on large meshes; without this option, or with 0, one for each processor that the "
+    "process may use. Any number makes the same bytes.",
+)
+
 lifting_option = click.option(
     "--lifting",
     callback=numbers_of,
@@ -196,6 +216,7 @@ def mesh_options(function: Function) -> Function:
         help="In place of -n: the largest distance between mesh and surface, in model units, or as 1% of the size.",
     )
     @parametrization_option
+    @threads_option
     @click.option(
         "-f",
         "--format",

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
+from gtb_cli.threads import limit_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -128,6 +129,7 @@ def _start_worker(sign: Connection) -> None:
     """Leave Ctrl-C to the first process, end with it however it ends, and give signs of life until then."""
     import threading
 
+    limit_threads(1)  # the processes share the processors already
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for number in SIGNALS - {signal.SIGINT}:
         signal.signal(number, signal.SIG_DFL)

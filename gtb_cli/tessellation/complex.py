@@ -40,7 +40,8 @@ class Complex:
         Number among that domain's faces.
     cells : (k, d + 1) int
     cell_patch : (k,) int
-    corners : (k, d + 1, d) float
+    own_corners : (k, d + 1, d) float or None
+        `corners`, where they are not just the parameters of the cells' vertices.
     collapsed : (c, 2) int
         Pairs of vertices that are one point because an edge of a patch is.
     sides : int
@@ -52,9 +53,14 @@ class Complex:
     face: IntArray
     cells: IntArray
     cell_patch: IntArray
-    corners: FloatArray
+    own_corners: FloatArray | None
     collapsed: IntArray
     sides: int = 0
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """(k, d + 1, d) parameters of each cell's vertices, in the domain of the cell's own patch."""
+        return self.parameters[self.cells] if self.own_corners is None else self.own_corners
 
     @property
     def is_simplicial(self) -> bool:
@@ -98,6 +104,8 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     resolution : int
     """
     parts = [triangulation(patch.domain, resolution) for patch in patches]
+    if joints is None:
+        return _alone(patches[0], parts[0])
     mosaic, confused = _joined(patches, joints, parts)
     tips = _tips(patches, joints)
     again = {*confused.tolist(), *(index for index, _ in tips)}
@@ -110,10 +118,34 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     return mosaic
 
 
-def _tips(patches: Sequence[Patch], joints: Joints | None) -> list[tuple[int, int]]:
+def _alone(patch: Patch, part: Triangulation) -> Complex:
+    """The complex of one patch that is joined with nothing."""
+    count = len(part.parameters)
+    return Complex(
+        patch=np.zeros(count, dtype=np.int64),
+        parameters=part.parameters,
+        face=_faces(patch, part),
+        cells=part.cells,
+        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
+        own_corners=None,
+        collapsed=np.empty((0, 2), dtype=np.int64),
+        sides=count + len(part.cells) - 1,
+    )
+
+
+def _faces(patch: Patch, part: Triangulation) -> IntArray:
+    """(m,) numbers of the faces of Δ on which the vertices of its triangulation lie."""
+    faces = patch.domain.faces
+    face = np.full(len(part.parameters), INTERIOR)
+    face[part.boundary] = faces.edges[:, None]
+    face[part.boundary[:, 0]] = faces.corners
+    return face
+
+
+def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
     """Patches and corners of them between two edges that are the same curve, as at the tip of a cone."""
     tips = []
-    for joint in joints.shared if joints is not None else ():
+    for joint in joints.shared:
         (index, edge), (other, following) = joint.first, joint.second
         count = len(patches[index].domain.vertices)
         for a, b in ((edge, following), (following, edge)):
@@ -122,20 +154,15 @@ def _tips(patches: Sequence[Patch], joints: Joints | None) -> list[tuple[int, in
     return tips
 
 
-def _joined(
-    patches: Sequence[Patch], joints: Joints | None, parts: Sequence[Triangulation]
-) -> tuple[Complex, IntArray]:
+def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
     """The complex of triangulated domains, and the patches with cells or sides that vertices do not tell apart."""
     offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
     owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
-    face = np.full(offsets[-1], INTERIOR)
+    face = np.concatenate([_faces(patch, part) for patch, part in zip(patches, parts, strict=True)])
     cells, corners, cell_patch = [], [], []
     for index, part in enumerate(parts):
-        faces = patches[index].domain.faces
-        face[offsets[index] + part.boundary] = faces.edges[:, None]
-        face[offsets[index] + part.boundary[:, 0]] = faces.corners
-        flip = patches[index].dimension == 2 and joints is not None and joints.flipped[index]
+        flip = patches[index].dimension == 2 and joints.flipped[index]
         own = part.cells[:, [0, 2, 1]] if flip else part.cells
         cells.append(own + offsets[index])
         corners.append(part.parameters[own])
@@ -149,13 +176,12 @@ def _joined(
 
     pairs = [np.empty((0, 2), dtype=np.int64)]
     collapsed = [np.empty((0, 2), dtype=np.int64)]
-    if joints is not None:
-        for joint in joints.shared:
-            first, second = side(*joint.first), side(*joint.second)
-            pairs.append(np.stack([first, second[::-1] if joint.opposite else second], axis=1))
-        for ref in joints.collapsed:
-            points = side(*ref)
-            collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
+    for joint in joints.shared:
+        first, second = side(*joint.first), side(*joint.second)
+        pairs.append(np.stack([first, second[::-1] if joint.opposite else second], axis=1))
+    for ref in joints.collapsed:
+        points = side(*ref)
+        collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
     label = merged(int(offsets[-1]), np.concatenate(pairs))
     kept, index_of = np.unique(label, return_inverse=True)
     # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
@@ -166,11 +192,11 @@ def _joined(
         face=face[kept],
         cells=index_of[np.concatenate(cells)],
         cell_patch=np.concatenate(cell_patch),
-        corners=np.concatenate(corners),
+        own_corners=np.concatenate(corners),
         collapsed=index_of[np.concatenate(collapsed)],
         sides=sides,
     )
-    if joints is None or patches[0].dimension == 1:
+    if patches[0].dimension == 1:
         return mosaic, owner[:0]
     label = merged(len(label), np.concatenate(pairs + collapsed))
     return mosaic, np.unique(owner[_confused(np.concatenate(cells), face != INTERIOR, label)])

@@ -214,7 +214,7 @@ def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
         face=face,
         cells=part.cells,
         cell_patch=np.zeros(len(part.cells), dtype=np.int64),
-        corners=u[part.cells],
+        own_corners=None,
         collapsed=np.empty((0, 2), dtype=np.int64),
     )
 
@@ -259,6 +259,6 @@ def _in_order(mosaic: Complex) -> Complex:
         face=mosaic.face[vertices],
         cells=np.stack([steps, steps + 1], axis=1),
         cell_patch=mosaic.cell_patch[cells],
-        corners=mosaic.corners[cells],
+        own_corners=mosaic.corners[cells],
         collapsed=mosaic.collapsed,
     )

@@ -17,6 +17,10 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.moment import MomentMap
+from gtb_cli.threads import in_threads
+
+WORTH_THREADS = 20_000
+"""Points for which threads are started: fewer are found in less time than it takes."""
 
 LAST_CORNER = 1e-6
 """How near the last corner of its edge, as a fraction of the hull's size, coordinates of a point start from there."""
@@ -56,10 +60,16 @@ class LinearParametrization:
             if not face.is_corner:
                 s = self._edge(number).inverse(shape.along(face.index, p[rows])[:, None], within)
             yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
-        for number, members in groups(self._charts(heights[:, inside])):
-            rows, (chart, moments) = inside[members], self._inner(number)
-            s = moments.inverse(chart.coordinates(p[rows], heights[:, rows]), within)
-            yield Location(rows, shape.faces[INTERIOR], moments.knots, s, heights[:, rows])
+
+        def located(part: tuple[IntArray, tuple[_Chart, MomentMap]]) -> Location:
+            rows, (chart, moments) = part
+            here = heights[:, rows]
+            s = moments.inverse(chart.coordinates(p[rows], here), within)
+            return Location(rows, shape.faces[INTERIOR], moments.knots, s, here)
+
+        # Each chart has its own moment map, which learns from its own points only.
+        parts = [(inside[members], self._inner(number)) for number, members in groups(self._charts(heights[:, inside]))]
+        yield from in_threads(located, parts, worth=len(inside) > WORTH_THREADS)
 
     def _charts(self, heights: FloatArray) -> IntArray:
         """(m,) numbers of charts for points inside: twice the nearest edge, and 1 more near its last corner."""
