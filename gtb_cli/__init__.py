@@ -8,19 +8,25 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a traceback
 
 if TYPE_CHECKING:
+    from gtb_cli.checks.check import check
     from gtb_cli.design.fair import fair
     from gtb_cli.design.filling import fill
     from gtb_cli.design.fit import fit
-    from gtb_cli.errors import DomainError, ExportError, GtbError, SpecError, ToleranceError
+    from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, SpecError, ToleranceError
     from gtb_cli.formats.export import write_mesh
+    from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.notebook import page, plot
-    from gtb_cli.spec.loading import load
+    from gtb_cli.spec.loading import from_dict, load
+    from gtb_cli.spec.writer import save, to_dict
+    from gtb_cli.tessellation.comparison import diff
+    from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.seams import joints
-    from gtb_cli.tessellation.tessellate import tessellate
+    from gtb_cli.tessellation.shape import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+    from gtb_cli.theory.elevation import elevate
     from gtb_cli.theory.knot_limit import merge_knots, move_knots
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
@@ -34,22 +40,31 @@ __all__ = [
     "Mesh",
     "Model",
     "Patch",
+    "Recipe",
+    "RequirementError",
     "SpecError",
     "ToleranceError",
     "__version__",
+    "check",
     "degenerate",
+    "diff",
+    "elevate",
     "fair",
     "fill",
     "fit",
+    "from_dict",
     "joints",
     "load",
     "merge_knots",
     "move_knots",
     "page",
     "plot",
+    "read_mesh",
     "regular_control_surface",
     "regular_decomposition",
+    "save",
     "tessellate",
+    "to_dict",
     "write_mesh",
 ]
 
@@ -60,22 +75,31 @@ _ROOMS = {
     "Mesh": "meshes.mesh",
     "Model": "theory.model",
     "Patch": "theory.patch",
+    "Recipe": "tessellation.recipe",
+    "RequirementError": "errors",
     "SpecError": "errors",
     "ToleranceError": "errors",
+    "check": "checks.check",
     "degenerate": "theory.degeneration",
+    "diff": "tessellation.comparison",
+    "elevate": "theory.elevation",
     "fair": "design.fair",
     "fill": "design.filling",
     "fit": "design.fit",
     "frame": "pictures.notebook",
+    "from_dict": "spec.loading",
     "joints": "tessellation.seams",
     "load": "spec.loading",
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",
     "page": "pictures.notebook",
     "plot": "pictures.notebook",
+    "read_mesh": "formats.meshfiles",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",
-    "tessellate": "tessellation.tessellate",
+    "save": "spec.writer",
+    "tessellate": "tessellation.shape",
+    "to_dict": "spec.writer",
     "write_mesh": "formats.export",
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 from concurrent.futures import ProcessPoolExecutor
 
@@ -187,6 +188,140 @@ def test_parameters_of_a_curve_too():
     assert curve.evaluate(t[2]).shape == (3,)
     np.testing.assert_array_equal(curve.evaluate(t.reshape(2, 3)), curve.evaluate(t).reshape(2, 3, 3))
     np.testing.assert_array_equal(curve.evaluate(t[:, None]), curve.evaluate(t))
+
+
+# --- files
+
+
+def everything(pentagon, box):
+    yield pentagon
+    yield box
+    yield pentagon.replace(lifting=np.arange(8) - 0.1, edge_scale=[1, 1, 1, 1, 1 / 3], edge_normals="unit")
+    yield pentagon.replace(control_points=-0.0 * pentagon.control_points, coefficients=np.arange(1, 9) * 1e-300)
+    yield gtb_cli.degenerate(pentagon, 5, lifting=np.arange(8) / 7)
+    yield gtb_cli.degenerate(pentagon, 1e300, lifting=np.arange(8))
+    yield gtb_cli.elevate(gtb_cli.load(SPECS / "cubic-bezier.toml"))
+    yield Model(gtb_cli.regular_control_surface(gtb_cli.load(SPECS / "example-4.4.toml")).patches, "cells")
+
+
+@pytest.mark.parametrize("suffix", ["toml", "json"])
+def test_what_is_saved_loads_again_bit_for_bit(pentagon, box, tmp_path, suffix):
+    for spec in everything(pentagon, box):
+        path = tmp_path / f"x.{suffix}"
+        gtb_cli.save(spec, path)
+        again = gtb_cli.load(path)
+        assert again == spec
+        for one, other in zip(*(x if isinstance(x, Model) else [x] for x in (spec, again)), strict=True):
+            assert [a.tobytes() for a in arrays_of(one)] == [a.tobytes() for a in arrays_of(other)]
+        assert gtb_cli.from_dict(gtb_cli.to_dict(spec)) == spec
+        assert gtb_cli.from_dict(json.loads(json.dumps(gtb_cli.to_dict(spec)))) == spec
+
+
+def test_a_nameless_patch_is_named_after_its_file(tmp_path):
+    patch = Patch([0, 1], [[0, 0], [1, 1]])
+    gtb_cli.save(patch, tmp_path / "line.toml")
+    assert gtb_cli.load(tmp_path / "line.toml") == patch.replace(name="line")
+
+
+def test_what_a_spec_cannot_hold_is_refused_and_leaves_what_was_there(pentagon, tmp_path):
+    path = tmp_path / "x.toml"
+    gtb_cli.save(pentagon, path)
+    before = path.read_bytes()
+    for change, message in (
+        ({"name": "a\nb"}, "control characters"),
+        ({"control_points": pentagon.control_points * 1e101}, "must be at most 1e.100 in size"),
+        ({"weights": np.full(8, 2.0), "log_weights": np.zeros(8)}, "cannot hold this exactly"),
+    ):
+        with pytest.raises(gtb_cli.SpecError, match=message):
+            gtb_cli.save(pentagon.replace(**change), path)
+    with pytest.raises(gtb_cli.SpecError, match="expected a Patch or a Model, got str"):
+        gtb_cli.save("x", path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_dictionary_takes_what_a_spec_does_and_arrays():
+    found = gtb_cli.from_dict(
+        {"knots": np.arange(3), "control_points": [(0, 0), (1, "sqrt(2)"), (2, 0)], "coefficients": "binomial"}
+    )
+    assert found == Patch([0, 1, 2], [[0, 0], [1, 2**0.5], [2, 0]], coefficients=[1, 2, 1])
+    with pytest.raises(gtb_cli.SpecError, match=r"^from_dict: weights\[1\]: must be positive, got -1$"):
+        gtb_cli.from_dict({"knots": [0, 1], "control_points": [[0, 0], [1, 1]], "weights": [1, -1]})
+    with pytest.raises(gtb_cli.SpecError, match="weigths: is not a key of a spec, did you mean weights"):
+        gtb_cli.from_dict({"knots": [0, 1], "control_points": [[0, 0], [1, 1]], "weigths": [1, 1]})
+
+
+# --- meshes
+
+
+def test_meshes_are_made_of_files_patches_and_several(pentagon, box):
+    path = SPECS / "pentagon.toml"
+    mesh = gtb_cli.tessellate(pentagon, 4)
+    assert gtb_cli.tessellate(str(path), 4) == gtb_cli.tessellate(path, 4) == mesh
+    assert gtb_cli.tessellate(list(box), 2).faces.tolist() == gtb_cli.tessellate(box, 2).faces.tolist()
+    with pytest.raises(DomainError, match="several patches or the name of a spec file, got Mesh"):
+        gtb_cli.tessellate(mesh)
+    with pytest.raises(DomainError, match=r"patches\[0\]: expected a Patch, got int"):
+        gtb_cli.tessellate([1])
+
+
+def test_a_tolerance_is_a_number_or_a_percentage(pentagon):
+    diagonal = float(np.linalg.norm(np.ptp(gtb_cli.tessellate(pentagon, 16).vertices, axis=0)))
+    by_share, by_number = (gtb_cli.tessellate(pentagon, tolerance=t) for t in ("2%", 0.02 * diagonal))
+    assert len(by_share.cells) == len(by_number.cells) < len(gtb_cli.tessellate(pentagon).cells)
+    for wrong in ("2", "-1%", 0, -1, float("nan")):
+        with pytest.raises(DomainError, match="tolerance: "):
+            gtb_cli.tessellate(pentagon, tolerance=wrong)
+
+
+def test_options_exclude_each_other_as_on_the_command_line(pentagon):
+    for call in (lambda: gtb_cli.tessellate(pentagon, 8, 0.1), lambda: gtb_cli.Recipe(8, 0.1)):
+        with pytest.raises(DomainError, match="resolution: excludes a tolerance"):
+            call()
+    for change, message in (
+        ({"resolution": 0}, "resolution: expected a whole number of at least 1, got 0"),
+        ({"resolution": 2.5}, "resolution: expected a whole number"),
+        ({"radius": -1}, "radius: must be positive"),
+        ({"thickness": 0}, "thickness: must be a number other than zero"),
+        ({"radius": 1, "thickness": 1}, "not both"),
+    ):
+        with pytest.raises(DomainError, match=message):
+            gtb_cli.Recipe(**change)
+
+
+def test_a_recipe_refuses_sizes_before_it_works(pentagon):
+    for recipe in (gtb_cli.Recipe(10**8), gtb_cli.Recipe(8, max_faces=10)):
+        with pytest.raises(gtb_cli.ToleranceError, match=r"-n .* makes .* faces, more than"):
+            recipe.mesh(pentagon)
+    solid, remarks = gtb_cli.Recipe(3, thickness=0.1).mesh(pentagon)
+    assert not len(solid.open_sides)
+    assert remarks == []
+
+
+# --- the rest of the paper and of the commands
+
+
+def test_every_task_has_a_public_name(pentagon, box, tmp_path):
+    assert len(gtb_cli.joints(box)) == len(box.joints.shared)
+    curve = gtb_cli.fit([[0, 0], [1, 2], [3, 1]]).curve
+    np.testing.assert_allclose(curve.evaluate(curve.domain.vertices.ravel()), [[0, 0, 0], [3, 1, 0]])
+    assert gtb_cli.check(curve).holds
+    cubic = gtb_cli.load(SPECS / "cubic-bezier.toml")
+    assert gtb_cli.diff(cubic, gtb_cli.elevate(cubic), recipe=gtb_cli.Recipe(parametrization="toric")).same
+    assert not gtb_cli.diff(curve, curve.replace(control_points=curve.control_points * 2)).same
+
+
+def test_meshes_files_and_specs_are_compared(pentagon, tmp_path):
+    mesh = gtb_cli.tessellate(pentagon, 4)
+    gtb_cli.write_mesh(mesh, tmp_path / "x.ply")
+    again = gtb_cli.read_mesh(tmp_path / "x.ply")
+    recipe = gtb_cli.Recipe(4)
+    for a, b in ((mesh, again), (tmp_path / "x.ply", pentagon), (again, str(SPECS / "pentagon.toml"))):
+        found = gtb_cli.diff(a, b, 1e-6, recipe=recipe)
+        assert found.same
+        assert found.method == "vertices"
+    with pytest.raises(gtb_cli.GtbError, match=r"missing\.obj: No such file"):
+        gtb_cli.diff(mesh, "missing.obj")
 
 
 # --- names

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
-from typing import cast
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.document import MAX_BYTES, Faults, read
+from gtb_cli.spec.document import MAX_BYTES, Document, Faults, read
 from gtb_cli.spec.reader import Reader, name_fault
 from gtb_cli.spec.scanner import Format
 from gtb_cli.theory.model import Model
@@ -76,6 +79,43 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
     if result is None or faults.count:
         raise SpecError(str(faults))
     return result
+
+
+def from_dict(data: Mapping[str, Any]) -> Patch | Model:
+    """Read a spec that is there as plain data: what `to_dict` gives, or a file's content, or made by a program.
+
+    Parameters
+    ----------
+    data : mapping
+        The keys of a spec, with lists, tuples or arrays of numbers and expressions.
+
+    Returns
+    -------
+    Patch or Model
+
+    Raises
+    ------
+    SpecError
+        As for `load`, with key paths.
+    """
+    document = Document(_plain(data), "", "json", ())
+    faults = Faults(document, "from_dict")
+    result = Reader(faults).spec(document.data, None)
+    if result is None or faults.count:
+        raise SpecError(str(faults))
+    return result
+
+
+def _plain(value: object) -> object:
+    """Lists, dictionaries and numbers of Python, as parsers give them."""
+    match value:
+        case np.ndarray() | np.generic():
+            return value.tolist()
+        case Mapping():
+            return {str(key): _plain(entry) for key, entry in value.items()}
+        case list() | tuple():
+            return [_plain(entry) for entry in value]
+    return value
 
 
 def _stem(source: str) -> str | None:

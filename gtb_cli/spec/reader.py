@@ -20,7 +20,8 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import COEFFICIENTS, Patch
 
 PATCH_KEYS = frozenset(
-    ("name", "knots", "weights", "control_points", "coefficients", "lifting", "edge_normals", "edge_scale")
+    {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
+    | {"lifting", "edge_normals", "edge_scale"}
 )
 MODEL_KEYS = frozenset(("name", "patches"))
 NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
@@ -102,6 +103,9 @@ class Reader:
         knots, n = self.knots(table, path)
         points = self.points(table, path, n)
         weights = self.row(table, path, "weights", n, _POSITIVE)
+        logarithms = self.row(table, path, "log_weights", n, _COORDINATE)
+        if "weights" in table and "log_weights" in table:
+            self.faults.add((*path, "log_weights"), "stands in place of weights, leave out one of them")
         lifting = self.row(table, path, "lifting", n, _COORDINATE)
         coefficients, named = None, None
         if isinstance(table.get("coefficients"), str):
@@ -117,12 +121,13 @@ class Reader:
             patch = Patch(
                 knots,
                 np.zeros((len(knots), 3)) if points is None else points,
-                np.ones(len(knots)) if weights is None else weights,
+                weights,  # type: ignore[arg-type]
                 np.ones(len(knots)) if coefficients is None else coefficients,
                 edge_normals=cast(EdgeNormals, normals or "auto"),
                 edge_scale=1.0 if scale is None else scale,
                 lifting=lifting,
                 name=title,
+                log_weights=logarithms,  # type: ignore[arg-type]
             )
             return patch if named is None else patch.replace(coefficients=_coefficients(patch.domain, named))
         except DomainError as error:

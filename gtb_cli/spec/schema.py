@@ -90,6 +90,10 @@ _PATCH = {
             "anyOf": [_list("coordinate", 2), _tuples(2, 3)],
         },
         "weights": {"description": "Weights, one for each knot; default: all 1.", **_list("positive")},
+        "log_weights": {
+            "description": "Natural logarithms of the weights, in place of these, where they are beyond floats.",
+            **_list("coordinate"),
+        },
         "control_points": {
             "description": "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three.",
             "anyOf": [_tuples(2), _tuples(3)],
@@ -112,5 +116,6 @@ _PATCH = {
         },
     },
     "required": ["knots", "control_points"],
+    "not": {"required": ["weights", "log_weights"]},
     "additionalProperties": False,
 }

@@ -1,16 +1,84 @@
-"""`Patch` and `Model` → the text of a spec."""
+"""`Patch` and `Model` → a spec: plain data, text, or a file."""
 
 from __future__ import annotations
 
+import json
 import math
+import os
+from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
+from gtb_cli.files import replace_file
+from gtb_cli.spec.loading import parse
 from gtb_cli.spec.reader import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+
+
+def to_dict(spec: Patch | Model) -> dict[str, Any]:
+    """Return a patch or model as plain data, with the keys of a spec; those that have their default value are left out.
+
+    Returns
+    -------
+    dict
+        Of lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` makes an equal value of it. Weights
+        are there as numbers where their logarithms are those of the patch, else (x^λ ω) as `log_weights`.
+    """
+    if isinstance(spec, Model):
+        named: dict[str, Any] = {} if spec.name is None else {"name": spec.name}
+        return {**named, "patches": [to_dict(patch) for patch in spec.patches]}
+    if not isinstance(spec, Patch):
+        raise SpecError(f"expected a Patch or a Model, got {type(spec).__name__}")
+    ones = np.ones(len(spec.knots))
+    with np.errstate(divide="ignore"):
+        by_number = np.array_equal(np.log(spec.weights), spec.log_weights)
+    points, scale = spec.control_points, np.asarray(spec.edge_scale, dtype=np.float64)
+    planar = not points[:, 2].any() and not np.signbit(points[:, 2]).any()
+    data = {
+        "name": spec.name,
+        "knots": (spec.knots if spec.dimension == 2 else spec.knots[:, 0]).tolist(),
+        "weights": spec.weights.tolist() if by_number and (spec.weights != ones).any() else None,
+        "log_weights": None if by_number else spec.log_weights.tolist(),
+        "control_points": (points[:, :2] if planar else points).tolist(),
+        "coefficients": spec.coefficients.tolist() if (spec.coefficients != ones).any() else None,
+        "lifting": None if spec.lifting is None else spec.lifting.tolist(),
+        "edge_normals": None if spec.edge_normals == "auto" else spec.edge_normals,
+        "edge_scale": scale.tolist() if scale.ndim or scale != 1 else None,
+    }
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
+    """Write a patch or model as a spec: JSON where the path ends in ``.json``, else TOML.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+    path : path
+        The file appears whole or not at all, in place of one that is there.
+
+    Raises
+    ------
+    SpecError
+        A spec cannot hold it; nothing is written.
+    ExportError
+        The file cannot be written.
+
+    Notes
+    -----
+    What `gtb_cli.load` reads back is equal, bit for bit, and this is made sure of before anything is written. Only the
+    name may be new: a spec without one is called after its file.
+    """
+    data = to_dict(spec)
+    target = os.fspath(path)
+    is_json = target.lower().endswith(".json")
+    text = json.dumps(data, indent=1) + "\n" if is_json else _toml(data)
+    again = parse(text, target, "json" if is_json else "toml")
+    if again.replace(name=spec.name) != spec:
+        raise SpecError(f"{target}: a spec cannot hold this exactly: both weights and other logarithms of weights")
+    replace_file(target, [text.encode("utf-8")])
 
 
 def dump(spec: Patch | Model) -> str:
@@ -23,41 +91,36 @@ def dump(spec: Patch | Model) -> str:
     Returns
     -------
     str
-        `gtb_cli.spec.loading.parse` gives equal arrays for it. Keys that have their default value are left out.
+        `gtb_cli.spec.loading.parse` gives equal arrays for it. Keys that have their default value are left out. Weights
+        are numbers if they can be, for people to read: then their logarithms may have been rounded.
 
     Raises
     ------
     SpecError
-        What a spec cannot say: weights beyond the range of floats, a name with control characters.
+        What a spec cannot say: a name with control characters.
     """
     if isinstance(spec, Patch):
-        return _patch_text(spec)
-    parts = [] if spec.name is None else [_name_text(spec.name)]
-    return "\n".join(parts + [f"[[patches]]\n{_patch_text(patch)}" for patch in spec.patches])
+        return _toml(to_dict(_by_number(spec)))
+    return _toml(to_dict(spec.replace(patches=tuple(map(_by_number, spec.patches)))))
 
 
-def _patch_text(patch: Patch) -> str:
-    if not (np.isfinite(patch.weights) & (patch.weights > 0)).all():
-        raise SpecError("weights: beyond the range of floats, a spec cannot hold them")
-    ones = np.ones(len(patch.knots))
-    text = "" if patch.name is None else _name_text(patch.name)
-    text += _row_text("knots", patch.knots if patch.dimension == 2 else patch.knots[:, 0])
-    if (patch.weights != ones).any():
-        text += _row_text("weights", patch.weights)
-    points = patch.control_points
-    planar = not points[:, 2].any() and not np.signbit(points[:, 2]).any()
-    text += _row_text("control_points", points[:, :2] if planar else points)
-    if (patch.coefficients != ones).any():
-        text += _row_text("coefficients", patch.coefficients)
-    if patch.lifting is not None:
-        text += _row_text("lifting", patch.lifting)
-    if patch.edge_normals != "auto":
-        text += f'edge_normals = "{patch.edge_normals}"\n'
-    scale = np.asarray(patch.edge_scale, dtype=np.float64)
-    if scale.ndim:
-        text += _row_text("edge_scale", scale)
-    elif scale != 1:
-        text += f"edge_scale = {_number_text(float(scale))}\n"
+def _by_number(patch: Patch) -> Patch:
+    is_float = (np.isfinite(patch.weights) & (patch.weights > 0)).all()
+    return patch.replace(weights=patch.weights.copy()) if is_float else patch
+
+
+def _toml(data: dict[str, Any]) -> str:
+    if "patches" in data:
+        parts = [_name_text(data["name"])] if "name" in data else []
+        return "\n".join(parts + [f"[[patches]]\n{_toml(patch)}" for patch in data["patches"]])
+    text = ""
+    for key, value in data.items():
+        if key == "name":
+            text += _name_text(value)
+        elif isinstance(value, list):
+            text += _row_text(key, value)
+        else:
+            text += f'{key} = "{value}"\n' if isinstance(value, str) else f"{key} = {_number_text(value)}\n"
     return text
 
 
@@ -68,11 +131,11 @@ def _name_text(name: str) -> str:
     return f'name = "{escaped}"\n'
 
 
-def _row_text(key: str, values: FloatArray) -> str:
+def _row_text(key: str, values: list[Any]) -> str:
     """Write an array on one line if it fits, else in lines filled up to 100 characters."""
     entries = [
         f"[{', '.join(map(_number_text, entry))}]" if isinstance(entry, list) else _number_text(entry)
-        for entry in values.tolist()
+        for entry in values
     ]
     line = f"{key} = [{', '.join(entries)}]\n"
     if len(line) <= 100:

@@ -38,7 +38,7 @@ class Recipe:
     Attributes
     ----------
     resolution : int
-        Segments of each hull edge.
+        Segments of each hull edge; another one than the default excludes a tolerance.
     tolerance : float, str or None
         Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal;
         replaces `resolution`.
@@ -75,8 +75,9 @@ class Recipe:
     max_faces: int = MAX_FACES
 
     def __post_init__(self) -> None:
-        if isinstance(self.tolerance, str):
-            percentage(self.tolerance)
+        _check_numbers(self)
+        if self.tolerance is not None and self.resolution != RESOLUTION:
+            raise DomainError("resolution: excludes a tolerance, give one of them")
         if self.tolerance is not None and self.parametrization == "toric":
             raise DomainError("--tolerance chooses the parameters itself: leave out --parametrization toric")
         if self.radius is not None and self.thickness is not None:
@@ -103,6 +104,7 @@ class Recipe:
         """
         from gtb_cli.tessellation.tessellate import tessellate
 
+        self.check_size(spec)
         tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
             tolerance *= AXIS_SHARE
@@ -221,6 +223,22 @@ class Recipe:
                 f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
                 "take a smaller -n"
             )
+
+
+def _check_numbers(recipe: Recipe) -> None:
+    """Refuse numbers that make no sense, as the command line refuses them in its own words."""
+    if isinstance(recipe.tolerance, str):
+        percentage(recipe.tolerance)
+    elif recipe.tolerance is not None and not 0 < recipe.tolerance < math.inf:
+        raise DomainError(f"tolerance: must be positive, got {recipe.tolerance!r}")
+    for name in ("resolution", "max_faces"):
+        value = getattr(recipe, name)
+        if isinstance(value, bool) or not hasattr(value, "__index__") or value < 1:
+            raise DomainError(f"{name}: expected a whole number of at least 1, got {value!r}")
+    if recipe.radius is not None and not 0 < recipe.radius < math.inf:
+        raise DomainError(f"radius: must be positive, got {recipe.radius!r}")
+    if recipe.thickness is not None and not (math.isfinite(recipe.thickness) and recipe.thickness):
+        raise DomainError(f"thickness: must be a number other than zero, got {recipe.thickness!r}")
 
 
 def percentage(text: str) -> float:

@@ -317,13 +317,19 @@ def test_long_lists_are_written_in_lines() -> None:
     [
         ({"name": "a\nb"}, "name: must not have control characters"),
         ({"name": " "}, "name: must not be empty"),
-        ({"log_weights": [0, 1000]}, "weights: beyond the range of floats"),
-        ({"log_weights": [0, -1000]}, "weights: beyond the range of floats"),
     ],
 )
 def test_what_cannot_be_written(change: dict, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         dump(Patch([0, 1], [[0, 0], [1, 1]], **change))
+
+
+def test_weights_beyond_floats_are_written_as_logarithms() -> None:
+    patch = Patch([0, 1, 2], [[0, 0], [1, 1], [2, 0]], log_weights=[0, 1000, -1000])
+    text = dump(patch)
+    assert "log_weights = [0, 1000, -1000]" in text
+    assert "\nweights" not in text
+    assert parse(text) == patch
 
 
 def test_the_hull_of_a_patch_is_built_once(monkeypatch):

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from gtb_cli.theory.bezier import binomial_coefficients
 
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.knots.domain import domain
