@@ -226,7 +226,9 @@ def _encoded(task: Task) -> Encoded:
         measures = measure(mesh)
     lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
     warnings = [*remarks, *options.warnings(mesh, kind)]
-    return Encoded(blocks, summary(mesh), warnings, expected_bytes(mesh), measures, lines)
+    assurance = options.recipe.assurance(spec)
+    size = summary(mesh) + (f", tolerance {assurance}" if assurance else "")
+    return Encoded(blocks, size, warnings, expected_bytes(mesh), measures, lines)
 
 
 def _attempted(task: Task) -> Encoded | GtbError:

@@ -55,7 +55,9 @@ class MeshOptions:
 
     def settings_for(self, spec: Patch | Model) -> dict[str, object]:
         """What options mean for a spec, where that differs from spec to spec."""
-        return {} if self.recipe.tolerance is None else {"tolerance": self.recipe.tolerance_for(spec)}
+        if self.recipe.tolerance is None:
+            return {}
+        return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""

@@ -251,7 +251,7 @@ class Sampler:
         face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
             where = self.locations(index, parameters[rows], face[rows], within)
-            result[rows] = self._evaluated[index].points_at(where, len(parameters[rows]))
+            result[rows] = self.evaluated[index].points_at(where, len(parameters[rows]))
         return result
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
@@ -261,20 +261,21 @@ class Sampler:
         for index, rows in _groups(patch):
             where = self.locations(index, parameters[rows], face[rows])
             sign = -1.0 if self.flipped and self.flipped[index] else 1.0
-            result[rows] = sign * self._evaluated[index].normals_at(where, len(parameters[rows]))
+            result[rows] = sign * self.evaluated[index].normals_at(where, len(parameters[rows]))
         return result
 
     @property
-    def _evaluated(self) -> Sequence[Patch]:
+    def evaluated(self) -> Sequence[Patch]:
+        """The patches themselves, or those whose parts they are."""
         return self.wholes or self.patches
 
     @cached_property
     def _locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator(self.parametrization) for patch in self._evaluated]
+        return [patch.rational_basis.locator(self.parametrization) for patch in self.evaluated]
 
     @cached_property
     def _edge_locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator("linear") for patch in self._evaluated]
+        return [patch.rational_basis.locator("linear") for patch in self.evaluated]
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""

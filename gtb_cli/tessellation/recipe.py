@@ -185,6 +185,18 @@ class Recipe:
             raise DomainError(f"tolerance: {self.tolerance} of the size of a single point is nothing")
         return percentage(self.tolerance) / 100 * diagonal
 
+    def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
+        """How sure it is that the tolerance holds: certified for curves, sampled for surfaces; None without one.
+
+        Of a tube, the middle line is certified, the surface is not.
+        """
+        from gtb_cli.theory.model import Model
+
+        if self.tolerance is None:
+            return None
+        patches = spec.patches if isinstance(spec, Model) else (spec,)
+        return "certified" if patches[0].dimension == 1 and self.radius is None else "sampled"
+
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
         from gtb_cli.tessellation.triangulation import cell_count

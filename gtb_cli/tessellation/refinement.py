@@ -2,7 +2,8 @@
 
 Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
 more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
-hold, every cell that was not sampled yet is sampled densely, and cells that fail have their worst edge split.
+hold, segments of curves are certified; every triangle that was not sampled yet is sampled densely, and those that fail
+have their worst edge split.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
+from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
@@ -64,7 +66,7 @@ SURE = 4.0
 def refine(
     start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int = POINTS_IN_ALL
 ) -> tuple[Complex, FloatArray]:
-    """Refine a complex until every sample of the surface is within a distance of its cell.
+    """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
 
     Parameters
     ----------
@@ -92,9 +94,9 @@ def refine(
 
     Notes
     -----
-    Verified at quarters of the sides and in the middle of each cell; where these are not as a quadratic surface would
-    have them, on a lattice of `FINE_LATTICE` steps; and at knots and between them. `MARGIN` is for what happens between
-    samples.
+    Segments are certified, see `gtb_cli.tessellation.certificate`. Triangles are verified at quarters of the sides and
+    in the middle of each; where these are not as a quadratic surface would have them, on a lattice of `FINE_LATTICE`
+    steps; and at knots and between them. `MARGIN` is for what happens between samples.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all)
     while (marked := work.marks()).any():
@@ -107,7 +109,7 @@ class _Refinement:
 
     def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int) -> None:
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
-        self.tolerance = MARGIN * tolerance
+        self.tolerance = MARGIN * tolerance if start.cells.shape[1] == 3 else tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
         scale = float(np.abs(points).max())
         if not tolerance > ROUNDINGS * EPS * scale:
@@ -122,6 +124,7 @@ class _Refinement:
         self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.patches])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby, self.estimated = 0.0, 0
+        self.certificates = Certificates(sampler)
         self.verified = np.zeros(len(start.cells), dtype=bool)
         # Of edges: their curves' middles, how far these are from them, the farthest sample (0 where the edge is split
         # and gone), and how far samples are from a parabola's.
@@ -193,6 +196,10 @@ class _Refinement:
             todo = np.flatnonzero(~self.verified)
             if marked.any() or not len(todo):
                 return marked
+            if not self.mesh.is_surface:
+                self.verified[todo] = True
+                marked[self.mesh.cells.sides[self.certificates.failing(self.mesh, todo, self.asked), 0]] = True
+                return marked
             self.sample_peaks(self.mesh.sides_of(todo))
             is_flat, steps_at = self.flat.take(self.mesh.cells.patch[todo]), self.steps_at(todo)
             bent, flat = todo[~is_flat], todo[is_flat]
@@ -246,9 +253,8 @@ class _Refinement:
         if doubts.any() and not fails.any() and not (self.error > self.tolerance).any():
             fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE)
             doubts[:] = False
-        if self.mesh.is_surface:
-            cell, u = self.mesh.peaks_inside(rows)
-            fails |= np.isin(rows, cell[self.distance(cell, u) > self.tolerance])
+        cell, u = self.mesh.peaks_inside(rows)
+        fails |= np.isin(rows, cell[self.distance(cell, u) > self.tolerance])
         return rows[fails], rows[doubts]
 
     def steps_at(self, rows: IntArray) -> IntArray:
@@ -304,7 +310,7 @@ class _Refinement:
         weights = lattice(steps if steps > LATTICE else CENTROID)
         expected_of = quadratic_heights(weights)
         length = max(1, 200_000 // len(weights))
-        for begin in range(0, len(rows) if self.mesh.is_surface else 0, length):
+        for begin in range(0, len(rows), length):
             block = slice(begin, begin + length)
             part = rows[block]
             u = np.einsum("wc,kcd->kwd", weights, cells.corners[block]).reshape(-1, 2)

@@ -37,8 +37,8 @@ class Subdivision:
         self.edges, sides = edges_of(start, patches)
         self.cells = Cells(start.cells, sides, start.corners, start.cell_patch)
         self.growth = Growth()
-        self.peaks = [peaks_of(patch) for patch in patches]
         self.is_surface = start.cells.shape[1] == 3
+        self.peaks = [peaks_of(patch) for patch in patches] if self.is_surface else []
         self.slim = slim * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else slim
 
     def __len__(self) -> int:
@@ -130,16 +130,15 @@ class Subdivision:
         return np.concatenate([rows, np.arange(before, len(self))])
 
     def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
-        """Edges on the boundary of Δ, or of curves, with peaks between their ends, and these; see `peaks_of`."""
-        lowest = 1 if self.is_surface else 0
-        sides = sides[self.edges.face[sides] >= lowest]
+        """Edges on the boundary of Δ with peaks between their ends, and these; see `peaks_of`."""
+        sides = sides[self.edges.face[sides] > 0]
         groups = []
         for index, peaks in enumerate(self.peaks):
             own = sides[self.edges.patch[sides] == index]
-            for face in range(lowest, len(peaks)):
+            for face in range(1, len(peaks)):
                 rows = own[self.edges.face[own] == face]
                 groups.append((rows, self.edges.parameters.take(rows, axis=0), peaks[face]))
-        return _with_peaks(groups, _is_between, self.parameters.shape[1])
+        return _with_peaks(groups, _is_between)
 
     def peaks_inside(self, rows: IntArray) -> tuple[IntArray, FloatArray]:
         """Triangles with peaks inside, and these; see `peaks_of`."""
@@ -147,7 +146,7 @@ class Subdivision:
         for index, peaks in enumerate(self.peaks):
             own = rows[self.cells.patch[rows] == index]
             groups.append((own, self.cells.corners.take(own, axis=0), peaks[0]))
-        return _with_peaks(groups, _is_inside, 2)
+        return _with_peaks(groups, _is_inside)
 
     def result(self) -> Complex:
         """The complex; cells ordered by patch, else in the order in which they were made."""
@@ -176,14 +175,11 @@ def edges_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
 
 
 def peaks_of(patch: Patch) -> list[FloatArray]:
-    """Parameters, inside Δ and on each edge of it, where much of a patch may be between samples of linear ones.
+    """Parameters, inside Δ and on each edge of it, where much of a surface may be between samples of linear ones.
 
     These are the knots, as weights may be extreme, and the middles between neighbouring ones, as knots may crowd.
     """
     domain, knots = patch.domain, patch.knots
-    if patch.dimension == 1:
-        ordered = np.unique(knots, axis=0)
-        return [np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2])]
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
     apart = np.hypot(*(inner[:, None] - knots).transpose(2, 0, 1))
     nearest = knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]
@@ -197,10 +193,9 @@ def peaks_of(patch: Patch) -> list[FloatArray]:
 def _with_peaks(
     groups: Sequence[tuple[IntArray, FloatArray, FloatArray]],
     holds: Callable[[FloatArray, FloatArray], BoolArray],
-    dimension: int,
 ) -> tuple[IntArray, FloatArray]:
     """Rows, and peaks that their cells hold; groups are of rows, the corners of their cells, and peaks to be tried."""
-    rows_found, found = [np.empty(0, dtype=np.int64)], [np.empty((0, dimension))]
+    rows_found, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     for rows, corners, peaks in groups:
         for peak in peaks:
             chosen = rows[holds(corners, peak)]

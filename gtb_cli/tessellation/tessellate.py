@@ -46,7 +46,8 @@ def tessellate(
     resolution : int
         Cells along each edge of the domain; not used with a tolerance.
     tolerance : float, optional
-        Largest distance from the surface to the mesh, in model units; verified by sampling.
+        Largest distance from the surface to the mesh, in model units: certain for a curve, verified by sampling for a
+        surface.
     parametrization : {"linear", "toric"}
         Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
         large exponents. With a tolerance always linear.
