@@ -22,11 +22,12 @@ from gtb_cli.shell.sequences import (
     SHORT,
     check_kind,
     check_length,
+    distance_option,
     is_animation,
     output_option,
     write_sequence,
 )
-from gtb_cli.shell.streams import about, read_patch, shown_input
+from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
@@ -92,6 +93,8 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
     metavar="L,…",
     help="A lifting value λ for each knot, in place of the spec's; or knot:K, for a weight of knot K that grows alone.",
 )
+@click.option("--emit-spec", is_flag=True, help="Print the spec with the weights of one -x; no -o is needed then.")
+@distance_option
 @output_option
 @mesh_options
 @spec_format_option
@@ -103,6 +106,8 @@ def degenerate(
     last: float | None,
     count: int | None,
     lifting: tuple[float, ...] | int | None,
+    emit_spec: bool,
+    no_distance: bool,
     output: str | None,
     options: MeshOptions,
     spec_format: str | None,
@@ -120,25 +125,50 @@ def degenerate(
     With -o FILE.glb there is one file instead, which Blender and other programs play: its mesh is the first one, the
     others are morph targets, and an animation goes through them, a second for each.
     """
+    if output == STANDARD and emit_spec:
+        raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
+    meshes = output is not None or not emit_spec
     output = output or STANDARD
-    animation = is_animation(options, output)
+    animation = meshes and is_animation(options, output)
     xs = (*values, *_sweep(first, last, count))
+    if emit_spec and len(set(xs)) != 1:
+        raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     check_length(animation, xs)
     patch = read_patch(spec, spec_format)
+    text = ""
     with about(shown_input(spec)):
-        from gtb_cli.tessellation.sequence import degeneration_sequence
+        exponents = _values(patch, lifting)
+        if meshes:
+            from gtb_cli.tessellation.sequence import degeneration_sequence
 
-        check_kind(options, patch)
-        sequence = degeneration_sequence(
-            patch,
-            xs,
-            _values(patch, lifting),
-            options.recipe.resolution,
-            options.recipe.tolerance_for(patch),
-            normals=options.recipe.normals,
-            max_faces=options.recipe.max_faces,
-        )
-    write_sequence(sequence, "x", output, options, console, animation=animation)
+            check_kind(options, patch)
+            sequence = degeneration_sequence(
+                patch,
+                xs,
+                exponents,
+                options.recipe.resolution,
+                options.recipe.tolerance_for(patch),
+                normals=options.recipe.normals,
+                max_faces=options.recipe.max_faces,
+                distances=not no_distance,
+            )
+        if emit_spec:
+            text = _spec(patch, xs[0], exponents)
+    # What cannot be written is not the spec's fault.
+    if meshes:
+        write_sequence(sequence, "x", output, options, console, shown_input(spec), animation=animation)
+    if emit_spec:
+        write_text(STANDARD, text)
+
+
+def _spec(patch: Patch, x: float, exponents: FloatArray | tuple[float, ...] | None) -> str:
+    """The spec of the patch with the weights of x, or of its limit."""
+    from gtb_cli.spec.writer import dump
+    from gtb_cli.theory.degeneration import degenerate, lifting_of, regular_control_surface
+
+    if 0 < x < math.inf:
+        return dump(degenerate(patch, x, exponents))
+    return dump(regular_control_surface(patch, lifting_of(patch, exponents) * (1 if x else -1)))
 
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:

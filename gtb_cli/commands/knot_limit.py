@@ -13,6 +13,7 @@ from gtb_cli.shell.options import console_option, mesh_options, numbers_of, spec
 from gtb_cli.shell.sequences import (
     check_kind,
     check_length,
+    distance_option,
     is_animation,
     output_option,
     write_sequence,
@@ -61,6 +62,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     help="Write a mesh for each of these fractions of the way.",
 )
 @click.option("--emit-spec", is_flag=True, help="Print the spec of the merged patch; -o may be left out then.")
+@distance_option
 @output_option
 @mesh_options
 @spec_format_option
@@ -70,6 +72,7 @@ def knot_limit(
     moves: dict[int, int],
     steps: tuple[float, ...],
     emit_spec: bool,
+    no_distance: bool,
     output: str | None,
     options: MeshOptions,
     spec_format: str | None,
@@ -109,6 +112,7 @@ def knot_limit(
                 options.recipe.tolerance_for(patch),
                 normals=options.recipe.normals,
                 max_faces=options.recipe.max_faces,
+                distances=not no_distance,
             )
         text = ""
         if emit_spec:
@@ -117,7 +121,7 @@ def knot_limit(
             text = dump(limit.merged)
     # What cannot be written is not the spec's fault.
     if meshes:
-        write_sequence(sequence, "step", output, options, console, animation=animation)
+        write_sequence(sequence, "step", output, options, console, shown_input(spec), animation=animation)
     for message in _pointwise(limit):
         console.warn(message)
     if emit_spec:

@@ -50,9 +50,6 @@ NEARER = tuple(1 - 10 ** (-k / 2) for k in range(7))
 PANEL_RESOLUTION = 24
 """Segments of each edge of each cell, in the panels of a sequence."""
 
-UNMEASURED = (1.0, 1)
-"""Accuracy of distances that no panel shows."""
-
 VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
 
 
@@ -340,7 +337,7 @@ def _frames(
     """Meshes of a degeneration or of a knot limit, with the net of its limit."""
     from gtb_cli.pictures.nets import net_of
     from gtb_cli.pictures.sequences import Frames
-    from gtb_cli.tessellation.sequence import Accuracy, degeneration_sequence, knot_sequence
+    from gtb_cli.tessellation.sequence import degeneration_sequence, knot_sequence
 
     if moves and (xs or lifting is not None):
         raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
@@ -348,12 +345,11 @@ def _frames(
         raise click.UsageError("--steps is for a knot limit, with --merge")
     far = what == "distance"
     fine = look.resolution or (PANEL_RESOLUTION if patch.dimension == 2 else 128)
-    accuracy = None if far else Accuracy(*UNMEASURED)
     if moves:
         from gtb_cli.theory.knot_limit import knot_limit
 
         limit = knot_limit(patch, moves).merged
-        found = knot_sequence(patch, moves, steps or (NEARER if far else STEPS), fine, accuracy=accuracy)
+        found = knot_sequence(patch, moves, steps or (NEARER if far else STEPS), fine, distances=far)
         net = net_of(limit)
     else:
         limit = patch
@@ -361,7 +357,7 @@ def _frames(
         if values is None and patch.lifting is None:
             raise DomainError("has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit")
         given = xs or (SWEEP if far else X)
-        found = degeneration_sequence(patch, given, values, fine, accuracy=accuracy)
+        found = degeneration_sequence(patch, given, values, fine, distances=far)
         heights = patch.lifting if values is None else values
         from gtb_cli.arrays import read_only
 

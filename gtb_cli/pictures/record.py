@@ -36,7 +36,8 @@ def read_frames(path: str) -> Frames:
         entries = json.loads(data if len(data) <= MAX_BYTES else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])
         values = tuple(_number(entry[key]) for entry in entries)
-        distances = tuple(float(entry["distance_to_limit"]) for entry in entries)
+        measured = [entry["distance_to_limit"] for entry in entries]
+        distances = () if None in measured else tuple(float(value) for value in measured)
         filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
         names = [os.fspath(entry["file"]) for entry in entries]
     except (ValueError, KeyError, TypeError, IndexError, StopIteration, AttributeError, RecursionError):

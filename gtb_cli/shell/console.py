@@ -6,7 +6,7 @@ import errno
 import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
@@ -89,16 +89,23 @@ class Console:
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
+        self._progress: Progress | None = None
 
     def note(self, message: str) -> None:
         """Say what was done."""
         if not self.quiet:
-            say(f"gtb: {printable(message)}")
+            self._say(f"gtb: {printable(message)}")
 
     def warn(self, message: str) -> None:
         """Say what the user might not expect."""
         if not self.quiet:
-            say(f"gtb: warning: {printable(message)}")
+            self._say(f"gtb: warning: {printable(message)}")
+
+    def _say(self, line: str) -> None:
+        if self._progress is None:
+            say(line)
+        else:
+            self._progress.say(line)
 
     def report(self, output: str, size: str, warnings: Iterable[str]) -> None:
         """Say what was written to an output, and what was unusual."""
@@ -111,7 +118,8 @@ class Console:
     def progress(self, total: float) -> Progress:
         """Return a progress bar for work of some size; it is invisible where no person would see it."""
         visible = not self.quiet and sys.stderr is not None and sys.stderr.isatty()
-        return Progress(total, visible=visible)
+        self._progress = Progress(total, visible=visible)
+        return self._progress
 
 
 class Progress:
@@ -131,6 +139,8 @@ class Progress:
         self._done = 0.0
         self._visible = visible
         self._thread: Thread | None = None
+        self._lock: AbstractContextManager[object] = nullcontext()
+        self._width = 0
 
     def advance(self, amount: float) -> None:
         """Note that a part of the work is done."""
@@ -146,10 +156,17 @@ class Progress:
             self.advance(step)
         self.advance(left)
 
+    def say(self, line: str) -> None:
+        """Write a line, which takes the place of the bar until that is drawn again."""
+        with self._lock:
+            self._clear()
+            say(line)
+
     def __enter__(self) -> Progress:
         if self._visible:
             import threading
 
+            self._lock = threading.Lock()
             self._over = threading.Event()
             thread = threading.Thread(target=self._draw, daemon=True)
             with suppress(RuntimeError):  # no more threads: the work is done without a bar
@@ -177,13 +194,23 @@ class Progress:
                 bar = "#" * int(share * BAR)
                 line = f"[{bar:-<{BAR}}] {share:4.0%} {seconds // 60}:{seconds % 60:02d} {printable(self.label)}"
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
-                # The last column is left free: writing there makes some terminals start a new line.
-                sys.stderr.write("\r" + line[: width - 1].ljust(width - 1))
-                sys.stderr.flush()
+                with self._lock:
+                    # The last column is left free: writing there makes some terminals start a new line.
+                    self._width = width - 1
+                    sys.stderr.write("\r" + line[: self._width].ljust(self._width))
+                    sys.stderr.flush()
                 if self._over.wait(BETWEEN):
                     break
-            sys.stderr.write("\r" + " " * (width - 1) + "\r")
-            sys.stderr.flush()
+            with self._lock:
+                self._clear()
+
+    def _clear(self) -> None:
+        """Take the bar away."""
+        if self._width:
+            with suppress(OSError, ValueError):
+                sys.stderr.write("\r" + " " * self._width + "\r")
+                sys.stderr.flush()
+            self._width = 0
 
 
 def abandon(stream: TextIO | None) -> None:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import ExportError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.console import STANDARD, Console, Progress
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import OUTPUT, check_outputs
-from gtb_cli.shell.streams import file_stem, is_device, is_folder, write_blocks
+from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
-    from gtb_cli.tessellation.sequence import MeshSequence
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.tessellation.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
 
 RECORD = "sequence.json"
@@ -30,6 +31,15 @@ LIMIT = "limit"
 
 SHORT = 6
 """Digits of numbers in names of files; more where a number has more."""
+
+WRITTEN = 0.1
+"""Part of a step's work, for progress, that is the writing of its file."""
+
+distance_option = click.option(
+    "--no-distance",
+    is_flag=True,
+    help="Do not measure how far the meshes are from the limit, which takes longer than making them.",
+)
 
 output_option = click.option(
     "-o",
@@ -108,60 +118,95 @@ def number_text(value: float) -> str:
 
 
 def write_sequence(
-    sequence: MeshSequence, prefix: str, output: str, options: MeshOptions, console: Console, *, animation: bool
+    sequence: MeshSequence,
+    prefix: str,
+    output: str,
+    options: MeshOptions,
+    console: Console,
+    source: str,
+    *,
+    animation: bool,
 ) -> None:
-    """Write the meshes and `sequence.json`, or an animation; `prefix` is that of values in file names."""
+    """Make and write the meshes and `sequence.json`, or an animation, and say of each mesh when it is made.
+
+    `prefix` is that of values in file names, `source` the name of the spec in errors.
+    """
     texts = [number_text(value) for value in sequence.values[:-1]]
     if animation:
         labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT]
-        warnings = _write_animation(sequence, labels, output, options, console)
-        places = [label if output == STANDARD else f"{output}: {label}" for label in labels]
-    else:
-        stem, kind = file_stem(sequence.name), options.format or "obj"
-        names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
-        places = [os.path.join(output, name) for name in names]
-        check_outputs(*places, os.path.join(output, RECORD))
-        warnings = _write_folder(sequence, names, kind, output, options, console)
-    for value, reason in sequence.doubts:
-        console.warn(f"{sequence.key} {value:g}: the distance is between coarse meshes: {reason}")
-    for warning in warnings:
-        console.warn(warning)
-    for index, place in enumerate(places):
-        filmed = sequence.film_distances[index] if sequence.film_distances is not None else None
-        if index < len(places) - 1:
-            text = f", {sequence.distances[index]:.3g} from the limit"
-            text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
-        else:
-            text = f", its film reaches {filmed:.3g} from it" if filmed is not None else ""
-        console.note(f"{place}: {summary(sequence.meshes[index])}{text}")
+        # Meshes are made when the file is open, so that one that cannot be written is an error at once.
+        write_blocks(output, _animation(sequence, labels, output, options, console, source))
+        return
+    stem, kind = file_stem(sequence.name), options.format or "obj"
+    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
+    check_outputs(*(os.path.join(output, name) for name in [*names, RECORD]))
+    _write_folder(sequence, names, kind, output, options, console, source)
 
 
 def _write_folder(
-    sequence: MeshSequence, names: list[str], kind: str, folder: str, options: MeshOptions, console: Console
-) -> list[str]:
-    """Write a file for each mesh, and return warnings."""
+    sequence: MeshSequence,
+    names: list[str],
+    kind: str,
+    folder: str,
+    options: MeshOptions,
+    console: Console,
+    source: str,
+) -> None:
+    """Write a file for each mesh."""
     from gtb_cli.files import StagedFiles
 
-    warnings: list[str] = []
+    entries = []
     with StagedFiles(folder, RECORD) as files, console.progress(len(names)) as progress:
-        for name, mesh in zip(names, sequence.meshes, strict=True):
-            progress.label = name
-            files.add(name, progress.over(options.encoded(mesh, kind), 1.0, expected_bytes(mesh)))
-            warnings += [f"{os.path.join(folder, name)}: {warning}" for warning in options.warnings(mesh, kind)]
-        files.add(RECORD, [(json.dumps(sequence.record(names), indent=2) + "\n").encode("ascii")])
-    return warnings
+        for name, member in zip(names, _members(sequence, names, progress, source), strict=True):
+            place, mesh = os.path.join(folder, name), member.mesh
+            files.add(name, progress.over(options.encoded(mesh, kind), WRITTEN, expected_bytes(mesh)))
+            entries.append(sequence.entry(member, name))
+            _say(place, sequence, member, options.warnings(mesh, kind), console)
+        files.add(RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
 
 
-def _write_animation(
-    sequence: MeshSequence, labels: list[str], output: str, options: MeshOptions, console: Console
-) -> list[str]:
-    """Write one file, and return warnings, each once."""
+def _animation(
+    sequence: MeshSequence, labels: list[str], output: str, options: MeshOptions, console: Console, source: str
+) -> Iterator[bytes]:
+    """Make the meshes and one file of them all; what is unusual of several is said once."""
     from gtb_cli.formats.morph import animated_glb
 
-    extras = {"sequence": sequence.record(labels, "label")}
-    blocks = animated_glb(sequence.meshes, labels, normals=options.recipe.normals, uv=options.uv, extras=extras)
-    write_blocks(output, blocks)
-    place = "" if output == STANDARD else f"{output}: "
-    return list(
-        dict.fromkeys(f"{place}{text}" for mesh in sequence.meshes for text in options.warnings(mesh, ANIMATED))
-    )
+    meshes: list[Mesh] = []
+    entries: list[dict[str, Any]] = []
+    said: set[str] = set()
+    file = "" if output == STANDARD else f"{output}: "
+    with console.progress(len(labels)) as progress:
+        for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
+            meshes.append(member.mesh)
+            entries.append(sequence.entry(member, label, "label"))
+            warnings = [text for text in options.warnings(member.mesh, ANIMATED) if text not in said]
+            said.update(warnings)
+            _say(f"{file}{label}", sequence, member, warnings, console)
+    extras = {"sequence": sequence.record(entries)}
+    yield from animated_glb(meshes, labels, normals=options.recipe.normals, uv=options.uv, extras=extras)
+
+
+def _members(sequence: MeshSequence, names: list[str], progress: Progress, source: str) -> Iterator[Member]:
+    """Make the meshes, with the spec's name in errors."""
+    members = iter(sequence)
+    for name in names:
+        progress.label = name
+        with about(source):
+            member = next(members)
+        progress.advance(1 - WRITTEN)
+        yield member
+
+
+def _say(place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str], console: Console) -> None:
+    """Say what a mesh is."""
+    if member.doubt:
+        console.warn(f"{sequence.key} {member.value:g}: the distance is between coarse meshes: {member.doubt}")
+    for warning in warnings:
+        console.warn(f"{place}: {warning}")
+    text, filmed = "", member.film_distance
+    if member.value != sequence.values[-1]:
+        text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
+        text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
+    elif filmed is not None:
+        text = f", its film reaches {filmed:.3g} from it"
+    console.note(f"{place}: {summary(member.mesh)}{text}")

@@ -7,22 +7,20 @@ run together. The triangulation is that of the limit: for a degeneration it foll
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.family import Family, approaching, degenerating
 from gtb_cli.tessellation.film import film_mesh
-from gtb_cli.tessellation.lattice import POINTS_IN_ALL
-from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.tessellation.triangulation import cell_count_of
 from gtb_cli.theory.degeneration import lifting_of
@@ -32,42 +30,37 @@ from gtb_cli.vocabulary import MAX_FACES
 
 INF = math.inf
 
-FILM_ACCURACY = 0.25
-"""Error of the distance from a film beside that of the meshes, as a fraction of it."""
 
-COARSEST_MEASURED = 4
-"""Least segments along each edge of the meshes that are measured."""
-
-MEASURED_FACES = 200_000
-"""More are not made for measuring; then distances are between coarser meshes."""
-
-
-@dataclass(frozen=True)
-class Accuracy:
-    """How finely distances from a limit are measured.
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One mesh of a sequence.
 
     Attributes
     ----------
-    chord_error : float
-        That of the meshes between which distances are measured, as a fraction of the diagonal of the limit.
-    cells : int
-        Roughly what those meshes start from.
-    points_in_all : int
-        As of `refine`.
+    value : float
+        Its x or step.
+    mesh : Mesh
+    distance : float or None
+        Two-sided distance of the surface from the limit, in model units; None where it is not measured.
+    film_distance : float or None
+        The same from the limit with its film, where it has one. That of the last mesh, which is the limit without
+        it, tells how far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
+    doubt : str
+        Why the distances could not be measured as finely as they should be, or nothing.
     """
 
-    chord_error: float
-    cells: int
-    points_in_all: int = POINTS_IN_ALL
-
-
-ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
-"""What is used for curves and for surfaces."""
+    value: float
+    mesh: Mesh
+    distance: float | None
+    film_distance: float | None
+    doubt: str
 
 
 @dataclass(frozen=True, eq=False)
 class MeshSequence:
-    """Meshes of a family of patches, and of its limit, which is the last.
+    """Meshes of a family of patches, and of its limit, which is the last: made one by one, when they are asked for.
+
+    Iterating keeps none of them, and a second time the last digits may differ; `members` makes and keeps all.
 
     Attributes
     ----------
@@ -76,43 +69,79 @@ class MeshSequence:
         What tells the meshes apart: "x" or "step".
     values : tuple of float
         Its values; for a degeneration the last is inf or 0, for a knot limit 1.
-    meshes : tuple of Mesh
-        All with the same cells.
-    distances : tuple of float
-        Two-sided distance of each surface from the limit, in model units; see `measured_distance`.
     film : Mesh or None
         What the limit as a set has beside its last mesh.
-    film_distances : tuple of float or None
-        Distances from the limit with its film, where it has one. That of the last mesh, which is the limit without
-        it, tells how far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
-    doubts : tuple of (float, str)
-        Values whose distances could not be measured as finely as they should be, and why.
     """
 
     name: str
     key: str
     values: tuple[float, ...]
-    meshes: tuple[Mesh, ...]
-    distances: tuple[float, ...]
-    film: Mesh | None = None
-    film_distances: tuple[float, ...] | None = None
-    doubts: tuple[tuple[float, str], ...] = ()
+    film: Mesh | None
+    _family: Family
+    _mosaic: Complex
+    _accuracy: Accuracy | None
+    _normals: bool
 
-    def record(self, names: Sequence[str], kind: str = "file") -> dict[str, Any]:
-        """What `sequence.json` says of the meshes; they have these names, of files or of what `kind` says."""
-        entries = []
-        for index, (name, value, mesh) in enumerate(zip(names, self.values, self.meshes, strict=True)):
-            entry: dict[str, Any] = {
-                kind: name,
-                self.key: "inf" if value == INF else number(value),
-                "vertices": len(mesh.vertices),
-                "faces": len(mesh.cells),
-                "distance_to_limit": self.distances[index],
-            }
-            if self.film_distances is not None:
-                entry["distance_to_limit_with_film"] = self.film_distances[index]
-            entries.append(entry)
-        return {"name": self.name, "meshes": entries}
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __iter__(self) -> Iterator[Member]:
+        # Measuring samples the limit, too, and what it learns there would change the last digits of its mesh.
+        limit = self._mesh(self._family.limit)
+        measurement = None if self._accuracy is None else Measurement(self._family, self.film, self._accuracy)
+        for index, (value, sampler) in enumerate(zip(self.values, self._family.samplers, strict=True)):
+            mesh = limit if sampler is self._family.limit else self._mesh(sampler)
+            if measurement is None:
+                yield Member(value, mesh, None, None, "")
+                continue
+            plain, filmed, doubt = measurement.distances(index)
+            yield Member(value, mesh, plain, None if self.film is None else filmed, doubt)
+
+    def _mesh(self, sampler: Sampler) -> Mesh:
+        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
+        vertices, cells = sampler.points(*where), self._mosaic.cells
+        normals = None
+        if self._normals and cells.shape[1] == 3:
+            normals = vertex_normals(sampler.normals(*where), vertices, cells)
+        return Mesh(vertices, cells, parameters=self._mosaic.parameters, normals=normals, name=self.name)
+
+    @cached_property
+    def members(self) -> tuple[Member, ...]:
+        """All meshes with their distances; all have the same cells."""
+        return tuple(self)
+
+    @property
+    def meshes(self) -> tuple[Mesh, ...]:
+        """Those of the members."""
+        return tuple(member.mesh for member in self.members)
+
+    @property
+    def distances(self) -> tuple[float, ...]:
+        """Those of the members from the limit; none where they are not measured."""
+        return tuple(member.distance for member in self.members if member.distance is not None)
+
+    @property
+    def film_distances(self) -> tuple[float, ...] | None:
+        """Those of the members from the limit with its film; None where there is none, or they are not measured."""
+        found = tuple(member.film_distance for member in self.members if member.film_distance is not None)
+        return found or None
+
+    def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
+        """What `sequence.json` says of a mesh; it has this name, of a file or of what `kind` says."""
+        entry: dict[str, Any] = {
+            kind: name,
+            self.key: "inf" if member.value == INF else number(member.value),
+            "vertices": len(member.mesh.vertices),
+            "faces": len(member.mesh.cells),
+            "distance_to_limit": member.distance,
+        }
+        if self.film is not None:
+            entry["distance_to_limit_with_film"] = member.film_distance
+        return entry
+
+    def record(self, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """What `sequence.json` says, with the entries of all meshes."""
+        return {"name": self.name, "meshes": list(entries)}
 
 
 def number(value: float) -> float | int:
@@ -130,6 +159,7 @@ def degeneration_sequence(
     normals: bool = True,
     max_faces: int = MAX_FACES,
     accuracy: Accuracy | None = None,
+    distances: bool = True,
 ) -> MeshSequence:
     """Mesh the patches with weights x^λ ω, and the regular control curve or surface they tend to.
 
@@ -152,6 +182,8 @@ def degeneration_sequence(
         Of all meshes together.
     accuracy : Accuracy, optional
         That of the distances; default `ACCURACY`.
+    distances : bool
+        Measure how far each surface is from the limit, which takes longer than the meshes.
 
     Returns
     -------
@@ -184,9 +216,10 @@ def degeneration_sequence(
     cells = sum(cell_count_of(len(polygon), n) for polygon in decomposition.polygons)
     _refuse_too_many(cells, len(values) + 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
-    measurement = _Measurement(family, None, accuracy or ACCURACY[patch.dimension])
     values.append(INF if upward else 0.0)
-    return _sequence(patch.name or "patch", "x", values, measurement, resolution, tolerance, normals, max_faces)
+    mosaic = _mosaic(family, resolution, tolerance, max_faces)
+    fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
+    return MeshSequence(patch.name or "patch", "x", tuple(values), None, family, mosaic, fineness, normals)
 
 
 def knot_sequence(
@@ -199,6 +232,7 @@ def knot_sequence(
     normals: bool = True,
     max_faces: int = MAX_FACES,
     accuracy: Accuracy | None = None,
+    distances: bool = True,
 ) -> MeshSequence:
     """Mesh the patches whose knots are on the way to others, and the merged patch.
 
@@ -209,7 +243,7 @@ def knot_sequence(
         As for `merge_knots`.
     steps : iterable of float
         From 0 to 1, which means the limit. Put in order; repeated ones count once.
-    resolution, tolerance, normals, max_faces, accuracy
+    resolution, tolerance, normals, max_faces, accuracy, distances
         As for `degeneration_sequence`.
 
     Returns
@@ -234,43 +268,18 @@ def knot_sequence(
     family = approaching([move_knots(patch, moves, step) for step in values], limit.merged, thickness)
     film = film_mesh(limit) if limit.films else None
     values.append(1.0)
-    measurement = _Measurement(family, film, accuracy or ACCURACY[patch.dimension])
-    return _sequence(patch.name or "patch", "step", values, measurement, resolution, tolerance, normals, max_faces)
+    mosaic = _mosaic(family, resolution, tolerance, max_faces)
+    fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
+    return MeshSequence(patch.name or "patch", "step", tuple(values), film, family, mosaic, fineness, normals)
 
 
-def _sequence(
-    name: str,
-    key: str,
-    values: Sequence[float],
-    measurement: _Measurement,
-    resolution: int,
-    tolerance: float | None,
-    normals: bool,
-    max_faces: int,
-) -> MeshSequence:
-    family, film = measurement.family, measurement.film
-    if tolerance is None:
-        _refuse_too_many(family.cell_count(resolution), len(values), max_faces)
-        mosaic = family.uniform(resolution)
-    else:
-        mosaic = family.refined(tolerance, max_faces // len(values))
-    meshes = tuple(_mesh(mosaic, sampler, name, normals) for sampler in family.samplers)
-    distances, film_distances, doubts = [], [], []
-    for member, value in enumerate(values):
-        plain, filmed, doubt = measurement.distances(member)
-        distances.append(plain)
-        film_distances.append(filmed)
-        doubts += [(value, doubt)] if doubt else []
-    return MeshSequence(
-        name,
-        key,
-        tuple(values),
-        meshes,
-        tuple(distances),
-        film,
-        None if film is None else tuple(film_distances),
-        tuple(doubts),
-    )
+def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces: int) -> Complex:
+    """The cells that all meshes of a family have; no more than `max_faces` in all of them together."""
+    count = len(family.samplers)
+    if tolerance is not None:
+        return family.refined(tolerance, max_faces // count)
+    _refuse_too_many(family.cell_count(resolution), count, max_faces)
+    return family.uniform(resolution)
 
 
 def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
@@ -290,70 +299,3 @@ def _is_upward(values: Sequence[float]) -> bool:
             "expected all at least 1, or all at most 1"
         )
     return not values or values[0] >= 1
-
-
-def _mesh(mosaic: Complex, sampler: Sampler, name: str, normals: bool) -> Mesh:
-    where = mosaic.patch, mosaic.parameters, mosaic.face
-    vertices = sampler.points(*where)
-    directions = None
-    if normals and mosaic.cells.shape[1] == 3:
-        directions = vertex_normals(sampler.normals(*where), vertices, mosaic.cells)
-    return Mesh(vertices, mosaic.cells, parameters=mosaic.parameters, normals=directions, name=name)
-
-
-class _Measurement:
-    """Distances of surfaces from a limit.
-
-    Both are meshed with the same triangulation, refined until either mesh is within a chord error of its surface, and
-    the Hausdorff distance between the meshes is taken (`surface_distance`: between cells, not vertices). So it is
-    off by twice that chord error at most, and by far less where surface and limit are nearly the same, as then the
-    meshes' errors are. It does not depend on the resolution of the meshes that are written.
-    """
-
-    def __init__(self, family: Family, film: Mesh | None, accuracy: Accuracy) -> None:
-        self.family, self.film, self.accuracy = family, film, accuracy
-        self.starts: dict[float, tuple[Complex, str]] = {}
-        share = accuracy.cells / family.cell_count(1)
-        self.resolution = max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension)))
-        start = family.uniform(self.resolution)
-        points = family.limit.points(start.patch, start.parameters, start.face)
-        if film is not None:
-            points = np.concatenate([points, film.vertices])
-        self.tolerance = accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
-
-    def distances(self, member: int) -> tuple[float, float, str]:
-        """A member's distance from the limit, from the limit with its film, and what is doubtful about them."""
-        limit, sampler = self.family.limit, self.family.samplers[member]
-        mosaic, doubt = self.fine_for_limit(member)
-        mosaic, other_doubt = self.refined(mosaic, sampler)
-        ends = self.sampled(mosaic, limit)
-        surface = ends if sampler is limit else self.sampled(mosaic, sampler)
-        plain = 0.0 if sampler is limit else surface_distance(surface, ends).value
-        filmed = plain
-        if self.film is not None:
-            # Cells of the surface and of the film do not match, so that more would cost much.
-            filmed = surface_distance(surface, _union(ends, self.film), FILM_ACCURACY * self.tolerance).value
-        return plain, filmed, doubt or other_doubt
-
-    def fine_for_limit(self, member: int) -> tuple[Complex, str]:
-        """The complex that a member's measurement starts from."""
-        thickness = self.family.thickness[member] if self.family.thickness else 0.0
-        if thickness not in self.starts:
-            start = self.family.graded(self.resolution, member)
-            self.starts[thickness] = self.refined(start, self.family.limit)
-        return self.starts[thickness]
-
-    def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
-        """The complex fine enough for a surface, or else as it is, and why."""
-        try:
-            return refine(mosaic, sampler, self.tolerance, MEASURED_FACES, self.accuracy.points_in_all)[0], ""
-        except ToleranceError as error:
-            return mosaic, str(error)
-
-    @staticmethod
-    def sampled(mosaic: Complex, sampler: Sampler) -> Mesh:
-        return Mesh(sampler.points(mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells)
-
-
-def _union(a: Mesh, b: Mesh) -> Mesh:
-    return Mesh(np.concatenate([a.vertices, b.vertices]), np.concatenate([a.cells, b.cells + len(a.vertices)]))

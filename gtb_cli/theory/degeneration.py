@@ -51,7 +51,8 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
         raise DomainError("lifting: λ log x is beyond the largest float")
     logs = exponents + patch.log_weights
     if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= LARGEST_LOG:
-        return patch.replace(weights=patch.weights * np.exp(exponents))
+        # Powers, as 5³ is 125, and exp(3 log 5) nearly.
+        return patch.replace(weights=patch.weights * np.power(float(x), lifting_of(patch, lifting)))
     return patch.replace(log_weights=logs)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from gtb_cli.spec.loading import parse
+from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.spec.loading import load, parse
 from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, SPECS, gtb, process
@@ -66,6 +67,37 @@ def test_the_sequence_of_example_44(n, tmp_path):
         assert lines(out / entry["file"], "f") == faces
         assert (entry["faces"], entry["vertices"]) == (len(faces), len(lines(out / entry["file"], "v")))
         assert f"{out / entry['file']}: {entry['vertices']} vertices, {len(faces)} faces" in result.err
+
+
+@pytest.mark.parametrize("command", [["degenerate", SURFACE, "-x5"], ["knot-limit", MOVING, "--merge", "3:1"]])
+def test_distances_are_left_out(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("gtb_cli.tessellation.measurement.surface_distance", None)
+    for name in (tmp_path / "folder", tmp_path / "one.glb"):
+        result = gtb(*command, "-n", 2, "--no-distance", "-o", name)
+        assert result.status == 0
+        assert "from the limit" not in result.err
+        assert "its film reaches" not in result.err
+    record = json.loads((tmp_path / "folder" / "sequence.json").read_text())
+    assert {entry["distance_to_limit"] for entry in record["meshes"]} == {None}
+    assert all(entry.get("distance_to_limit_with_film") is None for entry in record["meshes"])
+
+
+def test_the_spec_of_one_x(tmp_path):
+    result = gtb("degenerate", SURFACE, "-x", "5", "--emit-spec")
+    assert (result.status, result.err) == (0, "")
+    found = parse(result.out, "out.toml")
+    patch = load(SURFACE)
+    assert found.weights.tolist() == (patch.weights * 5.0**patch.lifting).tolist()
+    assert found.replace(weights=patch.weights) == patch
+    for x, sign in (("inf", 1), ("0", -1)):
+        limit = parse(gtb("degenerate", SURFACE, "-x", x, "--emit-spec").out, "out.toml")
+        assert len(limit.patches) == len(regular_decomposition(patch.knots, sign * patch.lifting).cells)
+    assert listing(tmp_path) == []
+    both = gtb("degenerate", SURFACE, "-x", "5", "-n1", "--no-distance", "--emit-spec", "-o", tmp_path)
+    assert both.out == result.out
+    assert len(listing(tmp_path)) == 3
+    assert "expected a single -x, got 2" in refusal(gtb("degenerate", SURFACE, "-x2", "-x3", "--emit-spec"))
+    assert "a spec cannot hold them" in refusal(gtb("degenerate", SURFACE, "-x1e200", "--emit-spec"))
 
 
 @long
@@ -199,7 +231,10 @@ def test_errors_name_the_spec(tmp_path):
 
 
 def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
-    """The disk is full at the second file: the new folder goes again, and an old one stays as it was."""
+    """The disk is full at the second file: the new folder goes again, and an old one stays as it was.
+
+    By then the first file has been reported, as it was made.
+    """
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "sequence.json").write_text("old")
     for name in ("new", "old"):
@@ -211,7 +246,11 @@ def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
                 raise OSError(28, "No space left on device")
 
         monkeypatch.setattr("os.fsync", full)
-        assert "No space left on device" in refusal(gtb("degenerate", LINE, "-x2", "-n1", "-o", tmp_path / name))
+        result = gtb("degenerate", LINE, "-x2", "-n1", "-o", tmp_path / name)
+        assert result.status == 2
+        first, error = result.err.splitlines()
+        assert first.startswith(f"gtb: {tmp_path / name / 'example-3.4-x2.obj'}: ")
+        assert "No space left on device" in error
     assert listing(tmp_path) == ["old"]
     assert listing(tmp_path / "old") == ["sequence.json"]
     assert (tmp_path / "old" / "sequence.json").read_text() == "old"
