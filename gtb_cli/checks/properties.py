@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gtb_cli.checks import basis, curve, degeneration, lattice, surface
+from gtb_cli.checks import basis, curve, degeneration, injectivity, lattice, surface
 from gtb_cli.checks.probe import Measure
 
 
@@ -37,6 +37,8 @@ PROPERTIES = (
     Property("end tangent lengths", "eq. 302", None, curve.end_tangent_lengths),
     Property("one weight to infinity", "Sec. 3 (g)", None, curve.one_weight),
     Property("isoparametric curves", None, "Sec. 4 (d)", surface.isoparametric_curves),
+    Property("injective for all weights", None, "Craciun et al. 2010", injectivity.for_all_weights),
+    Property("sign of the Jacobian", None, "Craciun et al. 2010", injectivity.jacobian_sign),
     Property("multiple knots", "Thm 3.1, Cor. 3.1", "Thm 4.1", degeneration.multiple_knots),
     Property("weights of the degeneration", "eq. 304", "eq. 403", degeneration.weights),
     Property("toric degeneration", "Thm 3.2", "Thm 4.2", degeneration.toric_degeneration),

@@ -7,8 +7,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.checks.probe import Probe, largest, points_at_torus
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
+from gtb_cli.design.isocurve import isocurve
 from gtb_cli.theory.basis import torus_coordinates
-from gtb_cli.theory.patch import Patch
 
 ON_EDGE = 15
 """Parameters inside each edge."""
@@ -59,13 +59,8 @@ def _isoline_distance(probe: Probe, axis: int, fraction: float) -> float:
     patch, domain = probe.patch, probe.patch.domain
     low, high = domain.vertices.min(axis=0), domain.vertices.max(axis=0)
     place = low + fraction * (high - low)
-    theta = torus_coordinates(domain, domain.heights_of_columns(place[None]))[axis, 0]
-    # Knots are measured from the middle, so that the logarithms stay small.
-    logs = patch.log_products + (patch.knots[:, axis] - domain.center[axis]) * theta
-    # Edges 0 … 3 are bottom, right, top, left.
-    ends = domain.normal_lengths[[0, 2] if axis == 0 else [3, 1]]
     other = 1 - axis
-    curve = Patch(patch.knots[:, other], patch.control_points, log_weights=logs, edge_scale=ends)
+    curve = isocurve(patch, axis, float(place[axis]))
     v = np.linspace(low[other], high[other], ON_ISOLINE)
     v[-1] = high[other]
     u: FloatArray = np.empty((ON_ISOLINE, 2))

@@ -36,6 +36,7 @@ COMMANDS = {
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
     "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
+    "isocurve": ("gtb_cli.commands.isocurve:isocurve", "Print the curve on which a parameter keeps its value."),
     "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
     "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
     "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),

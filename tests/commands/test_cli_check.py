@@ -50,7 +50,7 @@ def test_a_table_with_a_line_for_each_property():
         assert line[:14].strip() in ("holds", "measured", "not applicable")
         assert line[16:].startswith(f"{prop.name} ")
         assert f"  {prop.of_surfaces}: " in line
-    assert summary == "12 hold, 0 fail, 2 measured, 3 not applicable"
+    assert summary == "12 hold, 0 fail, 2 measured, 5 not applicable"
     assert "\033" not in result.text
 
 
@@ -98,8 +98,8 @@ def test_a_model_is_summed_up():
     lines = result.text.splitlines()
     assert lines[0].startswith("holds           joined edges ")
     assert [line for line in lines if line.startswith("patch ")] == [
-        "patch 0 (first): 12 hold, 0 fail, 2 measured, 3 not applicable",
-        "patch 1: 13 hold, 0 fail, 2 measured, 2 not applicable",
+        "patch 0 (first): 12 hold, 0 fail, 4 measured, 3 not applicable",
+        "patch 1: 13 hold, 0 fail, 4 measured, 2 not applicable",
     ]
     found = json.loads(gtb("check", "-", "--json", stdin=TWO).out)
     assert found["name"] == "two"
@@ -113,7 +113,7 @@ def test_a_model_that_fails_lists_what_does(failing):
     result = gtb("check", "-", stdin=TWO)
     assert result.status == 1
     lines = result.text.splitlines()
-    first = lines.index("patch 0 (first): 9 hold, 3 fail, 2 measured, 3 not applicable")
+    first = lines.index("patch 0 (first): 9 hold, 3 fail, 4 measured, 3 not applicable")
     assert [line[:5] for line in lines[first + 1 : first + 4]] == ["fails"] * 3
     assert lines[first + 4].startswith("patch 1: ")
     assert json.loads(gtb("check", "-", "--json", stdin=TWO).out)["holds"] is False

@@ -1,0 +1,110 @@
+"""Planar patches: whether they are injective, for all weights and for the given ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
+from gtb_cli.checks.probe import Probe
+from gtb_cli.checks.report import Outcome, not_applicable, number
+from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
+
+MAX_TRIPLES = 1_000_000
+"""Most triples of knots that are compared: all of up to 182 knots, some of more; a tenth of a second."""
+
+SPACE = "the control points are not in a plane"
+
+
+def for_all_weights(probe: Probe) -> Outcome:
+    """Whether no choice of weights folds the patch: all triangles of knots and of control points turn alike.
+
+    Injective for all positive weights are exactly those patches for which det(1, a_i; 1, a_j; 1, a_k) and
+    det(1, b_i; 1, b_j; 1, b_k) agree in sign for all i, j, k, as far as neither is zero (or all differ: the patch is
+    turned over).
+    """
+    points = planar(probe.patch.control_points)
+    if points is None:
+        return not_applicable(SPACE)
+    knots, n = probe.patch.knots, len(probe.patch.knots)
+    total = math.comb(n, 3)
+    alike: list[tuple[int, int, int]] = []
+    turned: list[tuple[int, int, int]] = []
+    for i, j, k in _triples(n):
+        signs = _signs(knots, i, j, k) * _signs(points, i, j, k)
+        for found, which in ((alike, signs > 0), (turned, signs < 0)):
+            if not found and which.any():
+                first = int(np.argmax(which))
+                found.append((int(i[first]), int(j[first]), int(k[first])))
+        if alike and turned:
+            one, other = sorted((alike[0], turned[0]))
+            return number(0.0, f"no: knots {one} and {other} turn their control points opposite ways")
+    if total > MAX_TRIPLES:
+        return number(None, f"not decided: {MAX_TRIPLES} of {total} triples of knots speak for it, none against")
+    if not (alike or turned):
+        return number(0.0, "no: the control points are on a line")
+    return number(1.0, f"yes: all {total} triples of knots turn their control points the same way")
+
+
+def jacobian_sign(probe: Probe) -> Outcome:
+    """Share of sample parameters at which the patch with its own weights is turned over, of those with any sign."""
+    points = planar(probe.patch.control_points)
+    if points is None:
+        return not_applicable(SPACE)
+    patch = probe.patch.replace(control_points=points)
+    tangents = patch.derivatives(probe.u[probe.inside])
+    lengths = np.sqrt((tangents**2).sum(axis=1)).prod(axis=1)
+    areas = planar_cross(tangents[:, :2, 0], tangents[:, :2, 1])
+    known = np.abs(areas) > 64 * EPS * lengths
+    count = int(known.sum())
+    if not count:
+        return number(None, "the patch has no area at any sample parameter")
+    positive = int((areas[known] > 0).sum())
+    share = min(positive, count - positive) / count
+    if share:
+        return number(share, f"the patch folds: the Jacobian is positive at {positive} of {count} sample parameters")
+    sign = "positive" if positive else "negative"
+    return number(0.0, f"the Jacobian is {sign} at all {count} sample parameters, which proves nothing between them")
+
+
+def planar(points: FloatArray) -> FloatArray | None:
+    """(n, 2) coordinates in their plane of points that have one, seen from its upper side; else None."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    centred = points - middle
+    tolerance = _tolerance(points)
+    if np.abs(centred[:, 2]).max() <= tolerance:
+        return np.asarray(centred[:, :2])
+    axes = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)[2]
+    normal = np.cross(axes[0], axes[1])
+    if np.abs((centred - centred.mean(axis=0)) @ normal).max() > tolerance:
+        return None
+    return np.asarray(centred @ np.stack([axes[0], axes[1] if normal[2] >= 0 else -axes[1]], axis=1))
+
+
+def _tolerance(points: FloatArray) -> float:
+    """Distance within which points are in a plane, or on a line."""
+    size = float(np.ptp(points, axis=0).max())
+    return KNOT_TOLERANCE * size + KNOT_ULPS * EPS * float(np.abs(points).max())
+
+
+def _triples(n: int) -> list[tuple[IntArray, IntArray, IntArray]]:
+    """Blocks of triples i < j < k, all of them or `MAX_TRIPLES`, the same ones every time."""
+    if math.comb(n, 3) > MAX_TRIPLES:
+        drawn = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
+        drawn = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
+        return [(drawn[:, 0], drawn[:, 1], drawn[:, 2])]
+    blocks: list[tuple[IntArray, IntArray, IntArray]] = []
+    for i in range(n - 2):
+        j, k = (side.astype(np.int64) + i + 1 for side in np.triu_indices(n - i - 1, 1))
+        blocks.append((np.full(len(j), i), j, k))
+    return blocks
+
+
+def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatArray:
+    """(m,) signs of the areas of triangles, 0 where a corner is on the line through the others, within rounding."""
+    first, second = points[j] - points[i], points[k] - points[i]
+    areas = planar_cross(first, second)
+    longest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
+    flat = np.abs(areas) <= 2 * _tolerance(points) * longest
+    return np.where(flat, 0.0, np.sign(areas))

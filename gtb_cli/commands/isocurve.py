@@ -1,0 +1,73 @@
+"""`gtb isocurve`: curves on a surface along which a parameter keeps its value."""
+
+from __future__ import annotations
+
+import click
+
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import (
+    WholeNumber,
+    console_option,
+    numbers_of,
+    output_option,
+    spec_argument,
+    spec_format_option,
+)
+from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
+
+MAX_SEGMENTS = 1_000_000
+
+
+@click.command
+@spec_argument
+@click.option("--u", "u", callback=numbers_of, metavar="V", help="Keep the first parameter at this value.")
+@click.option("--v", "v", callback=numbers_of, metavar="V", help="Keep the second parameter at this value.")
+@click.option(
+    "--polyline",
+    type=WholeNumber(1, MAX_SEGMENTS),
+    metavar="N",
+    help="Print N segments as OBJ in place of a spec, on any surface: evenly spread parameters.",
+)
+@output_option
+@spec_format_option
+@console_option
+def isocurve(
+    spec: str,
+    u: tuple[float, ...] | None,
+    v: tuple[float, ...] | None,
+    polyline: int | None,
+    output: str,
+    spec_format: str | None,
+    console: Console,
+) -> None:
+    """\b
+    Example: gtb isocurve specs/bicubic.toml --u 3/2
+
+    Print the spec of the curve on a surface along which one parameter, of the paper, keeps its value.
+
+    On a rectangle along the axes it is a GT-Bézier curve, exactly. On other domains it is not, in general: the error
+    says so, and --polyline makes points of it.
+    """
+    import numpy as np
+
+    from gtb_cli.design.isocurve import isocurve as curve_of
+    from gtb_cli.design.isocurve import isoparametric_points
+    from gtb_cli.formats.export import encode_mesh
+    from gtb_cli.meshes.mesh import Mesh
+    from gtb_cli.spec.writer import dump
+
+    given = [(axis, value) for axis, value in enumerate((u, v)) if value is not None]
+    if len(given) != 1 or len(given[0][1]) != 1:
+        raise click.UsageError("expected one of --u V and --v V")
+    axis, (value,) = given[0]
+    patch = read_patch(spec, spec_format)
+    with about(shown_input(spec)):
+        if polyline is None:
+            text = dump(curve_of(patch, axis, value))
+        else:
+            points = isoparametric_points(patch, axis, value, polyline + 1)[1]
+            segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
+    if polyline is None:
+        write_text(output, text)
+    else:
+        write_blocks(output, encode_mesh(Mesh(points, segments, name=patch.name or "patch"), "obj"))

@@ -1,0 +1,114 @@
+"""Isoparametric curves of surfaces, as specs where they are GT-Bézier curves, and as polylines."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import DomainError
+from gtb_cli.theory.basis import torus_coordinates
+from gtb_cli.theory.elevation import product
+from gtb_cli.theory.patch import Patch
+
+AXES = ("u", "v")
+
+
+def isocurve(patch: Patch, axis: int, value: float) -> Patch:
+    """Return the curve of a surface on which one parameter keeps its value.
+
+    On a rectangle along the axes ``P(u*, v)`` is the GT-Bézier curve of the knots' other coordinates, equal ones
+    merged, with the weights ``c_i ω_i exp(u_i θ(u*))``, and has the same points at the same v.
+
+    Parameters
+    ----------
+    patch : Patch
+    axis : {0, 1}
+        Which parameter is kept: u or v.
+    value : float
+
+    Returns
+    -------
+    Patch
+        A curve; its coefficients are 1. On an edge it is the edge's own.
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, or its domain not such a rectangle, where isoparametric curves are no GT-Bézier curves; or
+        the value is not in the domain.
+
+    References
+    ----------
+    Section 4, property (d), which holds for rectangles along the axes only.
+    """
+    shape = patch.domain
+    if patch.dimension == 1:
+        raise DomainError("is a curve, and has no isoparametric curves")
+    if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
+        raise DomainError(
+            "the domain is not a rectangle along the axes: isoparametric curves are no GT-Bézier curves there. What "
+            "can be had is a polyline (--polyline)"
+        )
+    low, high = span(patch, axis, value)
+    name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
+    other = 1 - axis
+    # Edges 0 … 3 are bottom, right, top, left.
+    beside = [3, 1] if axis == 0 else [0, 2]
+    heights = shape.heights_of_columns((low[None] + high[None]) / 2)
+    on = [edge for edge in beside if heights[edge, 0] == 0]
+    members = np.flatnonzero(shape.incidence[:, on[0]]) if on else np.arange(len(patch.knots))
+    logs = patch.log_products[members]
+    if not on:
+        # Knots are measured from the middle, so that the logarithms stay small.
+        theta = float(torus_coordinates(shape, heights)[axis, 0])
+        logs = logs + (patch.knots[members, axis] - shape.center[axis]) * theta
+    ends = shape.normal_lengths[[0, 2] if axis == 0 else [3, 1]]
+    scale = ends if ends[0] != ends[1] else float(ends[0])
+    curve = Patch(
+        patch.knots[members, other], patch.control_points[members], log_weights=logs, edge_scale=scale, name=name
+    )
+    merged = product(curve, [0.0])
+    return merged if len(merged.knots) < len(curve.knots) else curve
+
+
+def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> tuple[FloatArray, FloatArray]:
+    """(count, 2) parameters, evenly spread, and (count, 3) points of a surface where one parameter keeps its value.
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, or the value is not in the domain.
+    """
+    if patch.dimension == 1:
+        raise DomainError("is a curve, and has no isoparametric curves")
+    low, high = span(patch, axis, value)
+    parameters = low + np.linspace(0.0, 1.0, count)[:, None] * (high - low)
+    parameters[-1] = high
+    return parameters, patch.evaluate(parameters)
+
+
+def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]:
+    """Ends of the part of the domain where a parameter has a value.
+
+    Raises
+    ------
+    DomainError
+        There is no such part, or it is a corner.
+    """
+    v = patch.domain.vertices
+    low, high = float(v[:, axis].min()), float(v[:, axis].max())
+    if not low <= value <= high:
+        raise DomainError(f"{AXES[axis]}: expected {low:g} to {high:g}, got {value:g}")
+    other = 1 - axis
+    found = []
+    for start, end in zip(v, np.roll(v, -1, axis=0), strict=True):
+        if start[axis] == value:
+            found.append(float(start[other]))
+        if (start[axis] - value) * (end[axis] - value) < 0:
+            share = (value - start[axis]) / (end[axis] - start[axis])
+            found.append(float(start[other] + share * (end[other] - start[other])))
+    ends = np.empty((2, 2))
+    ends[:, axis], ends[:, other] = value, (min(found), max(found))
+    if max(found) - min(found) <= patch.domain.tolerance:
+        raise DomainError(f"{AXES[axis]}: at {value:g} the domain has a corner only")
+    return ends[0], ends[1]
