@@ -88,6 +88,8 @@ def stretch_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[
 
 def x_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[float, ...]:
     """Read x, several times."""
+    if not value:
+        return ()
     from gtb_cli.commands.degenerate import x_of as read
 
     return tuple(read(ctx, param, value))  # type: ignore[arg-type]
@@ -95,6 +97,8 @@ def x_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> 
 
 def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
     """Read lifting values, or the index of a knot."""
+    if value is None:
+        return None
     from gtb_cli.commands.degenerate import lifting_of as read
 
     return read(ctx, param, value)
@@ -102,6 +106,8 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
 
 def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
     """Read pairs K:Q."""
+    if not value:
+        return {}
     from gtb_cli.commands.knot_limit import moves_of as read
 
     return read(ctx, param, value)
@@ -224,7 +230,7 @@ def plot(
     from gtb_cli.pictures.look import encoded, settings
 
     with settings():
-        data = encoded(figure, kind, look.dpi)
+        data = encoded(figure, kind)
     write_blocks(output, [data])
     if output != STANDARD:
         console.note(f"{output}: {len(data) / 1000:.0f} kB")
@@ -250,8 +256,8 @@ def _look(
 ) -> Look:
     if size[0] * size[1] * dpi * dpi > PIXELS:
         raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {PIXELS // 10**6}M pixels")
+    from gtb_cli.pictures.camera import Camera
     from gtb_cli.pictures.look import Look, settings
-    from gtb_cli.pictures.scene import Camera
 
     with settings():  # whether matplotlib is there is known before anything is computed
         return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)

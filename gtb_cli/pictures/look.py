@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
 
 from gtb_cli.errors import ExportError
-from gtb_cli.pictures.scene import Camera
+from gtb_cli.pictures.camera import Camera
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -48,7 +50,7 @@ SETTINGS = {
 }
 """Of matplotlib, whatever the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF."""
 
-NO_DATE = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
+NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
 """Metadata that would change from day to day, or from one version of matplotlib to the next."""
 
 MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
@@ -171,11 +173,18 @@ def _waste(columns: int, count: int, shape: float) -> float:
     return max(across, 1 / across) + 1.5 * (rows * columns - count) / count
 
 
-def encoded(figure: Figure, kind: str, dpi: int) -> bytes:
+def encoded(figure: Figure, kind: str) -> bytes:
     """Bytes of a figure as "png", "svg" or "pdf": always the same for the same figure, matplotlib and fonts."""
+    if kind == "png":
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        from gtb_cli.pictures.png import png
+
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return png(np.asarray(canvas.buffer_rgba())[..., :3])
     buffer = io.BytesIO()
-    smallest: dict[str, Any] = {"pil_kwargs": {"optimize": True}} if kind == "png" else {}
-    figure.savefig(buffer, format=kind, dpi=dpi, metadata=NO_DATE[kind], **smallest)
+    figure.savefig(buffer, format=kind, metadata=NO_DATE[kind])
     return buffer.getvalue()
 
 

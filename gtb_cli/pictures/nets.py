@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.knots.decomposition import control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
 ALONG = 96
 """Segments of a line that is drawn along a surface."""
+
+SMOOTH, NEAR_ENDS, CLOSEST = 240, 48, 1e-15
+"""Segments of a curve, further points near each end, and how near the first is, as a fraction of Δ: a curve leaves its
+ends like t^h, h the distance of the next knot, which may be small."""
 
 
 def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
@@ -31,6 +35,11 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
     -------
     list of (int, int)
     """
+    if patch.dimension == 1 and lifting is None and patch.lifting is None:
+        _, first = np.unique(patch.knots[:, 0], return_index=True)
+        return [(min(pair), max(pair)) for pair in pairwise(first.tolist())]
+    from gtb_cli.knots.decomposition import control_net, regular_decomposition  # a polygon needs no hull
+
     if lifting is None:
         lifting = patch.lifting if patch.lifting is not None else _bowl(patch.domain)
     return control_net(regular_decomposition(patch.knots, lifting))
@@ -64,16 +73,18 @@ def boundary_paths(patch: Patch) -> list[FloatArray]:
 
 
 def edge_path(patch: Patch, edge: int) -> FloatArray:
-    """(m, 3) points along an edge."""
-    return curve_path(patch.boundary(edge))
+    """(m, 3) points along an edge, where a mesh has its vertices: spread evenly by the linear parametrisation."""
+    curve = patch.boundary(edge)
+    low, high = curve.domain.vertices[:, 0].tolist()
+    return curve.evaluate(np.linspace(low, high, ALONG + 1), "linear")
 
 
-def curve_path(curve: Patch, segments: int = ALONG) -> FloatArray:
-    """(m, 3) points along a curve, spread evenly by its linear parametrisation."""
-    from gtb_cli.tessellation.tessellate import tessellate
-
-    mesh = tessellate(curve, segments, parametrization="linear")
-    return np.asarray(mesh.vertices[np.append(mesh.cells[:, 0], mesh.cells[-1, 1])])
+def curve_path(curve: Patch) -> FloatArray:
+    """(m, 3) points along a curve: evenly spread in its own parameter, and ever closer towards the ends."""
+    low, high = curve.domain.vertices[:, 0].tolist()
+    even, near = np.linspace(0, 1, SMOOTH + 1)[1:-1], np.geomspace(CLOSEST, 1 / SMOOTH, NEAR_ENDS)[:-1]
+    share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
+    return curve.evaluate((low * (1 - share) + high * share).clip(low, high))
 
 
 def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:

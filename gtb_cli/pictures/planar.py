@@ -9,16 +9,16 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, line_style, patch_colour
 from gtb_cli.pictures.look import Look, subscript
 from gtb_cli.pictures.nets import curve_path, net_of
-from gtb_cli.pictures.scene import label_all
 from gtb_cli.theory.basis import gt_bernstein
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from gtb_cli.knots.decomposition import RegularDecomposition
 
 STEPS = 480
 """Points at which a basis is evaluated; knots and their neighbours are among them."""
@@ -26,16 +26,13 @@ STEPS = 480
 HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 """Behind a label, so that lines do not run through it."""
 
-SMOOTH = 256
-"""Segments of a curve."""
-
 
 def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
     """Draw curves that lie in the plane, with control polygons and numbered points."""
     with_net = len(curves) == 1 if look.net is None else look.net
     for k, curve in enumerate(curves):
         colour, dashes = line_style(k)
-        path = curve_path(curve, SMOOTH)
+        path = curve_path(curve)
         ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=1.8, zorder=3, label=names[k] if names else None)
     places = np.concatenate([curve.control_points[:, :2] for curve in curves])
     if with_net:
@@ -50,7 +47,7 @@ def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[s
         if look.numbers(len(spots)):
             label_all(ax, spots, [subscript("b", int(key[0])) for key in unique])
     else:
-        places = np.concatenate([curve_path(curve, 32)[:, :2] for curve in curves])
+        places = np.concatenate([curve_path(curve)[:, :2] for curve in curves])
     level(ax, places)
     if names:
         ax.legend(frameon=False, fontsize=8, loc="best")
@@ -263,3 +260,24 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
     ax.set_xticks([])
     ax.spines["bottom"].set_visible(False)
     ax.set_ylabel("λ")
+
+
+def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
+    """Write labels beside points in the plane, on the side away from the middle of all."""
+    middle = places.mean(axis=0) if len(places) else np.zeros(2)
+    for place, text in zip(places, labels, strict=False):
+        direction = place - middle
+        length = float(np.hypot(*direction))
+        x, y = (direction / length if length else np.array([0.7, 0.7])) * 9
+        ax.annotate(
+            text,
+            place,
+            (x, y),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=INK,
+            zorder=7,
+            bbox=HALO,
+        )

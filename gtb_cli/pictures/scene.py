@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.pictures.camera import Camera
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE, rgb
+from gtb_cli.pictures.planar import label_all
 from gtb_cli.pictures.raster import Raster, rasterised
 
 if TYPE_CHECKING:
@@ -44,26 +46,6 @@ AMBIENT_OF_MAPS = 0.68
 
 BACK = 0.78
 """Brightness of the side away from the normals beside the other."""
-
-
-@dataclass(frozen=True)
-class Camera:
-    """Where the eye is, far away: the angle around the z axis from x towards y, and above the xy plane, in degrees.
-
-    What it sees is longer along the axes by the factors `stretch`.
-    """
-
-    azimuth: float = -60.0
-    elevation: float = 30.0
-    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    @property
-    def axes(self) -> FloatArray:
-        """(3, 3): unit vectors to the right, upwards, and towards the eye."""
-        a, e = math.radians(self.azimuth), math.radians(self.elevation)
-        right = [-math.sin(a), math.cos(a), 0.0]
-        up = [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)]
-        return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,27 +259,6 @@ def points(
         seen[:, 0], seen[:, 1], "o", markersize=size, color=colour, markeredgecolor=edge, markeredgewidth=0.8, zorder=5
     )
     label_all(ax, seen[:, :2], labels)
-
-
-def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
-    """Write labels beside points in the plane, on the side away from the middle of all."""
-    middle = places.mean(axis=0) if len(places) else np.zeros(2)
-    for place, text in zip(places, labels, strict=False):
-        direction = place - middle
-        length = float(np.hypot(*direction))
-        x, y = (direction / length if length else np.array([0.7, 0.7])) * 9
-        ax.annotate(
-            text,
-            place,
-            (x, y),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=8,
-            color=INK,
-            zorder=7,
-            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
-        )
 
 
 def triad(ax: Axes, camera: Camera) -> None:

@@ -126,7 +126,7 @@ def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -
 
 def draw_space_curves(ax: Axes, curves: Sequence[Patch], look: Look) -> None:
     """Draw curves in space, with control polygons and numbered points."""
-    paths = [curve_path(curve, 256) for curve in curves]
+    paths = [curve_path(curve) for curve in curves]
     with_net = len(curves) == 1 if look.net is None else look.net
     scene = scene_of(look.camera, None, [*paths, *([curve.control_points for curve in curves] if with_net else [])])
     draw(ax, scene)

@@ -1,0 +1,41 @@
+"""PNG files of pixels.
+
+Written here: Pillow imports all its formats before it writes one, which takes longer than a figure of a curve.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+EFFORT = 6
+"""Of compression; 9 takes twice as long for hundredths of the bytes."""
+
+NONE, SUB, UP = range(3)
+"""Filters: pixels as they are, less their left neighbours, less those above."""
+
+
+def png(pixels: NDArray[Any]) -> bytes:
+    """The PNG file of (height, width, 3) red, green and blue from 0 to 255, row by row from the top.
+
+    Of the filters that suit drawings (none) and shading (neighbours' differences) the one with the smallest file.
+    """
+    rows = np.ascontiguousarray(pixels, dtype=np.uint8)
+    height, width, _ = rows.shape
+    left, above = np.zeros_like(rows), np.zeros_like(rows)
+    left[:, 1:], above[1:] = rows[:, :-1], rows[:-1]
+    filtered = {NONE: rows, SUB: rows - left, UP: rows - above}  # modulo 256, as the format says
+    packed = []
+    for kind, values in filtered.items():
+        lines = np.empty((height, 1 + 3 * width), dtype=np.uint8)
+        lines[:, 0], lines[:, 1:] = kind, values.reshape(height, -1)
+        packed.append(zlib.compress(lines.tobytes(), EFFORT))
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", min(packed, key=len)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
+    )

@@ -1,0 +1,57 @@
+"""The gallery of specs/README.md: every picture is there, small, and what its command draws."""
+
+import re
+
+import numpy as np
+import pytest
+
+from tests.gallery import LARGEST, PICTURES, README, pictures
+from tests.marks import long
+from tests.pictures.images import pixels
+
+PICTURES_OF_PAGE = pictures()
+
+QUICK = re.compile("domain|decomposition --size|curve|example-3.1.toml --size|--vary")
+"""Commands of pictures that are drawn at once."""
+
+DIFFERENT = 60
+"""Steps of 255 by which a pixel is another colour: smoothing of lines and letters changes less from machine to machine,
+but for letters that stand elsewhere."""
+
+FEW = 0.03
+"""Part of the pixels that may be others. Other fonts change 1 or 2 %, a curve or a panel that is missing more."""
+
+
+def test_every_figure_of_the_paper_is_there():
+    text = README.read_text(encoding="utf-8")
+    rows = {int(number) for number in re.findall(r"^\| (\d+)[ |]", text, re.MULTILINE)}
+    assert rows == set(range(1, 17))
+    shown = re.findall(r"!\[[^\]]*\]\(pictures/([\w.-]+)\)", text)
+    assert shown == [picture.name for picture in PICTURES_OF_PAGE]
+    assert set(shown) == {path.name for path in PICTURES.iterdir()}
+
+
+def test_pictures_are_small():
+    assert {path.name: path.stat().st_size for path in PICTURES.iterdir() if path.stat().st_size > LARGEST} == {}
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [
+        pytest.param(picture, id=picture.name, marks=() if QUICK.search(" ".join(picture.arguments)) else long)
+        for picture in PICTURES_OF_PAGE
+    ],
+)
+def test_a_picture_is_what_its_command_draws(picture, tmp_path):
+    target = tmp_path / "picture.png"
+    assert picture.draw(target) == 0
+    there, drawn = pixels(picture.path.read_bytes()), pixels(target.read_bytes())
+    assert there.shape == drawn.shape
+    others = np.abs(there.astype(int) - drawn).max(axis=2) > DIFFERENT
+    assert others.mean() <= FEW
+
+
+def test_another_picture_is_seen():
+    one, other = (pixels((PICTURES / name).read_bytes()) for name in ("figure-3.png", "figure-4.png"))
+    assert one.shape == other.shape
+    assert (np.abs(one.astype(int) - other).max(axis=2) > DIFFERENT).mean() > FEW

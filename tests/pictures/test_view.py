@@ -1,0 +1,135 @@
+"""`gtb view`: what a page holds; what it shows is in `test_browser`."""
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+
+import gtb_cli
+from gtb_cli.pictures.sight import sides, sight_of
+from tests.shell import SPECS, gtb
+
+
+def data_of(page: str) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def floats(text: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(-1, 3)
+
+
+def page(*arguments: object) -> dict:
+    result = gtb("view", *arguments, "-o", "-")
+    assert result.status == 0, result.err
+    return data_of(result.text)
+
+
+def test_vertices_and_normals_are_the_surfaces():
+    data = page(SPECS / "pentagon.toml", "-n", "8")
+    patch = gtb_cli.load(SPECS / "pentagon.toml")
+    mesh = gtb_cli.tessellate(patch, 8, parametrization="linear")
+    frame = data["frames"][0]
+    cloud = np.concatenate([mesh.vertices, patch.control_points])
+    middle, size = (cloud.min(axis=0) + cloud.max(axis=0)) / 2, np.linalg.norm(np.ptp(cloud, axis=0))
+    np.testing.assert_allclose(floats(frame["positions"]) * size + middle, mesh.vertices, atol=1e-6)
+    np.testing.assert_allclose(floats(frame["normals"]), mesh.normals, atol=1e-6)
+    np.testing.assert_allclose(floats(frame["net"]) * size + middle, patch.control_points, atol=1e-6)
+    assert data["facts"].endswith("normals exact at vertices")
+    assert data["knots"]["names"][3] == "a₃ = (1.14286, 1.14286), ω = 7"
+
+
+def test_it_needs_no_network_and_is_the_same_again():
+    text = gtb("view", SPECS / "bicubic.toml", "-n", "4", "-o", "-").text
+    assert text == gtb("view", SPECS / "bicubic.toml", "-n", "4", "-o", "-").text
+    assert not re.findall(r"https?://(?!www\.w3\.org)|src=|@import|url\(", text)
+    assert "default-src 'none'" in text
+
+
+def test_a_teapot_with_its_net_is_below_a_megabyte():
+    text = gtb("view", SPECS / "teapot.toml", "-o", "-").text
+    assert len(text) < 1_000_000
+    assert len(data_of(text)["groups"]) == 32
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
+def test_size_and_place_change_nothing(scale, shift):
+    patch = gtb_cli.load(SPECS / "pentagon.toml")
+    moved = gtb_cli.Patch(patch.knots, patch.control_points * scale + shift, patch.weights)
+    one, other = (data_of(gtb_cli.page(shape))["frames"][0] for shape in (patch, moved))
+    for key in ("positions", "normals", "net"):
+        np.testing.assert_allclose(floats(one[key]), floats(other[key]), atol=2e-6)
+
+
+def test_open_sides_and_patches_of_a_model():
+    model = gtb_cli.load(SPECS / "box-corner.toml")
+    assert len(sight_of(model, 4).open) == 4 * len(model.joints.open) > 0
+    closed = sight_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), 4)
+    assert len(closed.open) == 0
+    assert len(closed.border) > 0
+    assert len(closed.folds) == 0
+
+
+def test_a_fold_within_a_patch_is_marked():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.7, 0.01]])
+    mesh = gtb_cli.Mesh(vertices, np.array([[0, 1, 2], [2, 1, 3]]))
+    assert sides(mesh, [("all", 0, 2)])[2].tolist() == [[1, 2]]
+    border, _, folds = sides(mesh, [("one", 0, 1), ("other", 1, 2)])
+    assert (border.tolist(), len(folds)) == ([[1, 2]], 0)
+
+
+def test_no_text_of_a_spec_ends_the_script(tmp_path):
+    spec = tmp_path / "x.toml"
+    spec.write_text(
+        '[[patches]]\nname = "</script><b>"\nknots = [[0, 0], [1, 0], [0, 1]]\n'
+        "control_points = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n",
+        encoding="utf-8",
+    )
+    text = gtb("view", spec, "-n", "2", "-o", "-").text
+    assert "</script><b>" not in text
+    assert data_of(text)["groups"][0][0] == "</script><b>"
+
+
+def test_sequences_and_meshes(tmp_path):
+    assert gtb("degenerate", SPECS / "example-3.4.toml", "-x", "2", "-n", "8", "-o", tmp_path / "s").status == 0
+    data = page(tmp_path / "s")
+    assert [frame["label"] for frame in data["frames"]] == ["x = 2", "limit"]
+    for suffix in ("obj", "ply", "stl", "glb"):
+        assert gtb("mesh", SPECS / "box-corner.toml", "-n", "3", "-o", tmp_path / f"m.{suffix}").status == 0
+    data = page(tmp_path / "m.obj", tmp_path / "m.stl")
+    assert "normals means of the triangles'" in data["facts"]
+    assert data["groups"][0][0] == "m: hole"
+    assert data["scalars"] == {}
+
+
+REFUSED = {
+    "curves and surfaces": (["pentagon.toml", "example-3.1.toml"], "curves and surfaces are not shown on one page"),
+    "too fine": (["bicubic.toml", "-n", "1000"], "2000000 faces, and a page has room for"),
+    "no file": (["nothing.toml"], "No such file"),
+    "a watched output": (["bicubic.toml", "--watch"], "it has no -o"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_shown_is_refused(case, tmp_path):
+    paths, message = REFUSED[case]
+    paths = [SPECS / path if path.endswith(".toml") else path for path in paths]
+    result = gtb("view", *paths, "-o", tmp_path / "page.html")
+    assert (result.status, list(tmp_path.iterdir())) == (2, [])
+    assert message in result.err
+
+
+def test_python_draws_and_shows_itself():
+    patch = gtb_cli.load(SPECS / "bicubic.toml")
+    model = gtb_cli.load(SPECS / "box-corner.toml")
+    mesh = gtb_cli.tessellate(patch, 3)
+    for thing in (patch, model, mesh):
+        text = thing._repr_html_()
+        assert text.startswith("<iframe srcdoc=")
+        assert text.count('"') == 4
+    ax = patch.plot(what="domain")
+    assert patch.plot(ax=ax, what="domain") is ax
+    assert len(mesh.plot(dpi=40).images) == 1
+    with pytest.raises(gtb_cli.DomainError, match="got 'colour'"):
+        patch.plot(colour="red")

@@ -1,0 +1,102 @@
+"""`gtb view --watch`: a page that follows a file."""
+
+import json
+import threading
+import urllib.error
+import urllib.request
+from http.server import ThreadingHTTPServer
+
+import pytest
+
+from gtb_cli.commands.view import sight_of_paths
+from gtb_cli.errors import SpecError
+from gtb_cli.pictures.sight import Sight
+from gtb_cli.shell.watching import HOST, Watch, handler
+
+GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
+
+
+@pytest.fixture
+def spec(tmp_path):
+    path = tmp_path / "x.toml"
+    path.write_text(GOOD.format(0), encoding="utf-8")
+    return path
+
+
+def watch_of(path) -> Watch:
+    def see() -> Sight:
+        return sight_of_paths((str(path),), 3, None)
+
+    return Watch([str(path)], see)
+
+
+def test_an_edit_is_news_and_nothing_else(spec):
+    watch = watch_of(spec)
+    assert watch.state(watch.version) == {"version": 1, "error": ""}
+    spec.write_text(GOOD.format(25), encoding="utf-8")
+    news = watch.state(1)
+    assert news["version"] == 2
+    assert news["data"]["box"]["texts"][2] == "z 25"
+
+
+def test_an_error_has_its_line_and_the_last_good_mesh_stays(spec):
+    watch = watch_of(spec)
+    spec.write_text(GOOD.format('"1 +"'), encoding="utf-8")
+    news = watch.state(1)
+    assert f"{spec}:2: control_points[2][2]" in news["error"]
+    assert "data" not in news
+    assert watch.data["name"] == "x"
+    spec.unlink()
+    assert "No such file" in watch.state(2)["error"]
+    spec.write_text(GOOD.format(3), encoding="utf-8")
+    assert watch.state(3)["error"] == ""
+    assert "data" in watch.state(0)
+
+
+def test_a_file_that_is_wrong_at_first_is_followed(spec):
+    spec.write_text("knots = ", encoding="utf-8")
+    watch = watch_of(spec)
+    assert ":1:" in watch.error
+    assert "@" not in watch.page()[:300]
+    spec.write_text(GOOD.format(1), encoding="utf-8")
+    assert "data" in watch.state(1)
+
+
+def test_errors_that_are_not_ours_are_not_hidden(spec):
+    def see() -> Sight:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        Watch([str(spec)], see)
+    assert issubclass(SpecError, ValueError)
+
+
+@pytest.fixture
+def server(spec):
+    with ThreadingHTTPServer((HOST, 0), None) as made:
+        made.RequestHandlerClass = handler(watch_of(spec), made.server_address[1])
+        thread = threading.Thread(target=made.serve_forever, args=(0.02,))
+        thread.start()
+        yield f"http://{HOST}:{made.server_address[1]}"
+        made.shutdown()
+        thread.join()
+
+
+def answer(address: str, **headers: str) -> tuple[int, str]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=10) as reply:
+            return reply.status, reply.read().decode("utf-8")
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, ""
+
+
+def test_it_serves_a_page_and_news_to_this_machine_only(server):
+    status, text = answer(f"{server}/")
+    assert status == 200
+    assert "<title>x</title>" in text
+    status, text = answer(f"{server}/state?have=0")
+    assert json.loads(text)["version"] == 1
+    assert answer(f"{server}/state?have=x")[0] == 200
+    assert answer(f"{server}/etc/passwd")[0] == 404
+    assert answer(f"{server}/", Host="example.org")[0] == 403
