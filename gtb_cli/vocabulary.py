@@ -74,3 +74,6 @@ RESOLUTION = 32
 
 MAX_FACES = 5_000_000
 """Cells of a mesh that is made without being asked for more."""
+
+COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
+"""Maps of numbers to colours, by their names in matplotlib: they print, and whoever sees fewer colours can use them."""

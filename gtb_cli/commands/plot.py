@@ -12,6 +12,7 @@ from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
 from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
+from gtb_cli.vocabulary import COLOUR_MAPS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 FORMATS = ("png", "svg", "pdf")
 
 WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
-
-MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
-"""As `gtb_cli.pictures.colours.MAPS`, which costs an import of numpy."""
 
 INCHES = (0.5, 40.0)
 """Least and largest width and height of a figure."""
@@ -160,7 +158,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; else where they are few.")
 @click.option("--net/--no-net", default=None, help="Draw control points and net; else for a single patch.")
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
-@click.option("--colours", "colour_map", type=click.Choice(MAPS), help="Map of numbers to colours.")
+@click.option("--colours", "colour_map", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
 @click.option(
     "--isolines", type=WholeNumber(0, 200), default=0, metavar="N", help="Lines of constant u, and of constant v."
 )

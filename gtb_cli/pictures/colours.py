@@ -18,10 +18,8 @@ PATCHES = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C
 SURFACE = PATCHES[0]
 INK, FAINT, OPEN, NET = "#222222", "#9A9A9A", "#D6001C", "#404A54"
 
-MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
-"""Maps of numbers to colours: the first two have a middle, which is 0."""
-
 TWO_SIDED = ("PuOr", "RdBu")
+"""Maps that have a middle, which is 0."""
 
 TRIMMED = 2.0
 """Percent of the values at either end that the ends of a scale may leave out: curvature often is infinite."""

@@ -77,7 +77,7 @@ class Look:
     curvature : "gaussian", "mean" or None
         Colour a surface by it.
     colour_map : str or None
-        Of `gtb_cli.pictures.colours.MAPS`; None: the one that suits.
+        Of `gtb_cli.vocabulary.COLOUR_MAPS`; None: the one that suits.
     isolines : int
         Lines at constant u, and as many at constant v.
     indices : tuple of int
