@@ -27,11 +27,8 @@ FORMATS = ("png", "svg", "pdf")
 
 WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
 
-INCHES = (0.5, 40.0)
-"""Least and largest width and height of a figure."""
-
-PIXELS = 60_000_000
-"""Largest figure."""
+INCHES, PIXELS = (0.5, 40.0), 60_000_000
+"""Least and largest width and height of a figure, and its most pixels."""
 
 X = (1.0, 10.0, 100.0)
 """Of a degeneration, where none is given."""
@@ -52,7 +49,7 @@ VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", 
 
 
 class Variation(NamedTuple):
-    """One number of a spec, and what it is to be, one after the other."""
+    """One number of a spec, and what it is to be."""
 
     key: Literal["knots", "weights", "coefficients"]
     knot: int
@@ -356,17 +353,16 @@ def _frames(
         found = knot_sequence(patch, moves, steps or (NEARER if far else STEPS), fine, distances=far)
         net = net_of(limit)
     else:
+        from gtb_cli.theory.degeneration import lifting_of as lifting_of_patch
+
         limit = patch
         values = _values(patch, lifting)
         if values is None and patch.lifting is None:
             raise DomainError("has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit")
         given = xs or (SWEEP if far else X)
         found = degeneration_sequence(patch, given, values, fine, distances=far)
-        heights = patch.lifting if values is None else values
-        from gtb_cli.arrays import read_only
-
-        upward = found.values[-1] != 0
-        net = net_of(patch, read_only(heights) if upward else -read_only(heights))  # type: ignore[arg-type]
+        heights = lifting_of_patch(patch, values)
+        net = net_of(patch, heights if found.values[-1] else -heights)
     used = sorted({i for pair in net for i in pair})
     place = {i: k for k, i in enumerate(used)}
     return Frames(

@@ -48,7 +48,7 @@ def view(
     console: Console,
 ) -> None:
     """\b
-    Example: gtb view specs/teapot.toml -o teapot.html
+    Example: gtb view specs/bicubic.toml -o bicubic.html
 
     Make one page, which needs no network, and look at specs, meshes, or the FOLDER of a sequence in a browser.
 

@@ -65,7 +65,7 @@ def test_size_and_place_change_nothing(scale, shift):
 def test_open_sides_and_patches_of_a_model():
     model = gtb_cli.load(SPECS / "box-corner.toml")
     assert len(sight_of(model, 4).open) == 4 * len(model.joints.open) > 0
-    closed = sight_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), 4)
+    closed = sight_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), 2)
     assert len(closed.open) == 0
     assert len(closed.border) > 0
     assert len(closed.folds) == 0
@@ -95,8 +95,8 @@ def test_sequences_and_meshes(tmp_path):
     assert gtb("degenerate", SPECS / "example-3.4.toml", "-x", "2", "-n", "8", "-o", tmp_path / "s").status == 0
     data = page(tmp_path / "s")
     assert [frame["label"] for frame in data["frames"]] == ["x = 2", "limit"]
-    for suffix in ("obj", "ply", "stl", "glb"):
-        assert gtb("mesh", SPECS / "box-corner.toml", "-n", "3", "-o", tmp_path / f"m.{suffix}").status == 0
+    for suffix in ("obj", "stl"):
+        assert gtb("mesh", SPECS / "box-corner.toml", "-n", "2", "-o", tmp_path / f"m.{suffix}").status == 0
     data = page(tmp_path / "m.obj", tmp_path / "m.stl")
     assert "normals means of the triangles'" in data["facts"]
     assert data["groups"][0][0] == "m: hole"
