@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, complain
+from gtb_cli.shell.console import STANDARD, Console, complain, printable
+from gtb_cli.shell.differences import record, say_limits, text_about
+from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
     MAX_RESOLUTION,
@@ -22,23 +23,20 @@ from gtb_cli.shell.options import (
     spec_format_option,
     tolerance_of,
 )
-from gtb_cli.shell.streams import about, is_regular, opened, refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.streams import is_regular, opened, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, MAX_FACES, RESOLUTION, SPEC_FORMATS
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
 
 if TYPE_CHECKING:
-    from gtb_cli.meshes.difference import Difference, Point
-    from gtb_cli.meshes.known import KnownMesh
+    from gtb_cli.meshes.difference import Difference
+    from gtb_cli.tessellation.comparison import Side
     from gtb_cli.theory.parametrization import Parametrization
-
-BEGINNING = 1 << 16
-"""Bytes by which a mesh is told from a spec."""
 
 DIFFERENT, TROUBLE = 1, 2
 """Exit statuses, as those of diff(1)."""
 
 
-class Side(NamedTuple):
+class Source(NamedTuple):
     """One of the two things to compare: how to read it."""
 
     path: str
@@ -46,14 +44,20 @@ class Side(NamedTuple):
     spec_format: str | None
 
 
+def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """As `tolerance_of`, but 0 is a tolerance, too."""
+    return 0.0 if value is not None and value.strip() in ("0", "0%", "0.0") else tolerance_of(ctx, param, value)
+
+
 @click.command
 @click.argument("a", metavar="A", type=INPUT)
 @click.argument("b", metavar="B", type=INPUT)
 @click.option(
     "--tolerance",
-    callback=tolerance_of,
+    callback=_tolerance_or_none,
     metavar="T",
-    help="Largest distance that counts as none, in model units, or as 1% of the size. 1e-9 of the size without it.",
+    help="Largest distance that counts as none, in model units, or as 1% of the size. 1e-9 of the size without it; "
+    "0: what the numbers in the files can hold.",
 )
 @click.option(
     "-n",
@@ -115,38 +119,46 @@ def diff(
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
     if os.path.isdir(a) and os.path.isdir(b):
-        _diff_folders(a, b, Side("", recipe, spec_format), tolerance, as_json, output, console)
+        _diff_folders(a, b, Source("", recipe, spec_format), tolerance, as_json, output, console)
         return
     if os.path.isdir(a) and b != STANDARD:
         a = os.path.join(a, os.path.basename(b))
     elif os.path.isdir(b) and a != STANDARD:
         b = os.path.join(b, os.path.basename(a))
-    found = _compared(Side(a, recipe, spec_format), Side(b, recipe, spec_format), tolerance)
     names = shown_input(a), shown_input(b)
-    _say_limits(found, names, console)
-    write_text(output, json.dumps(_data(found, names)) + "\n" if as_json else _text(found, names))
+    found = _compared(Source(a, recipe, spec_format), Source(b, recipe, spec_format), tolerance, console)
+    write_text(output, json.dumps(record(found, names)) + "\n" if as_json else text_about(found, names))
     if not found.same:
         raise click.exceptions.Exit(DIFFERENT)
 
 
-def _compared(first: Side, second: Side, tolerance: float | str | None) -> Difference:
+def _compared(first: Source, second: Source, tolerance: float | str | None, console: Console) -> Difference:
+    """Read and compare two things, and say where the answer is not quite to the question."""
     from gtb_cli.meshes.difference import difference
+    from gtb_cli.tessellation.comparison import made_with
 
-    return difference(_load(first), _load(second), tolerance)
+    a, b = _read(first), _read(second)
+    found = difference(a.known, b.known, tolerance)
+    names = shown_input(first.path), shown_input(second.path)
+    say_limits(found, names, console)
+    if found.method == "surface" and found.same_kind and first.recipe.tolerance is None:
+        made = made_with(a, b)
+        if made not in (None, first.recipe.resolution):
+            spec, mesh = names if a.spec is not None else names[::-1]
+            console.note(f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices")
+    return found
 
 
-def _load(side: Side) -> KnownMesh:
-    """Read a mesh file, or make the mesh of a spec: what the content says, else the suffix."""
-    from gtb_cli.formats.meshfiles import MAX_STREAM, decode_mesh, format_of, size_limit
-    from gtb_cli.meshes.known import known_exactly
-    from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
-    from gtb_cli.spec.loading import parse
+def _read(source: Source) -> Side:
+    """Read a mesh file, or make the mesh of a spec."""
+    from gtb_cli.formats.meshfiles import MAX_STREAM
+    from gtb_cli.tessellation.comparison import BEGINNING, bytes_at_most, decoded
 
-    path, recipe, spec_format = side
-    shown, suffix = shown_input(path), os.path.splitext(path)[1][1:].lower()
+    path, recipe, spec_format = source
+    shown = shown_input(path)
     with opened(path) as file:
         start = file.read(BEGINNING)
-        limit = MAX_SPEC_BYTES if suffix in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+        limit = bytes_at_most(path, start)
         stream = not is_regular(file)
         if stream:
             limit = min(limit, MAX_STREAM)
@@ -156,57 +168,40 @@ def _load(side: Side) -> KnownMesh:
         data = start + file.read(limit + 1 - len(start))
     if stream and len(data) > MAX_STREAM:
         raise GtbError(f"{shown}: does not end within {MAX_STREAM >> 20} MB, and more is read from files only")
-    kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
-    if kind is not None:
-        return decode_mesh(data, shown, kind)
-    if b"\0" in data[:BEGINNING] and not spec_format:
-        raise GtbError(f"{shown}: is neither a mesh nor a spec")
-    spec = parse(data, shown, spec_format or (suffix if suffix in SPEC_FORMATS else None))  # type: ignore[arg-type]
-    with about(shown):
-        recipe.check_size(spec)
-        return known_exactly(recipe.mesh(spec)[0])
-
-
-# --- folders
-
-
-class Pair(NamedTuple):
-    """Files of two folders that belong together; None where there is none."""
-
-    name: str
-    first: str | None
-    second: str | None
+    return decoded(data, shown, recipe, spec_format)  # type: ignore[arg-type]
 
 
 def _diff_folders(
-    a: str, b: str, side: Side, tolerance: float | str | None, as_json: bool, output: str, console: Console
+    a: str, b: str, source: Source, tolerance: float | str | None, as_json: bool, output: str, console: Console
 ) -> None:
-    pairs = _pairs(a, b)
-    refuse_overwriting((path for pair in pairs for path in pair[1:] if path is not None), [output])
+    found_pairs = pairs(a, b)
+    refuse_overwriting((path for pair in found_pairs for path in pair[1:] if path is not None), [output])
     results: list[tuple[str, tuple[str, str], Difference]] = []
     missing: list[str] = []
     extra: list[str] = []
     errors: dict[str, str] = {}
-    for name, first, second in pairs:
+    for name, first, second in found_pairs:
         if first is None or second is None:
             (missing if second is None else extra).append(name)
             continue
         try:
-            found = _compared(side._replace(path=first), side._replace(path=second), tolerance)
+            for path in (first, second):
+                if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
+                    raise GtbError(f"{path}: is not a file")
+            sides = source._replace(path=first), source._replace(path=second)
+            results.append((name, (first, second), _compared(*sides, tolerance, console)))
         except GtbError as error:
             errors[name] = str(error)
-            continue
-        results.append((name, (first, second), found))
-        _say_limits(found, (first, second), console)
     same = not missing and not extra and not errors and all(found.same for _, _, found in results)
     if as_json:
-        files = [{"name": name, **_data(found, names)} for name, names, found in results]
+        files = [{"name": name, **record(found, names)} for name, names, found in results]
         report = {"same": same, "files": files, "missing": missing, "extra": extra, "errors": errors}
         write_text(output, json.dumps(report) + "\n")
     else:
-        text = "".join(_text(found, names) for _, names, found in results if not found.same)
-        text += "".join(f"missing: {os.path.join(a, name)} is not in {b}\n" for name in missing)
-        text += "".join(f"extra: {os.path.join(b, name)} is not in {a}\n" for name in extra)
+        lines = [f"missing: {os.path.join(a, name)} is not in {b}" for name in missing]
+        lines += [f"extra: {os.path.join(b, name)} is not in {a}" for name in extra]
+        text = "".join(text_about(found, names) for _, names, found in results if not found.same)
+        text += "".join(f"{printable(line)}\n" for line in lines)
         number = sum(found.same for _, _, found in results)
         counts = [f"{number} same", f"{len(results) - number} different", f"{len(missing)} missing"]
         counts += [f"{len(extra)} extra"] + ([f"{len(errors)} unreadable"] if errors else [])
@@ -216,135 +211,3 @@ def _diff_folders(
             complain(line)
     if not same:
         raise click.exceptions.Exit(TROUBLE if errors else DIFFERENT)
-
-
-def _pairs(a: str, b: str) -> list[Pair]:
-    """Match the files of two folders by name; specs and meshes, by name without suffix."""
-    first, second = _files(a), _files(b)
-    if not first:
-        raise GtbError(f"{a}: has no meshes and no specs to compare with")
-    if _hold_specs(first) != _hold_specs(second) and second:
-        first, second = _by_stem(first), _by_stem(second)
-    return [Pair(name, first.get(name), second.get(name)) for name in sorted({*first, *second})]
-
-
-def _files(folder: str) -> dict[str, str]:
-    """Paths of the meshes in a folder, and in folders within, by name; if there are none, of the specs."""
-    found: dict[str, str] = {}
-    for name in _names(folder):
-        found[name] = os.path.join(folder, name)
-    meshes = {name: path for name, path in found.items() if _suffix(name) in FORMATS}
-    return meshes or {name: path for name, path in found.items() if _suffix(name) in SPEC_FORMATS}
-
-
-def _names(folder: str) -> Iterator[str]:
-    def refuse(error: OSError) -> None:
-        raise GtbError(f"{error.filename}: {error.strerror}") from error
-
-    above: dict[str, tuple[str, ...]] = {}
-    for place, folders, files in os.walk(folder, onerror=refuse, followlinks=True):
-        here, outer = os.path.realpath(place), above.get(os.path.dirname(place), ())
-        above[place] = (*outer, here)
-        if here in outer:  # a link to a folder that it is in
-            folders.clear()
-            continue
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        for name in files:
-            if not name.startswith("."):
-                yield os.path.relpath(os.path.join(place, name), folder)
-
-
-def _suffix(name: str) -> str:
-    return os.path.splitext(name)[1][1:].lower()
-
-
-def _hold_specs(files: dict[str, str]) -> bool:
-    return any(_suffix(name) in SPEC_FORMATS for name in files)
-
-
-def _by_stem(files: dict[str, str]) -> dict[str, str]:
-    stems: dict[str, str] = {}
-    for name, path in files.items():
-        stem = os.path.splitext(name)[0]
-        if stem in stems:
-            raise GtbError(f"{stems[stem]} and {path}: only one of them can be compared with a spec or mesh {stem}")
-        stems[stem] = path
-    return stems
-
-
-# --- reports
-
-
-def _say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
-    """Say where the answer is not quite to the question."""
-    if found.asked is not None and found.asked < found.tolerance:
-        console.note(
-            f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} in place of {found.asked:.3g}: "
-            "the numbers in the files hold no less at this size"
-        )
-    if found.turned:
-        console.warn(f"{names[0]}, {names[1]}: {found.turned} faces are turned: they look to the other side")
-    if not found.is_proved:
-        console.warn(
-            f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, but it is not proved: "
-            f"between samples it could be {found.bound:.3g}"
-        )
-
-
-def _data(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
-    report: dict[str, Any] = {
-        "same": found.same,
-        "distance": found.distance,
-        "tolerance": found.tolerance,
-        "method": found.method,
-        "bound": found.bound,
-        "proved": found.is_proved,
-        "mean": found.mean,
-        "asked_tolerance": found.asked,
-        "resolution": found.resolution,
-        "diagonal": found.diagonal,
-        "turned_faces": found.turned if found.method == "vertices" else None,
-        "vertices": None if found.vertex is None else [found.vertex, found.other_vertex],
-        "group": found.group or None,
-        "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
-        "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
-    }
-    for key, name, measures in (("a", names[0], found.first), ("b", names[1], found.second)):
-        report[key] = {"file": name, **(measures.record() if measures else {})}
-    return report
-
-
-def _text(found: Difference, names: tuple[str, str]) -> str:
-    verdict = "same" if found.same else "different"
-    head = f"{verdict}: {names[0]} and {names[1]}"
-    if found.method == "vertices":
-        text = f"{head}: the same faces, vertices up to {found.distance:.3g} apart"
-        text += f" (mean {found.mean:.3g}), tolerance {found.tolerance:.3g}\n"
-        if found.same:
-            return text
-        where = f" of {found.group}" if found.group else ""
-        return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
-    at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
-    if not found.is_proved:
-        at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
-    what = "surfaces" if found.same_kind else "a curve and a surface,"
-    text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
-    for way, farthest in (("A from B", found.forward), ("B from A", found.backward)):
-        text += f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n"
-    if found.first is None or found.second is None:
-        return text
-    rows = [measures.record() for measures in (found.first, found.second)]
-    for key in dict.fromkeys([*rows[0], *rows[1]]):
-        values = [row.get(key) for row in rows]
-        if key != "bounds":
-            equal = "" if values[0] == values[1] else "  *"
-            text += f"  {key.replace('_', ' '):24}{_number(values[0]):>16}{_number(values[1]):>16}{equal}\n"
-    return text
-
-
-def _number(value: float | int | None) -> str:
-    return "–" if value is None else f"{value:.9g}"
-
-
-def _at(point: Point) -> str:
-    return f"({' '.join(f'{x:.9g}' for x in point)})"

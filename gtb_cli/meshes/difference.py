@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
 from gtb_cli.meshes.compare import EFFORT, surface_distance
 from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures, measure
@@ -22,6 +23,9 @@ control point that is moved by 1e-6 moves the surface by more than this wherever
 
 ALLOWED_ERROR = 0.1
 """Part of the tolerance that the error of a distance between surfaces is to stay below."""
+
+CLOSER_LOOKS = 3
+"""Times that a distance is measured again, ten times as exactly, while the tolerance is between it and its bound."""
 
 Method: TypeAlias = Literal["vertices", "surface"]
 Point: TypeAlias = tuple[float, float, float]
@@ -101,8 +105,21 @@ class Difference:
 
     @property
     def is_proved(self) -> bool:
-        """Whether nothing can be farther apart than the tolerance by more than a tenth of it, if they are the same."""
-        return not self.same or self.bound <= (1 + ALLOWED_ERROR) * self.tolerance
+        """Whether, if they are the same, nothing can be farther apart than the tolerance."""
+        return not self.same or self.bound <= self.tolerance
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What differs though the places are the same: parts that lie on others, faces that are there twice, holes."""
+        if not self.same or self.first is None or self.second is None:
+            return ()
+        rows = [("parts", self.first.components, self.second.components)]
+        if not self.first.is_curve:
+            rows.append(("edges with more than two faces", self.first.crowded_edges, self.second.crowded_edges))
+            if self.first.is_closed != self.second.is_closed:
+                rows.append(("open edges", self.first.open_edges, self.second.open_edges))
+        told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
+        return (f"in the same place, but {', '.join(told)}",) if told else ()
 
 
 def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None, *, effort: int = EFFORT) -> Difference:
@@ -134,7 +151,12 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None,
     asked = None
     allowed = DEFAULT_TOLERANCE * diagonal
     if tolerance is not None:
-        asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
+        try:
+            asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
+        except ValueError:
+            asked = math.nan
+        if not asked >= 0:
+            raise DomainError(f"tolerance: must be a number from 0, or a percentage, got {tolerance!r}")
         allowed = asked
     allowed = max(allowed, resolution)
     pairs = _pairs(a.mesh, b.mesh, allowed)
@@ -161,7 +183,13 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None,
             group=_group(a.mesh, vertex),
             turned=turned,
         )
-    found = surface_distance(a.mesh, b.mesh, ALLOWED_ERROR * allowed, effort=effort)
+    error = ALLOWED_ERROR * allowed
+    found = surface_distance(a.mesh, b.mesh, error, effort=effort)
+    for _ in range(CLOSER_LOOKS):
+        if not found.value <= allowed < found.bound <= found.value + 2 * error:
+            break  # decided, or the effort was spent
+        error *= ALLOWED_ERROR
+        found = surface_distance(a.mesh, b.mesh, error, effort=effort)
     return made(
         method="surface",
         distance=found.value,

@@ -253,3 +253,103 @@ def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
     result = gtb("diff", tmp_path / "empty", one)
     assert result.status == 2
     assert "no meshes and no specs" in result.err
+
+
+def test_a_tolerance_of_zero_is_what_the_files_can_hold(tmp_path):
+    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
+    write_mesh(moved(0.0), one)
+    write_mesh(moved(1e-6), two)
+    result = gtb("diff", one, PENTAGON, "-n", 8, "--tolerance", 0)
+    assert (result.status, result.err) == (0, "")
+    assert gtb("diff", one, two, "--tolerance", 0).status == 1
+    assert gtb("diff", one, two, "--tolerance", -1).status == 2
+
+
+def test_numbers_with_a_star_look_different(tmp_path):
+    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
+    write_mesh(surface(8), one)
+    mesh = surface(9)
+    write_mesh(Mesh(mesh.vertices * (1 + 1e-12), mesh.cells), two)
+    rows = [
+        line.split() for line in gtb("diff", one, two, "--tolerance", 1e-15).text.splitlines() if line.endswith("*")
+    ]
+    assert rows
+    assert all(row[-2] != row[-3] for row in rows)
+
+
+def test_the_resolution_that_made_a_mesh_is_suggested(tmp_path):
+    golden = tmp_path / "golden.obj"
+    gtb("mesh", PENTAGON, "-n", 11, "-o", golden)
+    for arguments in ((golden, PENTAGON), (PENTAGON, golden)):
+        assert f"{golden} has as many cells as {PENTAGON} has with -n 11" in gtb("diff", *arguments).err
+    assert "-n 11" not in gtb("diff", golden, PENTAGON, "-n", 11).err
+
+
+def doubled(mesh: Mesh, cells: slice) -> Mesh:
+    return Mesh(mesh.vertices, np.concatenate([mesh.cells, mesh.cells[cells]]))
+
+
+def test_faces_that_are_there_twice_and_parts_on_others_are_said(tmp_path):
+    one, two = tmp_path / "one.ply", tmp_path / "two.ply"
+    mesh = surface(5)
+    write_mesh(mesh, one)
+    speck = mesh.vertices[mesh.cells[7]]
+    speck = speck.mean(axis=0) + 0.01 * (speck - speck.mean(axis=0))
+    count = len(mesh.vertices)
+    part = Mesh(np.concatenate([mesh.vertices, speck]), np.concatenate([mesh.cells, [[count, count + 1, count + 2]]]))
+    for other, said in (
+        (doubled(mesh, slice(7, 8)), "edges with more than two faces"),
+        (doubled(mesh, slice(None)), "edges with more than two faces"),
+        (part, "1 against 2 parts"),
+    ):
+        write_mesh(other, two)
+        result = gtb("diff", one, two, "--tolerance", "0.1%", "--json")
+        assert result.status == 0
+        assert said in result.err
+        assert said in json.loads(result.out)["remarks"][0]
+
+
+def test_what_is_proved_is_within_the_tolerance():
+    patch = load(Path(PENTAGON).with_name("example-4.2.toml"))
+    a, b = (known_exactly(tessellate(patch, n, parametrization="toric")) for n in (8, 12))
+    true = difference(a, b, 1e-6).distance
+    for tolerance in (0.9 * true, 0.97 * true, 1.02 * true, 1.2 * true):
+        found = difference(a, b, tolerance)
+        assert found.same == (true <= tolerance)
+        assert found.is_proved
+        assert not found.same or found.bound <= tolerance
+
+
+def test_a_folder_without_an_end_or_a_pipe_in_it(folders):
+    one, two = folders
+    for folder in folders:
+        os.mkfifo(folder / "pipe.obj")
+        for name in range(20):
+            (folder / f"d{name}").mkdir()
+        for name in range(20):
+            for other in range(name + 1, 20):
+                (folder / f"d{name}" / f"l{other}").symlink_to(folder / f"d{other}")
+    result = gtb("diff", one, two)
+    assert result.status == 2
+    assert "more than 10000 folders" in result.err
+    for folder in folders:
+        for link in folder.glob("d*/l*"):
+            link.unlink()
+    result = gtb("diff", one, two)
+    assert (result.status, result.text) == (2, "2 same, 0 different, 0 missing, 0 extra, 1 unreadable\n")
+    assert f"{one / 'pipe.obj'}: is not a file" in result.err
+
+
+def test_a_deep_folder_and_names_that_forge_lines(folders):
+    one, two = folders
+    with contextlib.chdir(one):
+        for _ in range(1500):
+            os.mkdir("d")
+            os.chdir("d")
+    for name in ("\x1b[31mred.obj", "x\n99 same, 0 different.obj"):
+        write_mesh(surface(3), one / name)
+    result = gtb("diff", one, two)
+    assert result.status == 1
+    assert "\x1b" not in result.text
+    assert result.text.splitlines()[-1] == "2 same, 0 different, 2 missing, 0 extra"
+    assert len(result.text.splitlines()) == 3

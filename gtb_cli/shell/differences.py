@@ -1,0 +1,102 @@
+"""What is said of the difference of two meshes: as text, as plain data, and beside them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gtb_cli.shell.console import Console, printable
+
+if TYPE_CHECKING:
+    from gtb_cli.meshes.difference import Difference, Point
+
+EQUAL_DIGITS = 9
+"""Digits of a number in a table; all of them where two that differ would look the same."""
+
+
+def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
+    """Say where the answer is not quite to the question."""
+    if found.asked and found.asked < found.tolerance:
+        console.note(
+            f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} in place of {found.asked:.3g}: "
+            "the numbers in the files hold no less at this size"
+        )
+    if found.turned:
+        console.warn(f"{names[0]}, {names[1]}: {found.turned} faces are turned: they look to the other side")
+    for remark in found.remarks:
+        console.warn(f"{names[0]}, {names[1]}: {remark}")
+    if not found.is_proved:
+        console.warn(
+            f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, but it is not proved: "
+            f"between samples it could be {found.bound:.3g}"
+        )
+
+
+def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
+    """Plain data, ready for ``json.dumps``."""
+    report: dict[str, Any] = {
+        "same": found.same,
+        "distance": found.distance,
+        "tolerance": found.tolerance,
+        "method": found.method,
+        "bound": found.bound,
+        "proved": found.is_proved,
+        "remarks": list(found.remarks),
+        "mean": found.mean,
+        "asked_tolerance": found.asked,
+        "resolution": found.resolution,
+        "diagonal": found.diagonal,
+        "turned_faces": found.turned if found.method == "vertices" else None,
+        "vertices": None if found.vertex is None else [found.vertex, found.other_vertex],
+        "group": found.group or None,
+        "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
+        "b_to_a": {"distance": found.backward.distance, "at": list(found.backward.at)},
+    }
+    for key, name, measures in (("a", names[0], found.first), ("b", names[1], found.second)):
+        report[key] = {"file": name, **(measures.record() if measures else {})}
+    return report
+
+
+def text_about(found: Difference, names: tuple[str, str]) -> str:
+    """A line, and where the meshes are not the same what differs."""
+    verdict = "same" if found.same else "different"
+    head = f"{verdict}: {printable(names[0])} and {printable(names[1])}"
+    if found.method == "vertices":
+        text = f"{head}: the same faces, vertices up to {found.distance:.3g} apart"
+        text += f" (mean {found.mean:.3g}), tolerance {found.tolerance:.3g}\n"
+        if found.same:
+            return text
+        where = f" of {found.group}" if found.group else ""
+        return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
+    at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
+    if not found.is_proved:
+        at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
+    what = "surfaces" if found.same_kind else "a curve and a surface,"
+    text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
+    for way, farthest in (("A from B", found.forward), ("B from A", found.backward)):
+        text += f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n"
+    if found.first is None or found.second is None:
+        return text
+    rows = [measures.record() for measures in (found.first, found.second)]
+    for key in dict.fromkeys([*rows[0], *rows[1]]):
+        if key != "bounds":
+            text += _row(key.replace("_", " "), [row.get(key) for row in rows])
+    return text
+
+
+def _row(label: str, values: list[float | int | None]) -> str:
+    """A line of a table, with a star and the digits that differ, where two numbers do."""
+    first, second = (_number(value, EQUAL_DIGITS) for value in values)
+    if values[0] == values[1]:
+        return f"  {label:24}{first:>16}{second:>16}\n"
+    if first == second:
+        first, second = (_number(value, 17) for value in values)
+    width = 16 if max(len(first), len(second)) < 16 else 24
+    return f"  {label:24}{first:>{width}}{second:>{width}}  *\n"
+
+
+def _number(value: float | int | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}g}"
+
+
+def _at(point: Point) -> str:
+    return f"({' '.join(f'{x:.9g}' for x in point)})"

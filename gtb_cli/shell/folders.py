@@ -1,0 +1,111 @@
+"""Folders as inputs: the specs or meshes in them, and the files of two folders that belong together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from gtb_cli.errors import GtbError, SpecError
+from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS
+
+MAX_FOLDERS = 10_000
+"""Folders below one that are looked into: twenty that link to each other have a million ways through them."""
+
+
+class Pair(NamedTuple):
+    """Files of two folders that belong together; None where there is none."""
+
+    name: str
+    first: str | None
+    second: str | None
+
+
+def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
+    """The paths as they are, but for each folder the specs in it, by name.
+
+    Raises
+    ------
+    SpecError
+        A folder cannot be read, or has none.
+    """
+    found: list[str] = []
+    for path in paths:
+        if not os.path.isdir(path):
+            found.append(path)
+            continue
+        try:
+            names = sorted(name for name in os.listdir(path) if suffix_of(name) in SPEC_FORMATS)
+        except OSError as error:
+            raise SpecError(f"{path}: {error.strerror}") from None
+        specs = [os.path.join(path, name) for name in names if not name.startswith(".")]
+        specs = [spec for spec in specs if not os.path.isdir(spec)]
+        if not specs:
+            raise SpecError(f"{path}: has no specs, files that end in .toml or .json")
+        found += specs
+    return tuple(found)
+
+
+def pairs(a: str, b: str) -> list[Pair]:
+    """Match the files of two folders by name; specs and meshes, by name without suffix."""
+    first, second = _files(a), _files(b)
+    if not first:
+        raise GtbError(f"{a}: has no meshes and no specs to compare with")
+    if _hold_specs(first) != _hold_specs(second) and second:
+        first, second = _by_stem(first), _by_stem(second)
+    return [Pair(name, first.get(name), second.get(name)) for name in sorted({*first, *second})]
+
+
+def _files(folder: str) -> dict[str, str]:
+    """Paths of the meshes in a folder, and in folders within, by name; if there are none, of the specs."""
+    found = {name: os.path.join(folder, name) for name in _names(folder)}
+    meshes = {name: path for name, path in found.items() if suffix_of(name) in FORMATS}
+    return meshes or {name: path for name, path in found.items() if suffix_of(name) in SPEC_FORMATS}
+
+
+def _names(folder: str) -> Iterator[str]:
+    """Names of all files below a folder, also through links, but for those that are hidden."""
+    waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
+    count = 0
+    while waiting:
+        place, above = waiting.pop()
+        path = os.path.join(folder, place) if place else folder
+        try:
+            status = os.stat(path)
+            here = status.st_dev, status.st_ino
+            if here in above:  # a link to a folder that it is in
+                continue
+            count += 1
+            if count > MAX_FOLDERS:
+                raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
+            with os.scandir(path) as entries:
+                listed = sorted((entry.name, entry.is_dir()) for entry in entries)
+        except OSError as error:
+            raise GtbError(f"{error.filename}: {error.strerror}") from None
+        for name, is_folder in listed:
+            inner = os.path.join(place, name)
+            if name.startswith("."):
+                continue
+            if is_folder:
+                waiting.append((inner, above | {here}))
+            else:
+                yield inner
+
+
+def suffix_of(name: str) -> str:
+    """The suffix of a file's name, in small letters and without the dot."""
+    return os.path.splitext(name)[1][1:].lower()
+
+
+def _hold_specs(files: dict[str, str]) -> bool:
+    return any(suffix_of(name) in SPEC_FORMATS for name in files)
+
+
+def _by_stem(files: dict[str, str]) -> dict[str, str]:
+    stems: dict[str, str] = {}
+    for name, path in files.items():
+        stem = os.path.splitext(name)[0]
+        if stem in stems:
+            raise GtbError(f"{stems[stem]} and {path}: only one of them can be compared with a spec or mesh {stem}")
+        stems[stem] = path
+    return stems
