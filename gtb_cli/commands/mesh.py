@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -23,13 +24,22 @@ from gtb_cli.shell.options import (
     output_option,
     spec_format_option,
 )
-from gtb_cli.shell.processes import MAX_JOBS, in_processes
-from gtb_cli.shell.streams import about, file_stem, is_folder, is_terminal, read_spec, shown_input, write_blocks
+from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
+from gtb_cli.shell.streams import (
+    about,
+    file_stem,
+    is_folder,
+    is_terminal,
+    read_spec,
+    shown_input,
+    write_blocks,
+    write_text,
+)
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.measures import Measures
-    from gtb_cli.shell.manifest import Manifest
+    from gtb_cli.shell.manifest import Entry, Manifest, OneByOne
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -45,10 +55,11 @@ SCREEN = 1000
 @click.option(
     "-j",
     "--jobs",
-    type=WholeNumber(1, MAX_JOBS),
+    type=WholeNumber(0, MAX_JOBS),
     metavar="JOBS",
     default=1,
-    help="Processes that share the work on several specs; 1 without this option. Any number makes the same files.",
+    help="Processes that share the work on several specs; 0: as many as there are processors; 1 without this option. "
+    "Any number makes the same files.",
 )
 @click.option(
     "--manifest",
@@ -56,6 +67,18 @@ SCREEN = 1000
     type=OUTPUT,
     help="Write a JSON object with the versions and options used, and for each mesh file its name, sha256, bytes, "
     "vertices, faces, area, volume (null where open) and bounds. With -, to standard output.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Make only what the old manifest does not show to be up to date. Each file then appears when it is made, and "
+    "an interrupted run can be resumed.",
+)
+@click.option(
+    "--deps",
+    metavar="FILE",
+    type=OUTPUT,
+    help="Write rules for make: each mesh depends on its spec, and on what that includes.",
 )
 @spec_format_option
 @console_option
@@ -65,6 +88,8 @@ def mesh(
     options: MeshOptions,
     jobs: int,
     manifest: str | None,
+    resume: bool,
+    deps: str | None,
     spec_format: str | None,
     console: Console,
 ) -> None:
@@ -85,18 +110,51 @@ def mesh(
         if os.path.splitext(output)[1][1:].lower() in FORMATS:
             raise click.UsageError(f"{len(specs)} specs need a folder for their meshes, and {output} names a file")
         into_folder = True
+    if deps is not None and (output == STANDARD or STANDARD in specs):
+        raise click.UsageError("--deps: make knows files only, and not standard input or output")
     book = None
+    if resume and manifest is None:
+        raise click.UsageError("--resume: needs --manifest FILE, by which it knows what is up to date")
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
 
         place = os.path.join(output, "") if into_folder else output
         settings = replace(options, format=options.format_for(place)).settings
-        book = Manifest(manifest, settings, place)
+        limits = {"max_faces": options.recipe.max_faces, "require": options.recipe.require, "spec_format": spec_format}
+        book = Manifest(manifest, settings | limits, place, resume=resume)
     if into_folder:
-        _write_folder(specs, spec_format, output, options, jobs, console, book)
+        _write_folder(specs, spec_format, output, options, jobs or processors(), console, book, deps, resume)
+    elif book is not None and (entry := book.kept(output, specs[0])) is not None:
+        book.replace()
+        _write_rules(deps, [(output, specs[0])], spec_format)
+        console.report(output, _size_of(entry), entry["warnings"])
     else:
-        spec, kind = read_spec(specs[0], spec_format), options.format_for(output)
-        _write_file(Task(spec, specs[0], options, kind, book is not None), output, console, book)
+        kind, sums = options.format_for(output), _sums(book, specs[0], spec_format)
+        task = Task(read_spec(specs[0], spec_format), specs[0], options, kind, sums)
+        _write_file(task, output, console, book)
+        _write_rules(deps, [(output, specs[0])], spec_format)
+
+
+def _write_rules(deps: str | None, targets: list[tuple[str, str]], spec_format: str | None) -> None:
+    """Write rules for make, where they are asked for."""
+    if deps is not None:
+        from gtb_cli.shell.upkeep import rules
+
+        write_text(deps, rules(targets, spec_format))
+
+
+def _sums(manifest: Manifest | None, path: str, spec_format: str | None) -> dict[str, str] | None:
+    """Sums of what a spec is read from, before it is read; None where nobody asks."""
+    if manifest is None:
+        return None
+    from gtb_cli.shell.upkeep import input_sums
+
+    return input_sums(path, spec_format)
+
+
+def _size_of(entry: Mapping[str, Any]) -> str:
+    cells = "segments" if "segments" in entry else "faces"
+    return f"{entry['vertices']} vertices, {entry[cells]} {cells}, up to date"
 
 
 def _write_file(task: Task, output: str, console: Console, manifest: Manifest | None) -> None:
@@ -114,8 +172,7 @@ def _write_file(task: Task, output: str, console: Console, manifest: Manifest | 
         if manifest is None or made.measures is None:
             write_blocks(output, blocks)
         else:
-            blocks = manifest.recorded(output, made.measures, task.options.settings_for(task.spec), blocks)
-            manifest.write_with(output, blocks)
+            manifest.write_with(output, manifest.recorded(output, partial(_entry, task, made), blocks))
     console.report(output, made.size, made.warnings)
 
 
@@ -127,36 +184,55 @@ def _write_folder(
     jobs: int,
     console: Console,
     manifest: Manifest | None,
+    deps: str | None,
+    resume: bool,
 ) -> None:
     """Write one mesh for each spec; what is wrong with some of them is raised when the others are written."""
     from gtb_cli.files import StagedFiles
 
     kind = options.format_for(os.path.join(folder, ""))
-    tasks: list[Task] = []
+    planned: list[Task | Kept] = []
     errors: list[GtbError] = []
     for path in specs:
         try:
+            if manifest is not None and path != STANDARD:
+                entry = manifest.kept(os.path.join(folder, _file_name(path, kind)), path)
+                if entry is not None:
+                    planned.append(Kept(path, entry))
+                    continue
+            sums = _sums(manifest, path, spec_format)
             spec = read_spec(path, spec_format)
             with about(shown_input(path)):
                 options.recipe.check_size(spec)
-            tasks.append(Task(spec, path, options, kind, manifest is not None))
+            planned.append(Task(spec, path, options, kind, sums))
         except Exception as error:  # noqa: BLE001 -- what is wrong with one spec does not take the others along
             errors.append(_fault(path, error))
-    if not tasks:
+    if not planned:
         raise _joined(errors)
-    names = _file_names(tasks)
+    names = _file_names(planned, kind)
     check_outputs(*(os.path.join(folder, name) for name in names))
+    tasks = [task for task in planned if isinstance(task, Task)]
     jobs = min(jobs, len(tasks))
     reports = []
     with ExitStack() as stack:
-        files = stack.enter_context(StagedFiles(folder))
+        files: StagedFiles | OneByOne
+        if manifest is not None and resume:
+            from gtb_cli.shell.manifest import OneByOne
+
+            files = stack.enter_context(OneByOne(folder, manifest, [os.path.join(folder, name) for name in names]))
+        else:
+            files = stack.enter_context(StagedFiles(folder))
         encoded: Generator[Encoded | GtbError] = (_attempted(task) for task in tasks)
         if jobs > 1:
             encoded = in_processes(_attempted_whole, tasks, jobs)
         stack.enter_context(closing(encoded))
-        sizes = [options.recipe.faces(task.spec) for task in tasks]
+        sizes = [options.recipe.faces(task.spec) if isinstance(task, Task) else 0 for task in planned]
         progress = stack.enter_context(console.progress(2 * sum(sizes)))
-        for name, task, faces in zip(names, tasks, sizes, strict=True):
+        for name, task, faces in zip(names, planned, sizes, strict=True):
+            target = os.path.join(folder, name)
+            if isinstance(task, Kept):
+                reports.append((target, task.path, _size_of(task.entry), task.entry["warnings"]))
+                continue
             progress.label = task.path
             result = next(encoded)
             progress.advance(faces)
@@ -164,9 +240,8 @@ def _write_folder(
                 errors.append(result)
                 continue
             blocks: Iterable[bytes] = progress.over(result.blocks, faces, result.expected_bytes)
-            target = os.path.join(folder, name)
             if manifest is not None and result.measures is not None:
-                blocks = manifest.recorded(target, result.measures, options.settings_for(task.spec), blocks)
+                blocks = manifest.recorded(target, partial(_entry, task, result), blocks)
             try:
                 files.add(name, blocks)
             except (GtbError, OSError):
@@ -174,14 +249,15 @@ def _write_folder(
             except Exception as error:  # noqa: BLE001 -- likewise
                 errors.append(_fault(task.path, error))
                 continue
-            reports.append((target, result.size, result.warnings))
+            reports.append((target, task.path, result.size, result.warnings))
         if not reports:  # then a folder made for them goes, too
             raise _joined(errors)
-        if manifest is not None:
+        if manifest is not None and isinstance(files, StagedFiles):
             manifest.stage(files)
     if manifest is not None:
         manifest.finish()
-    for output, size, warnings in reports:
+    _write_rules(deps, [(output, path) for output, path, _, _ in reports], spec_format)
+    for output, _, size, warnings in reports:
         console.report(output, size, warnings)
     if errors:
         raise _joined(errors)
@@ -192,14 +268,21 @@ def _joined(errors: list[GtbError]) -> GtbError:
     return RequirementError(text) if all(isinstance(error, RequirementError) for error in errors) else GtbError(text)
 
 
+class Kept(NamedTuple):
+    """A mesh that is up to date, as the manifest has it."""
+
+    path: str
+    entry: Mapping[str, Any]
+
+
 class Task(NamedTuple):
-    """A mesh to make."""
+    """A mesh to make; with sums of what its spec is read from, where there is a manifest."""
 
     spec: Patch | Model
     path: str
     options: MeshOptions
     kind: str
-    measured: bool
+    sums: dict[str, str] | None
 
 
 class Encoded(NamedTuple):
@@ -215,12 +298,12 @@ class Encoded(NamedTuple):
 
 def _encoded(task: Task) -> Encoded:
     """Make a mesh, and the bytes of its file."""
-    spec, path, options, kind, measured = task
+    spec, path, options, kind, sums = task
     with about(shown_input(path)):
         mesh, remarks = options.recipe.mesh(spec)
         blocks = options.encoded(mesh, kind)
     measures = None
-    if measured:
+    if sums is not None:
         from gtb_cli.meshes.measures import measure
 
         measures = measure(mesh)
@@ -229,6 +312,15 @@ def _encoded(task: Task) -> Encoded:
     assurance = options.recipe.assurance(spec)
     size = summary(mesh) + (f", tolerance {assurance}" if assurance else "")
     return Encoded(blocks, size, warnings, expected_bytes(mesh), measures, lines)
+
+
+def _entry(task: Task, made: Encoded, name: str) -> Entry:
+    """What the manifest says of a mesh file."""
+    from gtb_cli.shell.manifest import Entry
+
+    assert made.measures is not None
+    settings = task.options.settings_for(task.spec)
+    return Entry(name, settings, made.measures, task.sums or {}, made.warnings)
 
 
 def _attempted(task: Task) -> Encoded | GtbError:
@@ -254,12 +346,19 @@ def _fault(path: str, error: Exception) -> GtbError:
     return GtbError("\n".join(f"{shown_input(path)}: {line}" for line in lines_about(error)))
 
 
-def _file_names(tasks: list[Task]) -> list[str]:
+def _file_name(path: str, kind: str) -> str:
+    """Name a file after the spec file."""
+    return f"{file_stem(os.path.splitext(os.path.basename(path))[0])}.{kind}"
+
+
+def _file_names(planned: list[Task | Kept], kind: str) -> list[str]:
     """Name the files after the spec files; what comes from standard input, after the spec's own name."""
     sources: dict[str, str] = {}
-    for spec, path, _, kind, _ in tasks:
-        stem = spec.name if path == STANDARD else os.path.splitext(os.path.basename(path))[0]
-        name = f"{file_stem(stem)}.{kind}"
+    for task in planned:
+        path = task.path
+        name = _file_name(path, kind)
+        if path == STANDARD and isinstance(task, Task):
+            name = f"{file_stem(task.spec.name)}.{kind}"
         if name in sources:
             raise click.UsageError(f"{sources[name]} and {path} would both be written to {name}")
         sources[name] = path

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +17,7 @@ from gtb_cli import __version__
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks, write_text
+from gtb_cli.shell.upkeep import is_up_to_date, known_entries
 
 if TYPE_CHECKING:
     from gtb_cli.files import StagedFiles
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
 
 PACKAGES = ("numpy", "trimesh")
 """Packages whose versions may change bytes."""
+
+
+RENEWAL = 2.0
+"""Seconds between two versions of a manifest that grows."""
 
 
 @dataclass
@@ -36,11 +43,16 @@ class Entry:
         What is particular to it among the options.
     measures : Measures
         Of the mesh, before numbers are rounded to what the format holds.
+    inputs : mapping
+        Sums of the files that it is made from, by name from the spec's folder on.
+    warnings : list of str
     """
 
     file: str
     settings: Mapping[str, object]
     measures: Measures
+    inputs: Mapping[str, str]
+    warnings: list[str]
     _bytes: int = 0
     _sum: Any = field(default_factory=hashlib.sha256)
 
@@ -54,7 +66,8 @@ class Entry:
     def record(self) -> dict[str, object]:
         """Plain data, once all blocks have passed."""
         passed = {"file": self.file, "sha256": self._sum.hexdigest(), "bytes": self._bytes}
-        return {**passed, **self.settings, **self.measures.record()}
+        made = {"inputs": self.inputs, "warnings": self.warnings}
+        return {**passed, **self.settings, **self.measures.record(), **made}
 
 
 class Manifest:
@@ -68,28 +81,52 @@ class Manifest:
         The options that all files have, as plain data.
     output : str
         The file or folder of the meshes.
+    resume : bool
+        Whether an old manifest of this name may show that files are up to date.
     """
 
-    def __init__(self, path: str, settings: Mapping[str, object], output: str) -> None:
+    def __init__(self, path: str, settings: Mapping[str, object], output: str, *, resume: bool = False) -> None:
         if path == output == STANDARD:
             raise click.UsageError("--manifest -: meshes go to standard output already, -o names another place")
         self.path = path
         self._settings = settings
         self._is_direct = path == STANDARD or is_device(path)
-        self._entries: list[Entry] = []
+        self._entries: dict[str, Entry | Mapping[str, Any]] = {}
+        self._known: dict[str, Any] = {}
+        if resume:
+            if self._is_direct:
+                raise click.UsageError("--resume: needs --manifest FILE, by which it knows what is up to date")
+            self._known = known_entries(path, versions(PACKAGES), settings)
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self._is_direct else folder
         # Before the work is done, and not after it; the folder of the meshes is made if missing.
         if not self._is_direct and not os.path.isdir(folder) and os.path.abspath(folder) != os.path.abspath(output):
             raise ExportError(f"cannot write {path}: the folder {folder} does not exist")
 
-    def recorded(
-        self, output: str, measures: Measures, settings: Mapping[str, object], blocks: Iterable[bytes]
-    ) -> Iterator[bytes]:
-        """Yield the blocks of a file, and record it once all have passed."""
-        entry = Entry(self._name(output), settings, measures)
-        yield from entry.over(blocks)
-        self._entries.append(entry)
+    def recorded(self, output: str, entry: Callable[[str], Entry], blocks: Iterable[bytes]) -> Iterator[bytes]:
+        """Yield the blocks of a file, and record it, by an entry made from its name, once all have passed."""
+        name = self._name(output)
+        made = entry(name)
+        yield from made.over(blocks)
+        self._entries[name] = made
+
+    def kept(self, output: str, spec: str) -> Mapping[str, Any] | None:
+        """Record a file as the old manifest has it, and return that; None where it has to be made again."""
+        name = self._name(output)
+        entry: Mapping[str, Any] | None = self._known.get(name)
+        if entry is None or not is_up_to_date(entry, spec, output):
+            return None
+        self._entries[name] = entry
+        return entry
+
+    def sort(self, outputs: Iterable[str]) -> None:
+        """List the files that there are in the order of all outputs."""
+        order = {self._name(output): place for place, output in enumerate(outputs)}
+        self._entries = dict(sorted(self._entries.items(), key=lambda item: order.get(item[0], len(order))))
+
+    def replace(self) -> None:
+        """Write it as it is now."""
+        write_text(self.path, self._text())
 
     def write_with(self, output: str, blocks: Iterable[bytes]) -> None:
         """Write a single mesh, recorded before, and the manifest."""
@@ -127,9 +164,50 @@ class Manifest:
         record = {
             "versions": versions(PACKAGES),
             "options": self._settings,
-            "files": [entry.record() for entry in self._entries],
+            "files": [entry.record() if isinstance(entry, Entry) else entry for entry in self._entries.values()],
         }
         return json.dumps(record, indent=2, allow_nan=False) + "\n"
+
+
+class OneByOne:
+    """Files of a folder that appear each when it is made, and the manifest now and then and in the end.
+
+    Parameters
+    ----------
+    folder : str
+    manifest : Manifest
+    outputs : list of str
+        All files that there will be, in the order of the manifest.
+    """
+
+    def __init__(self, folder: str, manifest: Manifest, outputs: list[str]) -> None:
+        self._folder = folder
+        self._manifest = manifest
+        self._outputs = outputs
+        self._last = 0.0
+
+    def __enter__(self) -> OneByOne:
+        return self
+
+    def add(self, name: str, blocks: Iterable[bytes]) -> None:
+        """Write a file of the folder."""
+        from gtb_cli.files import StagedFiles
+
+        with StagedFiles(self._folder) as files:
+            files.add(name, blocks)
+        if time.monotonic() - self._last > RENEWAL:
+            self._replace()
+            self._last = time.monotonic()
+
+    def _replace(self) -> None:
+        self._manifest.sort(self._outputs)
+        self._manifest.replace()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if os.path.isdir(self._folder):  # else nothing was made
+            self._replace()
 
 
 def versions(packages: Iterable[str]) -> dict[str, str | None]:

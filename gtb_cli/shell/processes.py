@@ -32,6 +32,12 @@ thread run meanwhile, when there is too little memory for them to be imported.""
 SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
 
+def processors() -> int:
+    """Number of processors that this process may use."""
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(count, MAX_JOBS)
+
+
 def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> Generator[R]:
     """Yield ``function(task)`` for each task, in their order, computed by some processes.
 

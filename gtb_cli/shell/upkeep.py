@@ -1,0 +1,86 @@
+"""What is to be made again: files that a manifest shows to be up to date, and dependencies for make."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+BLOCK = 1 << 20
+"""Bytes that are read at a time."""
+
+
+def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
+    """Sums of the files that a spec is read from, by name from its folder on; none where one cannot be read."""
+    from gtb_cli.spec.sources import sources
+
+    folder = os.path.dirname(path) or os.curdir
+    files = sources(path, spec_format)  # type: ignore[arg-type]
+    sums = {os.path.relpath(file, folder).replace(os.sep, "/"): _sum_of(file) for file in files}
+    return {name: found for name, found in sums.items() if found is not None} if all(sums.values()) else {}
+
+
+def known_entries(manifest: str, versions: Mapping[str, object], options: Mapping[str, object]) -> dict[str, Any]:
+    """Read entries of an old manifest by the names of their files: none where other versions or options made them."""
+    try:
+        with open(manifest, "rb") as file:
+            record = json.load(file)
+        if record["versions"] != versions or record["options"] != json.loads(json.dumps(options)):
+            return {}
+        return {entry["file"]: entry for entry in record["files"]}
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return {}  # what cannot be read shows nothing
+
+
+def is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
+    """Whether a file is what its entry says, and so are those that it was made from."""
+    inputs, folder = entry.get("inputs"), os.path.dirname(spec) or os.curdir
+    if not isinstance(inputs, dict) or next(iter(inputs), None) != os.path.basename(spec):
+        return False
+    if _sum_of(output) != entry.get("sha256"):
+        return False
+    return all(_sum_of(os.path.join(folder, name)) == found for name, found in inputs.items())
+
+
+def _sum_of(path: str) -> str | None:
+    """sha256 of a regular file, or None where there is none."""
+    if not os.path.isfile(path):
+        return None
+    found = hashlib.sha256()
+    try:
+        with open(path, "rb") as file:
+            while block := file.read(BLOCK):
+                found.update(block)
+    except OSError:
+        return None
+    return found.hexdigest()
+
+
+def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
+    """Write rules for make: each output after its spec and what that includes; these have rules of their own.
+
+    A rule without prerequisites and recipe lets make go on where an included file is gone.
+    """
+    from gtb_cli.spec.sources import sources
+
+    text, included = "", dict[str, None]()
+    for output, spec in targets:
+        files = sources(spec, spec_format)  # type: ignore[arg-type]
+        included |= dict.fromkeys(files[1:])
+        text += f"{_target(output)}: {' '.join(map(_escaped, files))}\n"
+    return text + "".join(f"{_target(name)}:\n" for name in included)
+
+
+def _target(name: str) -> str:
+    """Name a target as make reads it: not as a pattern."""
+    return _escaped(name).replace("%", "\\%")
+
+
+def _escaped(name: str) -> str:
+    """Name a file as make reads it."""
+    kept = name.replace("\\", "\\\\") if any(c in name for c in " #") else name
+    for mark in " #":
+        kept = kept.replace(mark, f"\\{mark}")
+    return kept.replace("$", "$$")

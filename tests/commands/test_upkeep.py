@@ -1,0 +1,213 @@
+"""`gtb mesh --resume` and `--deps`: what is up to date is not made again, and all else is as if it were."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gtb_cli.tessellation.recipe import Recipe
+from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
+
+BROKEN = 'knots = "none"\n'
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """Three specs and a broken one in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    for path in (PENTAGON, BICUBIC, CURVE):
+        Path(Path(path).name).write_bytes(Path(path).read_bytes())
+    Path("broken.toml").write_text(BROKEN)
+    return tmp_path
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Names of the specs that are meshed in this process."""
+    names = []
+    mesh = Recipe.mesh
+
+    def noted(self, spec):
+        names.append(spec.name)
+        return mesh(self, spec)
+
+    monkeypatch.setattr(Recipe, "mesh", noted)
+    return names
+
+
+SPECS = ("pentagon.toml", "broken.toml", "bicubic.toml", "cubic-bezier.toml")
+
+
+def resumed(*more, specs=SPECS, n=2):
+    return gtb("mesh", *specs, "-n", n, "-o", "out", "--manifest", "m.json", "--resume", *more)
+
+
+def whole(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_what_is_up_to_date_is_not_made_again(place, made):
+    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json")
+    assert len(made) == 3
+    before = whole(place)
+    result = resumed()
+    assert len(made) == 3
+    assert result.status == 2  # as if nothing had been skipped: one spec is broken
+    assert "broken.toml" in result.err
+    assert result.err.count("up to date") == 3
+    assert whole(place) == before
+
+
+@pytest.mark.parametrize("jobs", [1, 0])
+def test_what_differs_is_made_again_and_all_is_as_if_it_were_made_at_once(jobs, place, made):
+    resumed("-j", 1)
+    os.truncate("out/bicubic.obj", 10)
+    text = Path("pentagon.toml").read_text()
+    Path("pentagon.toml").write_text(text.replace("weights        = [2,", "weights = [3,"))
+    made.clear()
+    result = resumed("-j", jobs)
+    assert result.err.count("up to date") == 1
+    assert made == (["pentagon", "bicubic"] if jobs else made)
+    found = whole(place)
+    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json")
+    assert whole(place) == found
+
+
+@pytest.mark.parametrize(
+    "more", [["-n", "3"], ["--normals"], ["--max-faces", "99999"], ["--require", "watertight"], ["-f", "ply"]]
+)
+def test_other_options_make_everything_again(more, place):
+    resumed(specs=["pentagon.toml"])
+    result = gtb("mesh", "pentagon.toml", "-n", 2, "-o", "out/", "--manifest", "m.json", "--resume", *more)
+    assert "up to date" not in result.err
+    assert ("is open" in result.err) == ("--require" in more)
+
+
+def test_another_version_makes_everything_again(place, monkeypatch):
+    resumed(specs=["pentagon.toml", "bicubic.toml"])
+    monkeypatch.setattr("gtb_cli.shell.manifest.__version__", "9.9")
+    assert "up to date" not in resumed(specs=["pentagon.toml", "bicubic.toml"]).err
+
+
+@pytest.mark.parametrize("text", [b"", b"{", b"[]", b'{"versions": 1}', b"\xff", b"[" * 100_000])
+def test_a_damaged_manifest_shows_nothing(text, place):
+    Path("m.json").write_bytes(text)
+    result = resumed(specs=["pentagon.toml", "bicubic.toml"])
+    assert result.status == 0
+    assert len(json.loads(Path("m.json").read_text())["files"]) == 2
+
+
+def test_an_interrupted_run_is_resumed(place, made, monkeypatch):
+    """The first file is there, and so is a manifest that lists it, in the order of all."""
+    mesh = Recipe.mesh
+
+    def interrupted(self, spec):
+        if spec.name == "bicubic":
+            raise KeyboardInterrupt
+        return mesh(self, spec)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Recipe, "mesh", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            resumed()
+    assert os.listdir("out") == ["pentagon.obj"]
+    assert [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]] == ["out/pentagon.obj"]
+    made.clear()
+    resumed(specs=["cubic-bezier.toml", "pentagon.toml", "bicubic.toml"])
+    assert made == ["cubic-bezier", "bicubic"]
+    files = [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]]
+    assert files == ["out/cubic-bezier.obj", "out/pentagon.obj", "out/bicubic.obj"]
+
+
+def test_an_interruption_before_the_first_file_leaves_nothing(place):
+    result = resumed(specs=["broken.toml", "missing.toml"])
+    assert result.status == 2
+    assert not Path("out").exists()
+    assert not Path("m.json").exists()
+
+
+def test_a_single_file_is_kept_too(place, made):
+    line = ("mesh", "pentagon.toml", "-n", 2, "-o", "x.obj", "--manifest", "m.json", "--resume")
+    gtb(*line)
+    before = whole(place)
+    assert "x.obj: " in gtb(*line).err
+    assert made == ["pentagon"]
+    assert whole(place) == before
+
+
+def test_warnings_are_repeated(place):
+    far = Path("bicubic.toml").read_text() + "\n"
+    Path("far.toml").write_text(far)
+    first = gtb("mesh", "far.toml", "-n", 2, "-o", "x.stl", "--uv", "--manifest", "m.json", "--resume")
+    second = gtb("mesh", "far.toml", "-n", 2, "-o", "x.stl", "--uv", "--manifest", "m.json", "--resume")
+    warnings = [line for line in first.err.splitlines() if "warning" in line]
+    assert warnings
+    assert [line for line in second.err.splitlines() if "warning" in line] == warnings
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("mesh pentagon.toml -o x.obj --resume", "needs --manifest FILE"),
+        ("mesh pentagon.toml -o x.obj --resume --manifest -", "needs --manifest FILE"),
+        ("mesh pentagon.toml --deps x.d", "make knows files only"),
+        ("mesh - -o x.obj --deps x.d", "make knows files only"),
+        ("mesh pentagon.toml -o x.obj --deps pentagon.toml", "would be overwritten"),
+    ],
+)
+def test_what_cannot_be_resumed_or_watched_is_refused(line, words, place):
+    before = whole(place)
+    result = gtb(*line.split(), stdin=Path(PENTAGON).read_bytes())
+    assert result.status == 2
+    assert words in result.err
+    assert whole(place) == before
+
+
+MAKEFILE = """
+out/%.obj: %.toml
+	@mkdir -p out
+	@echo made $*
+	@touch $@
+-include x.d
+"""
+
+
+def test_make_reads_the_rules(place):
+    """A mesh is made again where its spec, or what that includes, is newer; not where an included file has gone."""
+    name = "a b#$c%.toml"
+    Path(name).write_text('include = ["part.toml"]\n' + Path("bicubic.toml").read_text())
+    Path("part.toml").write_text('include = ["deep.toml"]\n')
+    Path("deep.toml").write_text("")
+    from gtb_cli.shell.upkeep import rules
+
+    text = rules([("out/a.obj", name), ("out/pentagon.obj", "pentagon.toml")], None)
+    assert text.splitlines()[1:] == ["out/pentagon.obj: pentagon.toml", "part.toml:", "deep.toml:"]
+    Path("x.d").write_text(text)
+    Path("a.toml").touch()
+    Path("Makefile").write_text(MAKEFILE)
+    make = ["make", "-s", "out/a.obj", "out/pentagon.obj"]
+
+    def run() -> str:
+        return subprocess.run(make, capture_output=True, text=True, check=True).stdout
+
+    assert run() == "made a\nmade pentagon\n"
+    assert run() == ""
+    for changed in (name, "deep.toml"):
+        os.utime(changed, (4e9, 4e9))
+        os.utime("out/pentagon.obj")
+        assert run() == "made a\n"
+        os.utime(changed, (1e9, 1e9))
+    os.unlink("deep.toml")
+    assert run() in ("made a\n", "")
+
+
+def test_rules_are_written_beside_the_meshes(place):
+    assert gtb("mesh", "pentagon.toml", "-n", 2, "-o", "x.obj", "--deps", "x.d").status == 0
+    assert Path("x.d").read_text() == "x.obj: pentagon.toml\n"
+    assert gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--deps", "y.d").status == 2
+    lines = [f"out/{name}.obj: {name}.toml" for name in ("pentagon", "bicubic", "cubic-bezier")]
+    assert Path("y.d").read_text().splitlines() == lines
