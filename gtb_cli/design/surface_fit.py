@@ -1,0 +1,163 @@
+"""Surfaces near given points: knots and weights of a patch, and control points by least squares with a regulariser."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.design.energy import energy_matrix
+from gtb_cli.errors import DomainError
+from gtb_cli.tessellation.triangulation import central_triangulation
+from gtb_cli.theory.patch import Patch
+
+MOST_POINTS = 100_000
+"""Most points: the table of T has a number for each of them and each knot."""
+
+SMOOTHING = 1e-6
+"""Weight of the thin-plate energy, of that of the points, each by its mean: it decides where points say nothing."""
+
+ROUNDS = 8
+"""How often parameters are corrected and control points found anew."""
+
+RINGS = 24
+"""Rings of the mesh among whose vertices a point's first parameter is looked for."""
+
+STEP = 1e-4
+"""Step of differences for tangents, of Δ's size: corrections need two digits of them."""
+
+LONGEST_STEP = 0.1
+"""Longest correction of a parameter in a round, of Δ's size."""
+
+INSIDE = 1e-9
+"""Corrected parameters stay within this fraction of Δ, drawn to its middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFit:
+    """A surface near points. Made by `fit_surface`.
+
+    Attributes
+    ----------
+    patch : Patch
+    parameters : (m, 2) float
+        Where it is nearest to the points, in its linear parametrisation.
+    distance : float
+        Largest distance of a point from the surface at its parameter, in model units.
+    mean : float
+        Root of the mean square of these distances.
+    rounds : int
+        Of corrections of the parameters.
+    """
+
+    patch: Patch
+    parameters: FloatArray
+    distance: float
+    mean: float
+    rounds: int
+
+
+def fit_surface(
+    points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING
+) -> SurfaceFit:
+    """Find control points with which a patch is near to points.
+
+    Parameters
+    ----------
+    points : (m, 3) float
+    patch : Patch
+        A surface, whose knots and weights stay. Without parameters it is also where the points are projected first.
+    parameters : (m, 2) float, optional
+        Of the points, in the linear parametrisation; they stay. Default: by projection, corrected in rounds.
+    smoothing : float
+        Weight of the thin-plate energy; 0 for none.
+
+    Returns
+    -------
+    SurfaceFit
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, shapes do not fit, or parameters lie outside Δ.
+    """
+    if patch.dimension == 1:
+        raise DomainError("patch: a surface is fitted to points, this is a curve (which gtb fit finds without --patch)")
+    places = finite("points", points)
+    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MOST_POINTS:
+        raise DomainError(f"points: expected shape (m, 3) with m up to {MOST_POINTS}, got {places.shape}")
+    if not (math.isfinite(smoothing) and smoothing >= 0):
+        raise DomainError(f"smoothing: must not be negative, got {smoothing!r}")
+    plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
+    if parameters is not None:
+        p = finite("parameters", parameters)
+        if p.shape != (len(places), 2):
+            raise DomainError(f"parameters: expected shape ({len(places)}, 2), got {p.shape}")
+        fitted = _solved(patch, places, p, plate, smoothing)
+        return _measured(fitted, places, p, 0)
+    p = _nearest(patch, places)
+    best = _measured(_solved(patch, places, p, plate, smoothing), places, p, 0)
+    for rounds in range(1, ROUNDS + 1):
+        p = _corrected(best.patch, places, best.parameters)
+        found = _measured(_solved(patch, places, p, plate, smoothing), places, p, rounds)
+        if not found.mean < best.mean:
+            break
+        best = found
+    return best
+
+
+def _solved(patch: Patch, points: FloatArray, p: FloatArray, plate: FloatArray, smoothing: float) -> Patch:
+    """The patch with the control points of least squares, relative to the middle of the points."""
+    t = patch.basis(p, "linear")
+    normal = t.T @ t
+    form = normal + smoothing * np.trace(normal) / np.trace(plate) * plate
+    middle = points.mean(axis=0)
+    control = np.linalg.lstsq(form, t.T @ (points - middle), rcond=1e-13)[0] + middle
+    return patch.replace(control_points=control)
+
+
+def _measured(patch: Patch, points: FloatArray, p: FloatArray, rounds: int) -> SurfaceFit:
+    distances = np.linalg.norm(patch.evaluate(p, "linear") - points, axis=1)
+    return SurfaceFit(patch, p, float(distances.max()), float(np.sqrt((distances**2).mean())), rounds)
+
+
+def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
+    """(m, 2) parameters of the nearest vertices of a mesh, drawn inside a little."""
+    from scipy.spatial import cKDTree
+
+    part = central_triangulation(patch.domain, RINGS)
+    _, index = cKDTree(patch.evaluate(part.parameters, "linear")).query(points)
+    return _corrected(patch, points, _inside(patch, part.parameters[index]))
+
+
+def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
+    """One step of Gauss and Newton for the feet of the points, within Δ."""
+    size = patch.domain.size
+    h = STEP * size
+    base = _inside(patch, p, STEP * 4)
+    at = patch.evaluate(base, "linear")
+    tangents = [
+        (patch.evaluate(base + step, "linear") - patch.evaluate(base - step, "linear")) / (2 * h)
+        for step in np.array([[h, 0], [0, h]])
+    ]
+    gap = points - at
+    a, b, c = ((tangents[i] * tangents[j]).sum(axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
+    x, y = ((tangent * gap).sum(axis=1) for tangent in tangents)
+    det = np.maximum(a * c - b * b, 1e-12 * np.maximum(a * c, np.finfo(float).tiny))
+    step = np.column_stack([c * x - b * y, a * y - b * x]) / det[:, None]
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    step *= np.minimum(1, LONGEST_STEP * size / np.maximum(length, np.finfo(float).tiny))
+    return _inside(patch, base + step)
+
+
+def _inside(patch: Patch, p: FloatArray, margin: float = INSIDE) -> FloatArray:
+    """Draw points towards the middle of Δ until they are inside, by a fraction of its size."""
+    shape = patch.domain
+    centre = shape.vertices.mean(axis=0)
+    slope = (p - centre) @ shape.normals.T
+    room = ((centre - shape.vertices) * shape.normals).sum(axis=1) * (1 - margin)
+    over = np.where(slope < 0, -slope / room, 0.0).max(axis=1)
+    return np.asarray(centre + (p - centre) / np.maximum(over, 1.0)[:, None])
