@@ -385,13 +385,17 @@ def test_hole_is_for_models():
     assert "--hole names an edge of a model" in gtb("fill", CUP, "--hole", "side 0").err
 
 
-@long
-def test_real_neighbours_are_touched():
-    """The five edges of a pentagon with real knots, some of them lattices with gaps: fitted, and the angle said."""
-    patch = load(SPECS / "pentagon.toml")
-    assert isinstance(patch, Patch)
-    _, filling = fill_hole(Model((patch,)))
-    assert filling.angle < 1
+@pytest.mark.parametrize("raises", mostly_long([None, 2]))
+@pytest.mark.parametrize("name", mostly_long(["pentagon-1", "hexagon", "square-1", "triangle-1"]))
+def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
+    """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
+    model = load(SPECS / "hebesphenorotunda.toml")
+    assert isinstance(model, Model)
+    rest = Model(tuple(patch for patch in model if patch.name != name))
+    filled, filling = fill_hole(rest, raises=raises)
+    assert filled.joints.closed
+    assert filling.angle < PLANES
+    assert filling.folds == 0
 
 
 def test_a_side_from_a_surface_is_refused():
