@@ -8,11 +8,12 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a traceback
 
 if TYPE_CHECKING:
+    from gtb_cli.assembly.seams import joints
     from gtb_cli.checks.check import check
-    from gtb_cli.design.fair import fair
     from gtb_cli.design.filling import fill
     from gtb_cli.design.fit import fit
     from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, SpecError, ToleranceError
+    from gtb_cli.fairing.fair import fair
     from gtb_cli.formats.export import write_mesh
     from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.knots.decomposition import regular_decomposition
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from gtb_cli.spec.writer import save, to_dict
     from gtb_cli.tessellation.comparison import diff
     from gtb_cli.tessellation.recipe import Recipe
-    from gtb_cli.tessellation.seams import joints
     from gtb_cli.tessellation.shape import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.elevation import elevate
@@ -83,12 +83,12 @@ _ROOMS = {
     "degenerate": "theory.degeneration",
     "diff": "tessellation.comparison",
     "elevate": "theory.elevation",
-    "fair": "design.fair",
+    "fair": "fairing.fair",
     "fill": "design.filling",
     "fit": "design.fit",
     "frame": "pictures.notebook",
     "from_dict": "spec.loading",
-    "joints": "tessellation.seams",
+    "joints": "assembly.seams",
     "load": "spec.loading",
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",

@@ -10,7 +10,7 @@ from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import ROUNDINGS, Probe
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.tessellation.triangulation import cell_count, triangulation
+from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.degeneration import cells_of, degenerate
 
 FADED = 30 * math.log(10)

@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import EdgeNormals, domain
 from gtb_cli.knots.lattice import lattice_of
-from gtb_cli.tessellation.triangulation import cell_count, triangulation
+from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.patch import Patch
 
 Kind: TypeAlias = Literal[

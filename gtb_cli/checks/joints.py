@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.assembly.seams import joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
-from gtb_cli.tessellation.seams import joints
 from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

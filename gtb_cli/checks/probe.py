@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.report import Outcome
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.tessellation.triangulation import cell_count, triangulation
+from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization

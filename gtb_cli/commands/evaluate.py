@@ -118,7 +118,7 @@ def _grid(
     patch: Patch, resolution: int, values: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Yield parameters that cover Δ, and values."""
-    from gtb_cli.tessellation.triangulation import cell_count, triangulation
+    from gtb_cli.knots.triangulation import cell_count, triangulation
 
     count = cell_count(patch.domain, resolution)
     if count > MAX_FACES:

@@ -11,8 +11,8 @@ from gtb_cli.shell.options import console_option, output_option, spec_argument, 
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
-    from gtb_cli.design.energy import Energy
-    from gtb_cli.design.fair import Keep
+    from gtb_cli.fairing.energy import Energy
+    from gtb_cli.fairing.fair import Keep
 
 
 @click.command
@@ -41,7 +41,7 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
     Knots and weights stay. The energy is that of the linear parametrization. Each patch of a model is made fair by
     itself.
     """
-    from gtb_cli.design.fair import fair as made_fair
+    from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.model import Model
 

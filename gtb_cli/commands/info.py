@@ -51,7 +51,7 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
 
 
 def _joints(model: Model) -> dict[str, Any]:
-    from gtb_cli.tessellation.seams import joints as seams_of
+    from gtb_cli.assembly.seams import joints as seams_of
     from gtb_cli.theory.joints import edge_name
 
     joints = model.joints

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.energy import Energy, energy_matrix
 from gtb_cli.design.net import Net, net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
@@ -28,11 +27,12 @@ from gtb_cli.design.sides import (
     size_of,
     stations,
 )
-from gtb_cli.design.torus import starts, torus_of
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.energy import Energy, energy_matrix
+from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import domain
+from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folds
-from gtb_cli.tessellation.triangulation import central_triangulation
 from gtb_cli.theory.basis import Location, exponents, face_knots
 from gtb_cli.theory.frame import shares
 from gtb_cli.theory.model import Model

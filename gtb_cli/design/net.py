@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.design.torus import starts, torus_of
+from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.theory.basis import exponents
 from gtb_cli.theory.frame import shares
 

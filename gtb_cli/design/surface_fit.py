@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite
-from gtb_cli.design.energy import energy_matrix
 from gtb_cli.errors import DomainError
-from gtb_cli.tessellation.triangulation import central_triangulation
+from gtb_cli.fairing.energy import energy_matrix
+from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.theory.patch import Patch
 
 MOST_POINTS = 100_000

@@ -12,9 +12,9 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.tessellation.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Locator, Parametrization
 from gtb_cli.theory.patch import Patch

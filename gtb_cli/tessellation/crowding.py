@@ -6,9 +6,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.triangulation import Triangulation, triangulation
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Sampler
-from gtb_cli.tessellation.triangulation import Triangulation, triangulation
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

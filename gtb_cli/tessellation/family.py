@@ -13,10 +13,10 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
+from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import COARSEST
-from gtb_cli.tessellation.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.joints import EdgeRef, Joint, Joints
 from gtb_cli.theory.patch import Patch

@@ -54,7 +54,7 @@ class Recipe:
         Of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
         Refuse what does not have these properties: "watertight", "unfolded", "smooth:1deg", see
-        `gtb_cli.tessellation.requirements`. One word may stand for itself, and None for none.
+        `gtb_cli.assembly.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
 
@@ -86,7 +86,7 @@ class Recipe:
         words = (require,) if isinstance(require, str) else () if require is None else tuple(require)
         object.__setattr__(self, "require", words)
         if words:
-            from gtb_cli.tessellation.requirements import requirements
+            from gtb_cli.assembly.requirements import requirements
 
             requirements(words)
 
@@ -139,7 +139,7 @@ class Recipe:
                 offset_folds.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
             mesh = thicken(mesh, self.thickness)
         if self.require:
-            from gtb_cli.tessellation.requirements import require
+            from gtb_cli.assembly.requirements import require
 
             require(self.require, spec, mesh, surface, offset_folds)
         return mesh, remarks + offset_folds
@@ -199,7 +199,7 @@ class Recipe:
 
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
-        from gtb_cli.tessellation.triangulation import cell_count
+        from gtb_cli.knots.triangulation import cell_count
         from gtb_cli.theory.model import Model
 
         patches = spec.patches if isinstance(spec, Model) else (spec,)

@@ -9,11 +9,11 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
-from gtb_cli.tessellation.triangulation import cell_count
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
+from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.spec.loading import load
-from gtb_cli.tessellation.triangulation import triangulation
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired
 

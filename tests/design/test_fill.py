@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.energy import energy
 from gtb_cli.design.fill import Filling, fill
 from gtb_cli.design.holes import fill_hole, rings
 from gtb_cli.design.loops import bspline_pieces, loop_from_text, loop_or_model
 from gtb_cli.design.sides import Side, bernstein, bezier_form, curve_side, points_and_tangents, stations
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.fairing.energy import energy
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.writer import dump
 from gtb_cli.theory.model import Model

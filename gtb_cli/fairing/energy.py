@@ -11,10 +11,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.torus import starts, torus_of
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import Domain
-from gtb_cli.tessellation.triangulation import central_triangulation
+from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.theory.basis import exponents
 from gtb_cli.theory.frame import shares
 from gtb_cli.theory.patch import Patch

@@ -80,7 +80,7 @@ def require(
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
     """Say which seams have a larger angle than this."""
-    from gtb_cli.tessellation.seams import joints
+    from gtb_cli.assembly.seams import joints
     from gtb_cli.theory.model import Model
 
     if not isinstance(spec, Model):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtb_cli.design.energy import energy
-from gtb_cli.design.fair import fair, kept_knots
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.energy import energy
+from gtb_cli.fairing.fair import fair, kept_knots
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -40,7 +40,7 @@ def test_energy_of_a_quadratic_graph():
 def test_energy_agrees_with_differences(name, kind):
     found = load(SPECS / f"{name}.toml")
     patch = found.patches[0] if isinstance(found, Model) else found
-    from gtb_cli.design.energy import energy_samples
+    from gtb_cli.fairing.energy import energy_samples
 
     p, areas = energy_samples(patch.domain, len(patch.knots))
     inside = patch.domain.heights_of_columns(p).min(axis=0) / patch.domain.normal_lengths.min() > 0.05
@@ -51,7 +51,7 @@ def test_energy_agrees_with_differences(name, kind):
     def at(q: np.ndarray) -> np.ndarray:
         return patch.evaluate(q, "linear")
 
-    from gtb_cli.design.energy import moments_energy
+    from gtb_cli.fairing.energy import moments_energy
 
     q = p[inside][::7]
     form = np.zeros((len(patch.knots),) * 2)

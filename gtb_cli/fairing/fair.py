@@ -8,11 +8,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import BoolArray
-from gtb_cli.design.energy import Energy, energy_matrix
 from gtb_cli.errors import DomainError
+from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folds
-from gtb_cli.tessellation.triangulation import central_triangulation
 from gtb_cli.theory.frame import LAYER
 from gtb_cli.theory.patch import Patch
 
@@ -55,7 +55,7 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     patch : Patch
         A surface.
     energy : {"thin-plate", "dirichlet"}
-        See `gtb_cli.design.energy.energy`.
+        See `gtb_cli.fairing.energy.energy`.
     keep : {"boundary", "tangents"}
         What stays: the boundary curves, or the tangent planes along them too, which the layer of knots next to each
         edge decides.

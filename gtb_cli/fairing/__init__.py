@@ -1,0 +1,1 @@
+"""Energies of surfaces, and the control points for which they are least."""
