@@ -60,6 +60,9 @@ ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 BASIS = "basis:"
 """Before the index of a basis function: a further such scalar."""
 
+UP = ("z", "y")
+"""Axes that may be up in a file, the default, that of the spec, first."""
+
 PARAMETRIZATIONS = ("linear", "toric")
 """Where the vertices of a mesh are put, the default first."""
 

@@ -23,6 +23,7 @@ from gtb_cli.shell.streams import about, read_spec, shown_input, write_blocks, w
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
     from gtb_cli.knots.decomposition import RegularDecomposition
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.patch import Patch
@@ -51,10 +52,12 @@ def decompose(
     Print the regular decomposition that a lifting induces: the cells, and the knots that are in none.
 
     Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are written by index from
-    0. With --json: {"cells": [[...]], "absent": [...]}, and for a model a list of these, as "patches".
+    0. With --json: {"cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon has the corners of a cell,
+    counter-clockwise; and for a model a list of these, as "patches".
 
     With --net: the control net instead, lines between the control points of knots that are neighbours on the border of
-    a cell, as OBJ, PLY or GLB, by the suffix of the output.
+    a cell, as OBJ, PLY or GLB, by the suffix of the output. Curves and Bézier patches need no lifting for that: without
+    one it is the usual net.
     """
     from gtb_cli.theory.model import Model
 
@@ -69,10 +72,10 @@ def decompose(
         if isinstance(loaded, Model):
             if lifting is not None:
                 raise click.UsageError("--lifting is for a single patch, and this is a model")
-            parts = [_decomposition(patch, None, f"patches[{i}]: ") for i, patch in enumerate(loaded.patches)]
+            parts = [_decomposition(patch, None, f"patches[{i}]: ", net) for i, patch in enumerate(loaded.patches)]
             found: dict[str, Any] = {"patches": [_data(part) for part in parts]}
         else:
-            parts = [_decomposition(loaded, lifting, "")]
+            parts = [_decomposition(loaded, lifting, "", net)]
             found = _data(parts[0])
         if net:
             patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
@@ -82,10 +85,16 @@ def decompose(
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
 
-def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str) -> RegularDecomposition:
+def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str, net: bool) -> RegularDecomposition:
+    """What a lifting, or the spec's own, induces; where it is for a net that everybody draws, without one, too."""
     from gtb_cli.knots.decomposition import regular_decomposition
+    from gtb_cli.knots.lattice import lattice_of
 
-    values = patch.lifting if lifting is None else lifting
+    values: FloatArray | tuple[float, ...] | None = patch.lifting if lifting is None else lifting
+    if values is None and net and (patch.dimension == 1 or lattice_of(patch.domain) is not None):
+        from gtb_cli.pictures.nets import bowl
+
+        values = bowl(patch.domain)
     if values is None:
         raise SpecError(f"{place}has no lifting: write one into the spec, or give --lifting")
     return regular_decomposition(patch.knots, values)
@@ -108,7 +117,11 @@ def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: 
 
 
 def _data(found: RegularDecomposition) -> dict[str, Any]:
-    return {"cells": [list(cell) for cell in found.cells], "absent": list(found.absent)}
+    return {
+        "cells": [list(cell) for cell in found.cells],
+        "polygons": [list(polygon) for polygon in found.polygons],
+        "absent": list(found.absent),
+    }
 
 
 def _text(found: RegularDecomposition) -> str:

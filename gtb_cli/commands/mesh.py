@@ -306,7 +306,7 @@ def _encoded(task: Task) -> Encoded:
     if sums is not None:
         from gtb_cli.meshes.measures import measure
 
-        measures = measure(mesh)
+        measures = measure(options.placed(mesh))
     lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
     warnings = [*remarks, *options.warnings(mesh, kind)]
     assurance = options.recipe.assurance(spec)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -134,6 +134,16 @@ class Mesh:
         """(k, 2) edges of more than two triangles, ends ascending: there the mesh is not a manifold."""
         sides = sides_of(self.faces)
         return sides.edges[sides.uses > 2]
+
+    @property
+    def with_y_up(self) -> Mesh:
+        """The mesh turned about the x axis, so that what was up along z is so along y: (x, z, −y)."""
+
+        def turned(rows: FloatArray) -> FloatArray:
+            return np.column_stack([rows[:, 0], rows[:, 2], 0.0 - rows[:, 1]])  # not -0
+
+        normals = None if self.normals is None else turned(self.normals)
+        return replace(self, vertices=turned(self.vertices), normals=normals)
 
     @property
     def bounds(self) -> FloatArray:

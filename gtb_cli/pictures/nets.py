@@ -41,11 +41,11 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
     from gtb_cli.knots.decomposition import control_net, regular_decomposition  # a polygon needs no hull
 
     if lifting is None:
-        lifting = patch.lifting if patch.lifting is not None else _bowl(patch.domain)
+        lifting = patch.lifting if patch.lifting is not None else bowl(patch.domain)
     return control_net(regular_decomposition(patch.knots, lifting))
 
 
-def _bowl(domain: Domain) -> FloatArray:
+def bowl(domain: Domain) -> FloatArray:
     """(n,) lifting whose regular decomposition is that of Delaunay."""
     centred = (domain.knots - domain.center) / domain.size
     if domain.dimension == 2:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import click
 
@@ -14,7 +14,7 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -225,6 +225,13 @@ def mesh_options(function: Function) -> Function:
     )
     @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
     @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
+    @click.option(
+        "--up",
+        type=click.Choice(UP),
+        default=UP[0],
+        help="Which axis of the file is up where z is in the spec: z, as it is, in all formats; or y, as many viewers "
+        "take GLB and OBJ.",
+    )
     @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
     @click.option(
         "--max-faces",
@@ -271,6 +278,7 @@ def mesh_options(function: Function) -> Function:
         format: str | None,
         normals: bool,
         uv: bool,
+        up: Literal["z", "y"],
         ascii: bool,
         max_faces: int,
         radius: float | None,
@@ -298,6 +306,6 @@ def mesh_options(function: Function) -> Function:
             require,
             max_faces,
         )
-        return function(*args, options=MeshOptions(recipe, format, uv, ascii), **values)
+        return function(*args, options=MeshOptions(recipe, format, uv, ascii, up), **values)
 
     return command

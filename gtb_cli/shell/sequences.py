@@ -177,7 +177,7 @@ def _animation(
     file = "" if output == STANDARD else f"{output}: "
     with console.progress(len(labels)) as progress:
         for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
-            meshes.append(member.mesh)
+            meshes.append(options.placed(member.mesh))
             entries.append(sequence.entry(member, label, "label"))
             warnings = [text for text in options.warnings(member.mesh, ANIMATED) if text not in said]
             said.update(warnings)

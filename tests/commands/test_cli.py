@@ -15,6 +15,7 @@ from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
 from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
 from gtb_cli.errors import GtbError
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.shell import console, streams
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.vocabulary import FORMATS
@@ -238,6 +239,35 @@ def test_normals_and_uv_are_written_when_asked_for():
     assert len([line for line in text.splitlines() if line.startswith("vn ")]) == 51
     assert len([line for line in text.splitlines() if line.startswith("vt ")]) == 51
     assert "vn" not in gtb("mesh", PENTAGON, "-n", 4).text
+
+
+def vertices_of(text: str, kind: str = "v") -> np.ndarray:
+    return np.array([line.split()[1:] for line in text.splitlines() if line.startswith(f"{kind} ")], dtype=float)
+
+
+def test_y_may_be_up(tmp_path):
+    """(x, y, z) becomes (x, z, -y), in all formats, with normals, in models and in sequences; areas stay."""
+    plain, turned = (gtb("mesh", PENTAGON, "-n", 3, "--normals", *up).text for up in ([], ["--up", "y"]))
+    for kind in ("v", "vn"):
+        before, after = vertices_of(plain, kind), vertices_of(turned, kind)
+        assert np.array_equal(after, np.stack([before[:, 0], before[:, 2], -before[:, 1]], axis=1))
+    assert " -0.00000000" not in turned
+    for name in ("pentagon", "hebesphenorotunda"):
+        path, manifest = tmp_path / f"{name}.glb", tmp_path / "m.json"
+        options = ["-n", 2, "--up", "y", "-o", path, "--manifest", manifest]
+        assert gtb("mesh", SPECS / f"{name}.toml", *options).status == 0
+        low, high = tessellate(gtb_cli.load(SPECS / f"{name}.toml"), 2).bounds
+        found = json.loads(manifest.read_text())
+        assert found["options"]["up"] == "y"
+        expected = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
+        np.testing.assert_allclose(found["files"][0]["bounds"], expected, atol=1e-12)
+        np.testing.assert_allclose(read_mesh(path).bounds, expected, atol=1e-5)
+    sequence = ["degenerate", SPECS / "example-3.4.toml", "-x5", "-n2", "--no-distance"]
+    for name in ("one.glb", "folder"):
+        assert gtb(*sequence, "--up", "y", "-o", tmp_path / name).status == 0
+    first = vertices_of((tmp_path / "folder" / "example-3.4-x5.obj").read_text())
+    assert np.ptp(first[:, 2]) > 0 == np.ptp(first[:, 1])  # a plane curve: its y is -z now
+    np.testing.assert_allclose(read_mesh(tmp_path / "one.glb").vertices, first, atol=1e-6)
 
 
 def test_parametrization_moves_vertices_only():
@@ -599,21 +629,23 @@ def test_info_of_a_model():
 def test_decompose_example_4_4():
     """Mathematics.md, section 7: three triangles and two quadrilaterals."""
     cells = [[0, 1, 2, 3], [1, 3, 4], [2, 3, 6], [2, 5, 6], [3, 4, 6, 7]]
-    assert json.loads(gtb("decompose", PENTAGON, "--json").out) == {"cells": cells, "absent": []}
+    polygons = [[2, 3, 1, 0], [4, 1, 3], [6, 3, 2], [5, 6, 2], [6, 7, 4, 3]]
+    assert json.loads(gtb("decompose", PENTAGON, "--json").out) == {"cells": cells, "polygons": polygons, "absent": []}
     lines = [f"cell {index}: {' '.join(map(str, cell))}\n" for index, cell in enumerate(cells)]
     assert gtb("decompose", PENTAGON).text == "".join([*lines, "absent: none\n"])
 
 
 def test_decompose_with_another_lifting():
     found = json.loads(gtb("decompose", CURVE, "--lifting", "0, sqrt(2), -1, 0", "--json").out)
-    assert found == {"cells": [[0, 1], [1, 3]], "absent": [2]}
+    assert found == {"cells": [[0, 1], [1, 3]], "polygons": [[0, 1], [1, 3]], "absent": [2]}
     assert gtb("decompose", CURVE, "--lifting", "-1,-1,-1,-1").text == "cell 0: 0 1 2 3\nabsent: none\n"
 
 
 def test_decompose_a_model():
     found = json.loads(gtb("decompose", "-", "--json", stdin=TWO).out)
     # The square is folded along its diagonal from knot 1, the raised one, to its neighbours' far corner.
-    assert found == {"patches": [{"cells": [[0, 1, 2]], "absent": []}, {"cells": [[0, 1, 3], [1, 2, 3]], "absent": []}]}
+    assert [part["cells"] for part in found["patches"]] == [[[0, 1, 2]], [[0, 1, 3], [1, 2, 3]]]
+    assert [part["absent"] for part in found["patches"]] == [[], []]
     assert "single patch" in one_line(gtb("decompose", "-", "--lifting", "1,2,3", stdin=TWO))
     bare = TWO.replace(b"lifting = [0, 1, 0, 0]", b"")
     assert one_line(gtb("decompose", "-", stdin=bare)).startswith("<stdin>: patches[1]: has no lifting")

@@ -51,6 +51,30 @@ def test_the_net_of_a_curve_is_the_polygon_of_the_knots_that_are_present():
     assert lines(result.out) == [(0, 2), (2, 4)]
 
 
+def test_the_usual_net_of_a_bezier_patch_needs_no_lifting():
+    knots = load(SPECS / "bicubic.toml").knots
+    apart = {(i, j) for i, j in combinations(range(16), 2) if np.abs(knots[i] - knots[j]).sum() == 1}
+    assert set(lines(gtb("decompose", SPECS / "bicubic.toml", "--net").out)) == apart
+    triangle = lines(gtb("decompose", SPECS / "bezier-triangle.toml", "--net").out)
+    n = round((8 * len(load(SPECS / "bezier-triangle.toml").knots) + 1) ** 0.5 - 3) // 2
+    assert len(triangle) == 3 * n * (n + 1) // 2
+    assert lines(gtb("decompose", SPECS / "cubic-bezier.toml", "--net").out) == [(0, 1), (1, 2), (2, 3)]
+    assert "has no lifting" in gtb("decompose", SPECS / "trapezoid.toml", "--net").err
+    assert "has no lifting" in gtb("decompose", SPECS / "bicubic.toml").err
+
+
+def test_polygons_go_around_their_cells():
+    found = json.loads(gtb("decompose", SPECS / "example-4.4.toml", "--json").out)
+    knots = load(SPECS / "example-4.4.toml").knots
+    assert list(found) == ["cells", "polygons", "absent"]
+    for cell, polygon in zip(found["cells"], found["polygons"], strict=True):
+        assert set(polygon) <= set(cell)
+        corners = knots[polygon]
+        sides = np.roll(corners, -1, axis=0) - corners
+        turns = sides[:, 0] * np.roll(sides, -1, axis=0)[:, 1] - sides[:, 1] * np.roll(sides, -1, axis=0)[:, 0]
+        assert (turns > 0).all()
+
+
 def test_the_output_names_the_format(tmp_path):
     target = tmp_path / "net.ply"
     assert gtb("decompose", str(SPECS / "pentagon.toml"), "--net", "-o", str(target)).status == 0
