@@ -14,8 +14,8 @@ from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments
 from gtb_cli.theory.patch import Patch
 
 THIN = 12.0
-"""A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers do not
-get thinner, and refinement ends."""
+"""A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers get
+hardly thinner, and refinement ends."""
 
 
 class Subdivision:
@@ -73,26 +73,24 @@ class Subdivision:
         return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
     def mark_thin(self, marked: BoolArray) -> None:
-        """Mark the longest edge of thin triangles that have another one marked, until there is none.
+        """Mark the longest edge of thin triangles that have another one marked.
 
-        Of those thin in Δ, too: else parts of a surface that bends to and fro along one could be split for ever.
+        And of those thin in Δ: else parts of a surface that bends to and fro along one could be split for ever.
+        Triangles beyond the edges that this marks are left as they are. Where a knot is near an edge of Δ, all are thin
+        over there, in space and in Δ along different sides: rule after rule would mark the whole neighbourhood.
         """
-        before = np.zeros(len(self), dtype=bool)
-        while self.is_surface:
-            touched = self.has_mark(marked)
-            rows = np.flatnonzero(touched & ~before)
-            if not len(rows):
-                return
-            before = touched
-            a, b, c = self.corners(rows)
-            normal = cross(b - a, c - a)
-            sides = self.cells.sides.take(rows, axis=0)
-            length = self.lengths(sides)
-            thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
-            marked[sides[thin, length[thin].argmax(axis=1)]] = True
-            share, longest = slimness(self.cells.corners.take(rows, axis=0))
-            thin = share < self.slim
-            marked[sides[thin, longest[thin]]] = True
+        if not self.is_surface:
+            return
+        rows = np.flatnonzero(self.has_mark(marked))
+        a, b, c = self.corners(rows)
+        normal = cross(b - a, c - a)
+        sides = self.cells.sides.take(rows, axis=0)
+        length = self.lengths(sides)
+        thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
+        marked[sides[thin, length[thin].argmax(axis=1)]] = True
+        share, longest = slimness(self.cells.corners.take(rows, axis=0))
+        thin = share < self.slim
+        marked[sides[thin, longest[thin]]] = True
 
     def split(self, chosen: IntArray, middles: FloatArray) -> IntArray:
         """Split edges at their (e, 3) middles, and the cells beside them; returns the cells that are new.

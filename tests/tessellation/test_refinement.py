@@ -326,3 +326,13 @@ def test_an_arc_between_knots_that_crowd_is_not_passed_by(apart):
     nearest = starts + np.clip(along, 0, 1)[:, :, None] * (ends - starts)
     assert np.linalg.norm(arc[:, None] - nearest, axis=2).min(axis=1).max() <= 0.01
     assert len(mesh.cells) < 50
+
+
+@pytest.mark.parametrize("knot", [(1.77, 0.0006), *mostly_long([((0.0001, 1.0),)], 0)])
+def test_a_knot_near_an_edge_does_not_cut_up_its_neighbourhood(knot):
+    """While slivers passed on the rule for slivers, 26 marked edges became 12,684, and in the end millions of faces."""
+    knots = PENTAGON.copy()
+    knots[3] = knot
+    shape = patch(knots=knots)
+    mesh = tessellate(shape, tolerance=3e-3 * diagonal(shape), max_faces=4000)
+    assert largest_distance(shape, mesh, 20_000) <= 3e-3 * diagonal(shape) * (1 + SLACK)
