@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections import Counter
@@ -10,15 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.console import Console
+from gtb_cli.errors import GtbError, RequirementError
+from gtb_cli.shell.console import Console, printable
 from gtb_cli.shell.options import (
     console_option,
     json_option,
     output_option,
     requirements_of,
-    spec_argument,
     spec_format_option,
+    specs_argument,
 )
+from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
@@ -34,8 +35,9 @@ FIGURES_WIDTH = 20
 
 
 @click.command
-@spec_argument
+@specs_argument
 @json_option
+@long_option
 @click.option(
     "--require",
     callback=requirements_of,
@@ -48,7 +50,13 @@ FIGURES_WIDTH = 20
 @spec_format_option
 @console_option
 def check(
-    spec: str, as_json: bool, require: tuple[str, ...], output: str, spec_format: str | None, console: Console
+    specs: tuple[str, ...],
+    as_json: bool,
+    in_full: bool,
+    require: tuple[str, ...],
+    output: str,
+    spec_format: str | None,
+    console: Console,
 ) -> None:
     """\b
     Example: gtb check specs/pentagon.toml
@@ -58,26 +66,51 @@ def check(
     A line for each: whether it holds, the largest violation and what rounding allows (relative to sizes), where the
     paper states it, and what was measured. A property that is claimed under conditions only is "not applicable" where
     they are not fulfilled, and a number without a verdict is "measured". In a model each patch is checked, and the
-    joints between patches; what fails is listed, and --json has the rest. Exit status 1 if a property fails.
+    joints between patches; what fails is listed, and --json has the rest. Of several specs,
+    or of those in a folder, there is a line each, unless --long or --json asks for all. Exit status 1 if a property
+    fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.check import check as measure
     from gtb_cli.checks.report import Report
 
-    loaded = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
-        report = measure(loaded)
+    refused: list[str] = []
+
+    def report_on(spec: str) -> Report | ModelReport:
+        loaded = read_spec(spec, spec_format)
+        with about(shown_input(spec)):
+            report = measure(loaded)
+            if require:
+                from gtb_cli.tessellation.recipe import Recipe
+
+                try:
+                    Recipe(require=require).mesh(loaded)
+                except RequirementError as error:
+                    refused.extend(f"{shown_input(spec)}: {line}" for line in str(error).split("\n"))
+        return report
+
+    several = len(specs) > 1 or os.path.isdir(specs[0])
+    rows, errors = reports_on(inputs_of(specs, output), report_on)
     if as_json:
-        text = json.dumps(_patch_data(report) if isinstance(report, Report) else _model_data(report)) + "\n"
+        data = [(name, _patch_data(row) if isinstance(row, Report) else _model_data(row)) for name, row in rows]
+        text = json_of(data, several)
     else:
         colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-        text = _table(report.findings, colours) if isinstance(report, Report) else _model_text(report, colours)
+        text = ""
+        for name, row in rows:
+            if several and not in_full:
+                parts = (row,) if isinstance(row, Report) else row.patches
+                every = [found for part in parts for found in part.findings]
+                every += [] if isinstance(row, Report) else row.joints
+                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {_summary(tuple(every))}\n"
+                continue
+            text += f"{printable(name)}\n" if several else ""
+            text += _table(row.findings, colours) if isinstance(row, Report) else _model_text(row, colours)
     write_text(output, text)
-    if require:
-        from gtb_cli.tessellation.recipe import Recipe
-
-        with about(shown_input(spec)):
-            Recipe(require=require).mesh(loaded)
-    if not report.holds:
+    if errors:
+        raise GtbError("\n".join(errors + refused))
+    if refused:
+        raise RequirementError("\n".join(refused))
+    if not all(row.holds for _, row in rows):
         raise click.exceptions.Exit(FAILED)
 
 

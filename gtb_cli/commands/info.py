@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
+import os
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import console_option, json_option, output_option, spec_argument, spec_format_option
+from gtb_cli.errors import GtbError
+from gtb_cli.shell.console import Console, printable
+from gtb_cli.shell.options import console_option, json_option, output_option, spec_format_option, specs_argument
+from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import read_spec, write_text
 
 if TYPE_CHECKING:
@@ -18,26 +20,60 @@ if TYPE_CHECKING:
 
 
 @click.command
-@spec_argument
+@specs_argument
 @json_option
+@long_option
 @output_option
 @spec_format_option
 @console_option
-def info(spec: str, as_json: bool, output: str, spec_format: str | None, console: Console) -> None:
+def info(
+    specs: tuple[str, ...], as_json: bool, in_full: bool, output: str, spec_format: str | None, console: Console
+) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
-    Say what a spec describes.
+    Say what specs describe.
 
-    Its kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any), knots and
-    edges by index from 0, the bounding box of the control points, and how far the parametrisation is from linear.
+    Their kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any), knots and
+    edges by index from 0, the bounding box of the control points, and how far the parametrisation is from linear. Of
+    several, or of the specs in a folder, there is a line each, unless --long or --json asks for all; one that cannot
+    be read is said, and the exit status is 2.
     """
+    several = len(specs) > 1 or os.path.isdir(specs[0])
+    rows, errors = reports_on(inputs_of(specs, output), lambda spec: _found(spec, spec_format))
+    if as_json:
+        text = json_of(rows, several)
+    elif several and not in_full:
+        text = "".join(f"{printable(name)}: {_line(found)}\n" for name, found in rows)
+    else:
+        text = "\n".join((f"{printable(name)}\n" if several else "") + _text(found) for name, found in rows)
+    write_text(output, text)
+    if errors:
+        raise GtbError("\n".join(errors))
+
+
+def _line(found: dict[str, Any]) -> str:
+    """What a spec describes, in a few words."""
+    if "patches" in found:
+        state = "closed" if found["closed"] else f"{len(found['open_edges'])} open edges"
+        kind = "surfaces" if found["dimension"] == 2 else "curves"
+        return f"model of {len(found['patches'])} {kind}, {state}"
+    return f"{_kind(found)}, {found['knots']} knots"
+
+
+def _kind(found: dict[str, Any]) -> str:
+    degree = found.get("degree")
+    return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
+
+
+def _found(spec: str, spec_format: str | None) -> dict[str, Any]:
+    """All that is said of a spec."""
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
     if isinstance(loaded, Model):
         patches = [_report(patch) for patch in loaded.patches]
-        found: dict[str, Any] = {
+        return {
             "name": loaded.name,
             "kind": "model",
             "dimension": patches[0]["dimension"],
@@ -45,9 +81,7 @@ def info(spec: str, as_json: bool, output: str, spec_format: str | None, console
             **_joints(loaded),
             "patches": patches,
         }
-    else:
-        found = _report(loaded)
-    write_text(output, json.dumps(found) + "\n" if as_json else _text(found))
+    return _report(loaded)
 
 
 def _joints(model: Model) -> dict[str, Any]:
@@ -104,11 +138,7 @@ def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
 
 def _text(found: dict[str, Any], indent: str = "") -> str:
     """Write a report as a table of two columns."""
-    degree = found.get("degree")
-    kind = found["kind"]
-    if degree:
-        kind += " of degree " + " × ".join(map(str, degree))
-    lines = [("name", found["name"] or "(none)"), ("kind", kind)]
+    lines = [("name", found["name"] or "(none)"), ("kind", _kind(found))]
     if "patches" in found:
         lines += [
             ("patches", str(len(found["patches"]))),

@@ -25,6 +25,7 @@ from gtb_cli.shell.options import (
     spec_format_option,
 )
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
+from gtb_cli.shell.several import inputs_of
 from gtb_cli.shell.streams import (
     about,
     file_stem,
@@ -99,11 +100,11 @@ def mesh(
     Turn curves, patches and models into meshes.
 
     A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
-    its spec file. A spec with an error is reported and left out, and the exit status is 2.
+    its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
+    status is 2.
     """
-    if specs.count(STANDARD) > 1:
-        raise click.UsageError("standard input can be read once only")
-    into_folder = is_folder(output)
+    into_folder = is_folder(output) or (output != STANDARD and any(map(os.path.isdir, specs)))
+    specs = inputs_of(specs, output)
     if len(specs) > 1 and not into_folder:
         if output == STANDARD:
             raise click.UsageError(f"{len(specs)} specs need a folder for their meshes: -o FOLDER")

@@ -136,6 +136,8 @@ def check_outputs(*outputs: str) -> None:
 
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)
 
+specs_argument = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
+
 spec_format_option = click.option(
     "--spec-format",
     type=click.Choice(SPEC_FORMATS),

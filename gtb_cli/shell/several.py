@@ -1,0 +1,49 @@
+"""Reports on several specs: one after the other, whatever is wrong with some of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import click
+
+from gtb_cli.errors import GtbError
+from gtb_cli.shell.console import STANDARD, lines_about
+from gtb_cli.shell.folders import specs_among
+from gtb_cli.shell.streams import refuse_overwriting, shown_input
+
+Found = TypeVar("Found")
+
+long_option = click.option("--long", "in_full", is_flag=True, help="Say all, not a line for each of several specs.")
+
+
+def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:
+    """The specs that a command was given, folders as the specs in them; none of them is its output."""
+    if list(specs).count(STANDARD) > 1:
+        raise click.UsageError("standard input can be read once only")
+    found = specs_among(specs)
+    refuse_overwriting(found, [output])
+    return found
+
+
+def reports_on(specs: Sequence[str], report: Callable[[str], Found]) -> tuple[list[tuple[str, Found]], list[str]]:
+    """What a function says of each spec, beside its name; and the lines of errors of those it cannot."""
+    found: list[tuple[str, Found]] = []
+    errors: list[str] = []
+    for spec in specs:
+        try:
+            found.append((shown_input(spec), report(spec)))
+        except GtbError as error:
+            errors += str(error).split("\n")
+        except Exception as error:  # noqa: BLE001 -- what is wrong with one spec does not take the others along
+            errors += [f"{shown_input(spec)}: {line}" for line in lines_about(error)]
+    if not found:
+        raise GtbError("\n".join(errors))
+    return found, errors
+
+
+def json_of(rows: Sequence[tuple[str, dict[str, Any]]], several: bool) -> str:
+    """One object, or for several specs a list of them, each with the name of its file."""
+    data = [{"file": name, **row} for name, row in rows] if several else rows[0][1]
+    return json.dumps(data) + "\n"

@@ -1,0 +1,81 @@
+"""Several specs and folders of them, wherever a report or a mesh of each makes sense."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.shell import BICUBIC, CURVE, SPECS, gtb
+
+BOX = str(SPECS / "box-corner.toml")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Two specs and what is none."""
+    place = tmp_path_factory.mktemp("several") / "specs"
+    place.mkdir()
+    for path in (BICUBIC, CURVE):
+        shutil.copy(path, place)
+    (place / "README.md").write_text("text")
+    (place / ".hidden.toml").write_text("text")
+    (place / "folder.toml").mkdir()
+    return place
+
+
+def test_info_has_a_line_for_each(folder):
+    result = gtb("info", folder, BOX)
+    assert result.status == 0, result.err
+    assert result.text.splitlines() == [
+        f"{folder / 'bicubic.toml'}: rational Bézier tensor product patch of degree 3 × 3, 16 knots",
+        f"{folder / 'cubic-bezier.toml'}: rational Bézier curve of degree 3, 4 knots",
+        f"{BOX}: model of 7 surfaces, 6 open edges",
+    ]
+    in_full = gtb("info", "--long", folder).text
+    assert in_full.count("linear precision") == 2
+    data = json.loads(gtb("info", "--json", folder).out)
+    assert [(Path(entry["file"]).name, entry["knots"]) for entry in data] == [
+        ("bicubic.toml", 16),
+        ("cubic-bezier.toml", 4),
+    ]
+
+
+def test_one_spec_is_reported_in_full(folder):
+    assert "linear precision" in gtb("info", CURVE).text
+    assert json.loads(gtb("info", "--json", CURVE).out)["knots"] == 4
+    assert json.loads(gtb("check", "--json", CURVE).out)["holds"] is True
+
+
+def test_check_has_a_line_for_each_and_the_worst_status(folder, tmp_path):
+    result = gtb("check", CURVE, CURVE)
+    assert result.status == 0
+    assert [line.split()[0] for line in result.text.splitlines()] == ["holds", "holds"]
+    assert " 0 fail, " in result.text
+    bad = tmp_path / "bad.toml"
+    bad.write_text("knots = 1")
+    result = gtb("check", bad, CURVE)
+    assert result.status == 2
+    assert str(bad) in result.err
+    assert result.text.startswith(f"holds  {CURVE}: ")
+    assert gtb("info", bad, CURVE).status == 2
+
+
+def test_a_folder_is_meshed(folder, tmp_path):
+    result = gtb("mesh", folder, "-n", 2, "-o", tmp_path / "out")
+    assert result.status == 0, result.err
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["bicubic.obj", "cubic-bezier.obj"]
+    assert gtb("diff", tmp_path / "out", folder, "-n", 2).status == 0
+    (tmp_path / "empty").mkdir()
+    result = gtb("mesh", tmp_path / "empty", "-o", tmp_path / "more")
+    assert result.status == 2
+    assert "empty: has no specs" in result.err
+    assert not (tmp_path / "more").exists()
+
+
+def test_a_spec_in_a_folder_is_not_overwritten(folder):
+    before = (folder / "bicubic.toml").read_bytes()
+    assert gtb("info", folder, "-o", folder / "bicubic.toml").status == 2
+    assert (folder / "bicubic.toml").read_bytes() == before
