@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
-from gtb_cli.errors import ToleranceError
+from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.domain import domain
+from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.basis import (
     NOTHING,
     SAFE_EXPONENT,
@@ -23,6 +23,7 @@ from gtb_cli.theory.basis import (
     block_length,
     weighted_sums,
 )
+from gtb_cli.theory.newton import State, dot, plain_step, regularised_step, size
 from gtb_cli.theory.starts import Corrections, LayerStarts
 
 RESIDUAL = 1e-12
@@ -62,9 +63,6 @@ FIRST = 1e-2
 
 CANCELLED = 1 - 8 * EPS
 """Share of μ² that is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
-
-TINY = 1e-300
-"""Smallest curvature that is divided by."""
 
 SHORT = 8.0
 """Largest exponent by which a plain step of Newton's method may change what knots weigh."""
@@ -124,6 +122,8 @@ class MomentMap:
             unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
         unit = unit.T
         safe = self._layer_starts(unit)
+        if self._bezier_shift is not None:
+            return np.asarray((safe + self._bezier_shift) / self._extents[:, None])
         s = safe.copy()
         if len(unit) == 2:
             part = self._corrections.part(unit)
@@ -140,6 +140,26 @@ class MomentMap:
         if len(unit) == 2 and len(seldom):
             self._learn(part[seldom], unit[:, seldom], safe[:, seldom], s[:, seldom])
         return np.asarray(s / self._extents[:, None])
+
+    @cached_property
+    def _bezier_shift(self) -> FloatArray | None:
+        """(d, 1) what all starts of layers are off by, for Bézier weights, up to affine ones; None for others.
+
+        There p has the parameters of Bernstein polynomials, and is found by logarithms alone.
+        """
+        shape = domain(self._unit_knots, "unit")
+        if lattice_of(shape) is None:
+            return None
+        try:
+            rest = self.log_weights - np.log(binomial_coefficients(shape))
+        except DomainError:  # beyond the range of floats
+            return None
+        affine = np.column_stack([self._unit_knots, np.ones(len(rest))])
+        shift = np.asarray(-np.linalg.lstsq(affine, rest)[0][:-1, None], dtype=np.float64)
+        # Any points inside will do to see whether that is exact: the knots drawn to the middle.
+        p = (0.7 * self._unit_knots + 0.3 * self._unit_knots.mean(axis=0)).T
+        _, mu, _ = self._evaluate(self._layer_starts(p) + shift)
+        return shift if np.abs(mu - p).max() <= 10 * TARGET else None
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
         """Remember what was added to the starts of some points that were solved."""
@@ -252,10 +272,10 @@ class MomentMap:
         for _ in range(SHORT_STEPS):
             _, mu, hessian = self._evaluate(s)
             gradient = mu - p
-            step = _plain_step(gradient, hessian)
+            step = plain_step(gradient, hessian)
             length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
             short = length <= SHORT
-            going = -0.5 * np.exp(np.minimum(length, SHORT)) * _dot(gradient, step) > target
+            going = -0.5 * np.exp(np.minimum(length, SHORT)) * dot(gradient, step) > target
             s = s + step
             done = np.flatnonzero(short & ~going)
             solution[:, active[done]] = s.take(done, axis=1)
@@ -277,7 +297,7 @@ class MomentMap:
         sigma = np.full(len(active), FIRST)
         refusals = np.zeros(len(active), dtype=np.int64)
         for _ in range(ITERATIONS):
-            residual = _size(at.gradient)
+            residual = size(at.gradient)
             going = (residual > target) & ((refusals < REFUSALS) | (residual > ACCEPTED))
             count = int(going.sum())
             if not count:
@@ -287,30 +307,30 @@ class MomentMap:
                 at, p = at.columns(going), p[:, going]
                 active, refusals = active[going], refusals[going]
                 sigma, residual = sigma[going], residual[going]
-            step = _regularised_step(at.gradient, at.hessian, sigma * residual)
+            step = regularised_step(at.gradient, at.hessian, sigma * residual)
             trial = self._state(p, at.s + step)
-            slope = _dot(at.gradient, step)
+            slope = dot(at.gradient, step)
             # Below the rounding of the objective only the gradient can tell a better point.
-            rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + _dot(np.abs(p), np.abs(trial.s)))
-            lower = np.where(rounding, _size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
+            rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + dot(np.abs(p), np.abs(trial.s)))
+            lower = np.where(rounding, size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
             if lower.all():
                 at = trial
             else:
-                at = _State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
+                at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
             sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         solution[:, active] = at.s
         residuals = np.zeros(solution.shape[1])
-        residuals[active] = _size(at.gradient)
+        residuals[active] = size(at.gradient)
         return solution, residuals
 
-    def _state(self, p: FloatArray, s: FloatArray) -> _State:
+    def _state(self, p: FloatArray, s: FloatArray) -> State:
         value, mu, hessian = self._evaluate(s)
-        return _State(s, value - _dot(p, s), mu - p, hessian)
+        return State(s, value - dot(p, s), mu - p, hessian)
 
-    def _better_start(self, p: FloatArray, at: _State) -> _State:
+    def _better_start(self, p: FloatArray, at: State) -> State:
         """Go over to a cell's limit where the objective is lower there."""
-        poor = np.flatnonzero(_size(at.gradient) > POOR) if self._cells else NOTHING
+        poor = np.flatnonzero(size(at.gradient) > POOR) if self._cells else NOTHING
         for cell, gradient in self._cells if len(poor) else ():
             limit = cell._layer_starts(((p[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
             other = self._state(p[:, poor], limit / cell._extents[:, None] - gradient[:, None])
@@ -318,72 +338,18 @@ class MomentMap:
             at.put(poor[better], other.columns(better))
         return at
 
-    def _drawn_in(self, p: FloatArray, at: _State) -> _State:
+    def _drawn_in(self, p: FloatArray, at: State) -> State:
         """Draw in starts far beyond their solutions, which see no curvature there.
 
         By halves, while, to second order, the minimum along the ray of a start is on the other side of 0.
         """
         for _ in range(HALVINGS):
             s, hessian = at.s, at.hessian
-            curvature = _dot(hessian[: len(s)], s**2)
+            curvature = dot(hessian[: len(s)], s**2)
             if len(s) == 2:
                 curvature += 2 * hessian[2] * s[0] * s[1]
-            rows = np.flatnonzero((_dot(at.gradient, s) > curvature) & (_size(s) > SEEING_REACH))
+            rows = np.flatnonzero((dot(at.gradient, s) > curvature) & (size(s) > SEEING_REACH))
             if not len(rows):
                 break
             at.put(rows, self._state(p[:, rows], s[:, rows] / 2))
         return at
-
-
-class _State(NamedTuple):
-    """Columns s, and the objective there with its gradient and Hessian."""
-
-    s: FloatArray
-    value: FloatArray
-    gradient: FloatArray
-    hessian: FloatArray
-
-    def columns(self, chosen: IntArray | BoolArray) -> _State:
-        return _State(*(x[..., chosen] for x in self))
-
-    def put(self, rows: IntArray, other: _State) -> None:
-        for mine, theirs in zip(self, other, strict=True):
-            mine[..., rows] = theirs
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) scalar products of (d, m) columns; for one or two rows faster than a reduction."""
-    return np.asarray(a[0] * b[0] if len(a) == 1 else a[0] * b[0] + a[1] * b[1])
-
-
-def _size(a: FloatArray) -> FloatArray:
-    """(m,) largest absolute entry of (d, m) columns."""
-    return np.asarray(np.abs(a[0]) if len(a) == 1 else np.maximum(np.abs(a[0]), np.abs(a[1])))
-
-
-def _plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
-    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
-    first = np.where(hessian[0] > 0, hessian[0], np.nan)
-    if len(gradient) == 1:
-        return np.asarray(-gradient / first)
-    ratio = hessian[2] / first
-    rest = hessian[1] - ratio * hessian[2]
-    step = np.empty_like(gradient)
-    step[1] = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.nan)
-    step[0] = -gradient[0] / first - ratio * step[1]
-    return step
-
-
-def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
-    """Solve (H + regular I) step = −gradient for each column."""
-    if len(gradient) == 1:
-        return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
-    # By Cholesky's way, which loses nothing where knots that count are nearly on a line; Cramer's rule does.
-    xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
-    ratio = xy / np.maximum(xx, TINY)
-    rest = yy - ratio * xy
-    rest = np.maximum(np.where(rest > 0, rest, yy), TINY)
-    over = (ratio * gradient[0] - gradient[1]) / rest
-    step = np.empty_like(gradient)
-    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, TINY), over
-    return step

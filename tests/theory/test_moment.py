@@ -9,6 +9,7 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
+from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory import moment
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.moment import MomentMap
@@ -17,7 +18,7 @@ from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL, heights, linear_points, parameters
 from tests.marks import mostly_long
-from tests.patches import NAMES, SHIFT, SURFACES, bumps, named, pentagon, regular
+from tests.patches import NAMES, SHIFT, SURFACES, bezier_triangle, bicubic, bumps, cubic_curve, named, pentagon, regular
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -344,3 +345,18 @@ def test_the_same_points_give_the_same_bytes():
     patch = named("sixty_knots")
     p = parameters(patch)
     assert linear_points(patch, p).tobytes() == linear_points(patch, p).tobytes()
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("patch", [bicubic(), bezier_triangle(), cubic_curve()])
+def test_bezier_weights_need_no_iteration(patch, scale, monkeypatch):
+    """p is the classical parameter, whatever affine function of the knots is added to the weights' logarithms."""
+    binomials = binomial_coefficients(patch.domain)
+    knots = patch.knots * scale
+    weights = np.log(binomials) + patch.knots @ np.arange(1.0, 1.0 + patch.dimension)
+    moments = MomentMap(knots, weights)
+    p = (np.random.default_rng(3).dirichlet(np.ones(len(knots)), 500)) @ knots
+    s = moments.inverse(p)
+    np.testing.assert_allclose(moments(s), p, rtol=0, atol=1e-13 * np.ptp(knots))
+    monkeypatch.setattr(MomentMap, "_solve", None)
+    assert np.array_equal(moments.inverse(p), s)

@@ -1,0 +1,68 @@
+"""Steps of Newton's method for many problems with one or two unknowns at once, a column each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+
+TINY = 1e-300
+"""Smallest curvature that is divided by."""
+
+
+class State(NamedTuple):
+    """Columns s, and the objective there with its gradient and Hessian."""
+
+    s: FloatArray
+    value: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+
+    def columns(self, chosen: IntArray | BoolArray) -> State:
+        """Some of the columns."""
+        return State(*(x[..., chosen] for x in self))
+
+    def put(self, rows: IntArray, other: State) -> None:
+        """Put other columns in place of some."""
+        for mine, theirs in zip(self, other, strict=True):
+            mine[..., rows] = theirs
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) scalar products of (d, m) columns; for one or two rows faster than a reduction."""
+    return np.asarray(a[0] * b[0] if len(a) == 1 else a[0] * b[0] + a[1] * b[1])
+
+
+def size(a: FloatArray) -> FloatArray:
+    """(m,) largest absolute entry of (d, m) columns."""
+    return np.asarray(np.abs(a[0]) if len(a) == 1 else np.maximum(np.abs(a[0]), np.abs(a[1])))
+
+
+def plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
+    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
+    first = np.where(hessian[0] > 0, hessian[0], np.nan)
+    if len(gradient) == 1:
+        return np.asarray(-gradient / first)
+    ratio = hessian[2] / first
+    rest = hessian[1] - ratio * hessian[2]
+    step = np.empty_like(gradient)
+    step[1] = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.nan)
+    step[0] = -gradient[0] / first - ratio * step[1]
+    return step
+
+
+def regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
+    """Solve (H + regular I) step = −gradient for each column."""
+    if len(gradient) == 1:
+        return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
+    # By Cholesky's way, which loses nothing where knots that count are nearly on a line; Cramer's rule does.
+    xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
+    ratio = xy / np.maximum(xx, TINY)
+    rest = yy - ratio * xy
+    rest = np.maximum(np.where(rest > 0, rest, yy), TINY)
+    over = (ratio * gradient[0] - gradient[1]) / rest
+    step = np.empty_like(gradient)
+    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, TINY), over
+    return step
