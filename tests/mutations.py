@@ -46,12 +46,42 @@ KEYS = [
     "name",
     "patches",
     "wieghts",
+    "let",
+    "include",
+    "weld",
+    "copy",
+    "repeat",
+    "rotate",
 ]
 
 VALUES = [
     None, True, 0, -1, 1.5, "x", "binomial", "partition-of-unity", "unit", "primitive", [], [[]], {}, [1, 2],
     [[0, 0], [1, 1]], float("nan"), 1e300, 1e-300, "sqrt(2)/4", [[0, 0, 0, 0]],
+    {"a": 1, "b": "a + c", "c": "b"}, {"axis": "z", "degrees": "72*k"}, "1%", 10**9, ["spec.toml"],
+    ["../x", "/dev/zero"],
 ]  # fmt: skip
+
+
+COPIES = b"""
+include = ["other.toml"]
+weld = "0.01%"
+let = {R = 2, turn = "360*deg/5", h = "R*sin(turn)"}
+[[patches]]
+name = "wall"
+knots = [[0, 0], [1, 0], [0, 1], [1, 1]]
+control_points = [["R", 0, 0], [1, "h", 0], ["R", 0, 1], [1, "h", 1]]
+[[patches]]
+copy = "wall"
+name = "other"
+mirror = "y"
+scale = ["R", 1, "1/R"]
+[[patches]]
+copy = "other"
+repeat = 3
+rotate = {axis = "z", degrees = "72*k", about = [0, 0, "k"]}
+translate = ["k/R", 0]
+"""
+"""A model with all that models have, but for the file that it includes."""
 
 
 def mutation(rng: random.Random) -> tuple[bytes, str]:
@@ -59,6 +89,8 @@ def mutation(rng: random.Random) -> tuple[bytes, str]:
     source = rng.choice(GOOD_SPECS[:-1]).read_bytes()
     if len(source) > 20_000:
         source = GOOD_SPECS[0].read_bytes()
+    if rng.random() < 0.2:
+        source = COPIES if rng.random() < 0.2 else COPIES.replace(b'include = ["other.toml"]\n', b"")
     if rng.random() < 0.5:
         return _changed_bytes(rng, source), ".toml"
     data = tomllib.loads(source.decode())

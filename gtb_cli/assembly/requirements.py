@@ -115,7 +115,8 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     count = len(mesh.open_sides)
     if not count:
         return []
-    from gtb_cli.theory.joints import edge_name, find_joints, obstacles
+    from gtb_cli.assembly.openings import obstacles
+    from gtb_cli.theory.joints import edge_name, find_joints
     from gtb_cli.theory.model import Model
 
     patches = spec.patches if isinstance(spec, Model) else (spec,)

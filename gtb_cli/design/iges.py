@@ -20,7 +20,8 @@ from gtb_cli.design.nets import MAX_DEGREE
 from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
 from gtb_cli.design.words import LARGEST, NUMBER, SHOWN
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.spec.reader import MAX_PATCHES, name_fault
+from gtb_cli.spec.copies import MAX_PATCHES
+from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124

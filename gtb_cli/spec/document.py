@@ -15,8 +15,8 @@ Repeated: TypeAlias = tuple[Path, int, int]
 MAX_BYTES = 10_000_000
 """Largest spec; a patch of a thousand knots has a hundred kilobytes."""
 
-MAX_LINES = 200_000
-"""Most lines in a spec, with the same reason."""
+MAX_LINES = 1_000_000
+"""Most lines in a spec; 5000 bicubic patches have a fifth of them."""
 
 _STRANGERS = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
@@ -159,7 +159,7 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
 
     Notes
     -----
-    At most about a second and 100 MB for anything; a spec of a few kilobytes takes about a millisecond.
+    At most about three seconds and 150 MB for anything; a spec of a few kilobytes takes about a millisecond.
     """
     if isinstance(data, bytes):
         _check_kind(data, source)
@@ -205,7 +205,7 @@ def _measure(text: str, source: str, format: Format) -> tuple[Repeated, ...]:
     first: dict[Path, int] = {}
     repeated: dict[Path, tuple[int, int]] = {}
     try:
-        for path, line, defines in Scanner(text, format).places():
+        for path, line, defines in Scanner(text, format, passes_numbers=True).places():
             if defines and path not in first:
                 first[path] = line
             elif defines and not any(path[:length] in repeated for length in range(1, len(path) + 1)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NoReturn
 
 from gtb_cli.errors import SpecError
@@ -15,6 +15,9 @@ MAX_LENGTH = 256
 
 MAX_DEPTH = 32
 """Deepest nesting: parentheses, powers and signs that contain each other."""
+
+MOST_SHOWN = 30
+"""Names that a message lists."""
 
 BLANKS = " \t"
 
@@ -26,11 +29,14 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "exp": math.exp,
     "log": math.log,
 }
-CONSTANTS = {"pi": math.pi, "e": math.e}
+CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
+"""Numbers that have a name everywhere; ``deg`` is a degree in radians."""
+
+NO_NAMES: Mapping[str, float] = {}
 
 # Words are checked before Python's parser sees the text: it would also take 0x1f, 1_000, 2j, keywords and strings.
 _WORDS = re.compile(
-    r"[ \t]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[A-Za-z]+)"
+    r"[ \t]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
     r"|(?P<sign>\*\*|//|[-+*/()]))"
 )
 _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]] = {
@@ -42,16 +48,18 @@ _OPERATORS: dict[type[ast.operator], tuple[str, Callable[[float, float], float]]
 }
 
 
-def evaluate_expression(text: str) -> float:
+def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> float:
     """Evaluate a number expression.
 
     Digits, ``+ - * / ** ( )``, the functions ``sqrt sin cos tan exp log`` (natural, radians) and the constants
-    ``pi e``, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512.
+    ``pi e deg``, with Python's precedence: ``-2**2`` is −4, ``2**3**2`` is 512.
 
     Parameters
     ----------
     text : str
         At most `MAX_LENGTH` characters, nested at most `MAX_DEPTH` deep.
+    names : mapping of str to float
+        Further names, which are neither functions nor constants nor words of Python.
 
     Returns
     -------
@@ -70,15 +78,21 @@ def evaluate_expression(text: str) -> float:
     if len(text) > MAX_LENGTH:
         _refuse(text, f"has {len(text)} characters, at most {MAX_LENGTH} are allowed")
     words = text.strip(BLANKS)
-    _check_words(words)
+    _check_words(words, names)
     try:
         tree = ast.parse(words, mode="eval")
     except SyntaxError:
         _refuse(words, "is not a complete expression")
-    return _value(tree.body, words)
+    return _value(tree.body, words, names)
 
 
-def _check_words(text: str) -> None:
+def names_in(text: str) -> list[str]:
+    """Names of numbers that an expression holds, well-formed or not."""
+    found = (match["name"] for match in _WORDS.finditer(text[:MAX_LENGTH]))
+    return [name for name in found if name and name not in FUNCTIONS and name not in CONSTANTS]
+
+
+def _check_words(text: str, names: Mapping[str, float]) -> None:
     """Refuse words that are not of the language, and nesting that is too deep for a recursive reader."""
     if not text:
         _refuse(text, "is empty")
@@ -93,8 +107,8 @@ def _check_words(text: str) -> None:
         position = match.end()
         kind = match.lastgroup or ""
         word = match[kind]
-        if kind == "name" and word not in FUNCTIONS and word not in CONSTANTS:
-            _refuse(text, f"unknown name {word!r}, known are {', '.join((*FUNCTIONS, *CONSTANTS))}")
+        if kind == "name" and not any(word in known for known in (FUNCTIONS, CONSTANTS, names)):
+            _refuse(text, _unknown(word, names))
         if word == "(":
             outer.append((base, depth))
             base = depth = depth + 1
@@ -115,21 +129,32 @@ def _check_words(text: str) -> None:
         _refuse(text, "'(' is never closed")
 
 
-def _value(node: ast.expr, text: str) -> float:
+def _unknown(word: str, names: Mapping[str, float]) -> str:
+    import difflib
+
+    known = (*FUNCTIONS, *CONSTANTS, *names)
+    likely = difflib.get_close_matches(word, names, n=1)
+    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:MOST_SHOWN])}"
+    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > MOST_SHOWN and not likely)
+
+
+def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:
     match node:
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
             sign, function = _OPERATORS[type(operator)]
-            return _step(text, sign, function, _value(left, text), _value(right, text))
+            return _step(text, sign, function, _value(left, text, names), _value(right, text, names))
         case ast.Constant(value=int() | float() as number):
             return _step(text, "", float, number)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, text)
+            return -_value(operand, text, names)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _value(operand, text)
+            return _value(operand, text, names)
         case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
-            return _step(text, name, FUNCTIONS[name], _value(argument, text))
+            return _step(text, name, FUNCTIONS[name], _value(argument, text, names))
         case ast.Name(id=name) if name in CONSTANTS:
             return CONSTANTS[name]
+        case ast.Name(id=name) if name in names:
+            return names[name]
         case ast.Name(id=name):
             _refuse(text, f"{name} needs a number in parentheses")
         case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:

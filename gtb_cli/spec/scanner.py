@@ -14,8 +14,13 @@ from typing import Literal, NamedTuple, TypeAlias
 Format: TypeAlias = Literal["toml", "json"]
 Path: TypeAlias = tuple[str | int, ...]
 
-MAX_WORDS = 100_000
-"""Most values, keys and signs in a spec; five thousand knots with weights and lifting have as many."""
+MAX_WORDS = 150_000
+"""Most values, keys and signs in a spec, where a list of numbers, or of lists of numbers, is one; a model of 5000
+patches has half of them."""
+
+MAX_NUMBERS = 1_000_000
+"""Most numbers of such lists: 5000 bicubic patches have half of them, and all of them take some two seconds and 100 MB
+to be read."""
 
 MAX_WORD_LENGTH = 1000
 """Longest string or number; an expression has at most 256 characters."""
@@ -42,6 +47,10 @@ _WORDS = {
     ),
 }
 
+_ENTRY = r"[-+.\deE_]{1,60}(?![-+.\deE_])|[, \t\r\n]"
+_NUMBERS = re.compile(rf"{_GAP}(?P<word>(?P<string>\0\0)?(?P<sign>\0\0)?\[(?:{_ENTRY}|\[(?:{_ENTRY})*+\])*+\])")
+"""A list of numbers, or of lists of numbers, with the groups of other words, which match nothing in it."""
+
 
 class TooMuch(Exception):
     """Line and reason why a text goes to no parser."""
@@ -65,9 +74,18 @@ class _Open:
 
 
 class Scanner:
-    """A walk over the words of a text. It finds some places of a text that is not well-formed, too."""
+    """A walk over the words of a text. It finds some places of a text that is not well-formed, too.
 
-    def __init__(self, text: str, format: Format) -> None:
+    Parameters
+    ----------
+    text : str
+    format : "toml" or "json"
+    passes_numbers : bool
+        Whether lists of numbers are passed over, without the places of their entries.
+    """
+
+    def __init__(self, text: str, format: Format, passes_numbers: bool = False) -> None:
+        self._passes_numbers = passes_numbers
         self._text = text
         self._words = _WORDS[format]
         self._is_toml = format == "toml"
@@ -87,23 +105,32 @@ class Scanner:
         TooMuch
             At the first place where a limit is passed.
         """
-        position = 0
-        for count, match in enumerate(self._words.finditer(self._text)):
-            word = match["word"]
+        position = count = numbers = 0
+        before = ""
+        while True:
+            count += 1
+            match = _NUMBERS.match(self._text, position) if self._passes_numbers and before in "=:[," else None
+            if match is not None and self._expects_value and len(self._stack) < MAX_NESTING:
+                numbers += match["word"].count(",")
+            else:
+                match = self._words.match(self._text, position)
+                assert match is not None  # it matches anything, and the end
+            word = before = match["word"]
             if not word:
                 return
             newlines = self._text.count("\n", position, match.start("word"))
             position = match.end()
             self._line += newlines
-            if count == MAX_WORDS:
+            if self._passes_numbers and count > MAX_WORDS:
                 raise TooMuch(self._line, f"is too large, a spec has at most {MAX_WORDS} values, keys and signs")
-            if len(word) > MAX_WORD_LENGTH:
+            if numbers > MAX_NUMBERS:
+                raise TooMuch(self._line, f"is too large, a spec has at most {MAX_NUMBERS} numbers")
+            if len(word) > MAX_WORD_LENGTH and word[0] != "[":
                 raise TooMuch(self._line, f"a word of {len(word)} characters, at most {MAX_WORD_LENGTH} are allowed")
             if newlines and self._is_toml and len(self._stack) == 1:  # the end of a line ends a key and its value
                 self._stack[0].key, self._brackets = None, 0
                 self._new_key()
-            top = self._stack[-1]
-            if top.index is not None or top.key is not None:
+            if self._expects_value:
                 yield from self._at_value(word)
             elif match["sign"] is None:
                 self._add_to_key(word, is_string=match["string"] is not None)
@@ -111,6 +138,10 @@ class Scanner:
                 yield from self._at_key(word)
                 self._new_key()
             self._line += word.count("\n")
+
+    @property
+    def _expects_value(self) -> bool:
+        return self._stack[-1].index is not None or self._stack[-1].key is not None
 
     def _new_key(self) -> None:
         self._parts: list[str] = []

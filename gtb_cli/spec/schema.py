@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from keyword import kwlist
 from typing import Any, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
-from gtb_cli.spec.expression import MAX_LENGTH
-from gtb_cli.spec.reader import CONTROL, LARGEST, MAX_KNOTS, MAX_NAME, MAX_PATCHES, NAMED_COEFFICIENTS
+from gtb_cli.spec.copies import AXES, MAX_PATCHES
+from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
+from gtb_cli.spec.includes import MAX_FILES
+from gtb_cli.spec.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME
+from gtb_cli.spec.reader import MAX_KNOTS, NAMED_COEFFICIENTS
+from gtb_cli.spec.values import CONTROL, LARGEST, MAX_NAME
 
 
 def schema() -> dict[str, Any]:
@@ -20,18 +25,36 @@ def schema() -> dict[str, Any]:
     Notes
     -----
     What a schema cannot say is left to `gtb_cli.spec.loading.parse`: that lists have an entry for each knot, whether an
-    expression has a value and which, that numbers are finite (JSON has no others), that the hull is not flat, how many
-    edges it has, whether the knots are a lattice; and what comes before data, such as syntax, repeated keys and sizes.
+    expression has a value and which, whether a name in it is known, whether there is the patch that is copied or the
+    file that is included, that names do not clash, that numbers are finite (JSON has no others), that the hull is not
+    flat, how many edges it has, whether the knots are a lattice; and what comes before data, such as syntax, repeated
+    keys and sizes.
     """
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "GT-Bézier patch, or model of several patches",
-        "if": {"type": "object", "required": ["patches"]},
+        "if": {"type": "object", "anyOf": [{"required": ["patches"]}, {"required": ["include"]}]},
         "then": {"$ref": "#/$defs/model"},
-        "else": {"$ref": "#/$defs/patch"},
+        "else": {"$ref": "#/$defs/single"},
         "$defs": {
             "model": _MODEL,
             "patch": _PATCH,
+            "copy": _COPY,
+            "single": {
+                **_PATCH,
+                "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
+            },
+            "let": {
+                "description": "Numbers with a name, for all expressions; each may use those before it.",
+                "type": "object",
+                "propertyNames": {
+                    "pattern": f"^{NAME}$",
+                    "maxLength": MAX_NUMBER_NAME,
+                    "not": {"enum": [*FUNCTIONS, *CONSTANTS, COUNTER, *kwlist]},
+                },
+                "additionalProperties": _number(),
+                "maxProperties": MAX_NAMES,
+            },
             "name": {
                 "description": "Default: the name of the file without its suffix.",
                 "type": "string",
@@ -43,11 +66,11 @@ def schema() -> dict[str, Any]:
             "positive": _number(exclusiveMinimum=0),
             "scale": _number(minimum=1 / LARGEST, maximum=LARGEST),
             "expression": {
-                "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e.",
+                "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e deg, names of let.",
                 "type": "string",
                 "maxLength": MAX_LENGTH,
-                "pattern": "[0-9a-z]",
-                "not": {"pattern": r"[^-+*/()0-9A-Za-z. \t]"},
+                "pattern": "[0-9A-Za-z]",
+                "not": {"pattern": r"[^-+*/()0-9A-Za-z_. \t]|(^|[^A-Za-z0-9_])[0-9.]*_"},
             },
         },
     }
@@ -66,22 +89,74 @@ def _tuples(size: int, least: int = 0) -> dict[str, Any]:
     return {"type": "array", "items": entry, "minItems": least, "maxItems": MAX_KNOTS}
 
 
+def _vector(least: int) -> dict[str, Any]:
+    return {"type": "array", "items": {"$ref": "#/$defs/coordinate"}, "minItems": least, "maxItems": 3}
+
+
 _MODEL = {
     "type": "object",
     "properties": {
         "name": {"$ref": "#/$defs/name"},
+        "let": {"$ref": "#/$defs/let"},
+        "include": {
+            "description": "Files of this file's folder, or below it, whose patches come before these.",
+            "type": "array",
+            "items": {"type": "string", "minLength": 1},
+            "maxItems": MAX_FILES,
+        },
+        "weld": {
+            "description": "Edges as near as this are joined: in model units, or as a percentage of the model's size.",
+            "anyOf": [
+                {"$ref": "#/$defs/positive"},
+                {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"},
+            ],
+        },
         "patches": {
             "type": "array",
-            "items": {"$ref": "#/$defs/patch"},
+            "items": {
+                "if": {"type": "object", "required": ["copy"]},
+                "then": {"$ref": "#/$defs/copy"},
+                "else": {"$ref": "#/$defs/patch"},
+            },
             "minItems": 1,
             "maxItems": MAX_PATCHES,
         },
     },
-    "required": ["patches"],
     "additionalProperties": False,
 }
 
-_PATCH = {
+_COPY = {
+    "description": "A patch that is another one, mirrored, scaled, rotated and translated, in this order.",
+    "type": "object",
+    "properties": {
+        "name": {"$ref": "#/$defs/name"},
+        "copy": {"description": "Name of the patch that is copied.", "type": "string"},
+        "mirror": {"description": "The coordinate that changes its sign; normals stay outside.", "enum": list(AXES)},
+        "scale": {
+            "description": "Factor, or one for each coordinate.",
+            "anyOf": [{"$ref": "#/$defs/scale"}, {**_list("scale", 3), "maxItems": 3}],
+        },
+        "rotate": {
+            "type": "object",
+            "properties": {
+                "axis": {"anyOf": [{"enum": list(AXES)}, _vector(3)]},
+                "degrees": {"$ref": "#/$defs/coordinate"},
+                "about": {"description": "The point that stays; default: the origin.", **_vector(2)},
+            },
+            "required": ["axis", "degrees"],
+            "additionalProperties": False,
+        },
+        "translate": _vector(2),
+        "repeat": {
+            "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their names.",
+            **_number(minimum=1, maximum=MAX_PATCHES),
+        },
+    },
+    "required": ["copy"],
+    "additionalProperties": False,
+}
+
+_PATCH: dict[str, Any] = {
     "type": "object",
     "properties": {
         "name": {"$ref": "#/$defs/name"},

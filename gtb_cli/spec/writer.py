@@ -12,7 +12,7 @@ import numpy as np
 from gtb_cli.errors import SpecError
 from gtb_cli.files import replace_file
 from gtb_cli.spec.loading import parse
-from gtb_cli.spec.reader import name_fault
+from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -28,7 +28,8 @@ def to_dict(spec: Patch | Model) -> dict[str, Any]:
     """
     if isinstance(spec, Model):
         named: dict[str, Any] = {} if spec.name is None else {"name": spec.name}
-        return {**named, "patches": [to_dict(patch) for patch in spec.patches]}
+        welded: dict[str, Any] = {} if spec.weld is None else {"weld": spec.weld}
+        return {**named, **welded, "patches": [to_dict(patch) for patch in spec.patches]}
     if not isinstance(spec, Patch):
         raise SpecError(f"expected a Patch or a Model, got {type(spec).__name__}")
     ones = np.ones(len(spec.knots))
@@ -111,8 +112,9 @@ def _by_number(patch: Patch) -> Patch:
 
 def _toml(data: dict[str, Any]) -> str:
     if "patches" in data:
-        parts = [_name_text(data["name"])] if "name" in data else []
-        return "\n".join(parts + [f"[[patches]]\n{_toml(patch)}" for patch in data["patches"]])
+        head = _name_text(data["name"]) if "name" in data else ""
+        head += f"weld = {_number_text(data['weld'])}\n" if "weld" in data else ""
+        return "\n".join([head] * bool(head) + [f"[[patches]]\n{_toml(patch)}" for patch in data["patches"]])
     text = ""
     for key, value in data.items():
         if key == "name":

@@ -75,7 +75,13 @@ class Joints:
         return not (self.open or self.crowded or self.one_sided)
 
 
-def find_joints(patches: Sequence[Patch]) -> Joints:
+def diagonal_of(patches: Sequence[Patch]) -> float:
+    """Diagonal of the bounding box of all control points, in model units."""
+    points = np.concatenate([patch.control_points for patch in patches])
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     """Find the edges of patches that carry the same curve.
 
     Two boundary curves are the same if, either way round, they have the same points at the same fractions in the linear
@@ -132,24 +138,6 @@ def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
     """Name an edge for people, as ``lid edge 2``."""
     index, edge = ref
     return f"{patches[index].name or f'patches[{index}]'} edge {edge}"
-
-
-def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Say, edge by edge, what keeps a model from being closed; empty where it is."""
-    near: dict[EdgeRef, list[str]] = {}
-    for first, second, distance in joints.almost:
-        for one, other in ((first, second), (second, first)):
-            near.setdefault(one, []).append(f"{distance:.3g} from {edge_name(patches, other)}")
-    lines = []
-    for ref in joints.open:
-        hint = f" (but only {', '.join(near[ref])})" if ref in near else ""
-        lines.append(f"{edge_name(patches, ref)} is open{hint}")
-    for refs in joints.crowded:
-        lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
-    for joint in joints.one_sided:
-        ends = " and ".join(edge_name(patches, ref) for ref in (joint.first, joint.second))
-        lines.append(f"{ends} cannot be given the same orientation")
-    return lines
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,8 @@ class Model:
     patches : sequence of Patch
         All curves or all surfaces.
     name : str, optional
+    weld : float, optional
+        Edges whose curves are as near as this, in model units, are joined; None: edges with the same curve.
 
     Raises
     ------
@@ -39,6 +41,7 @@ class Model:
 
     patches: tuple[Patch, ...]
     name: str | None = None
+    weld: float | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.patches, Patch):
@@ -79,7 +82,7 @@ class Model:
         """How the edges of the patches are joined."""
         from gtb_cli.theory.joints import find_joints  # its rules of likeness are not needed to read a model
 
-        return find_joints(self.patches)
+        return find_joints(self.patches, self.weld)
 
     def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
         """Draw the model on axes of matplotlib, and return them; see `gtb_cli.plot`."""

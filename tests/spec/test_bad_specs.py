@@ -13,9 +13,11 @@ from collections.abc import Iterator
 import pytest
 
 from gtb_cli.errors import SpecError
+from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.document import Faults
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.reader import MAX_EXPRESSIONS, MAX_KNOTS, MAX_PATCHES, MAX_UNITY
+from gtb_cli.spec.reader import MAX_KNOTS, MAX_UNITY
+from gtb_cli.spec.values import MAX_EXPRESSIONS
 from gtb_cli.spec.writer import dump
 from tests.specs import ARC, BAD_SPECS, GOOD_SPECS, SECONDS, Case, arrays, bad_specs
 
@@ -41,7 +43,7 @@ def test_every_bad_spec_is_in_the_table() -> None:
     ("text", "message"),
     [
         (f"knots = [{'0, 1, ' * (MAX_KNOTS // 2)}2]\n", f"knots: must be at most {MAX_KNOTS}, got {MAX_KNOTS + 1}"),
-        (f"[[patches]]\n{ARC}" * (MAX_PATCHES + 1), f"patches: must be at most {MAX_PATCHES}, got {MAX_PATCHES + 1}"),
+        (f"patches = [{'{}, ' * MAX_PATCHES}{{}}]", f"patches: must be at most {MAX_PATCHES}, got {MAX_PATCHES + 1}"),
         (
             "knots = [" + ", ".join(f"[{i}, {i * i}]" for i in range(1500)) + "]\n",
             "knots: 1500 knots times 1500 edges, at most 2000000 are allowed",

@@ -239,7 +239,7 @@ def test_hostile_texts_are_refused_quickly(text: str) -> None:
 @pytest.mark.parametrize(
     ("make", "limit", "message"),
     [
-        (lambda n: "a = [" + "1," * ((n - 4) // 2) + "]" * (1 + (n - 4) % 2), MAX_WORDS, "values, keys and signs"),
+        (lambda n: "a = [" + "''," * ((n - 4) // 2) + "]" * (1 + (n - 4) % 2), MAX_WORDS, "values, keys and signs"),
         (lambda n: "\n" * (n - 1) + "a = 1", MAX_LINES, "lines"),
         (lambda n: f"a = '{'x' * (n - 2)}'", MAX_WORD_LENGTH, "a word of 1001 characters"),
         (lambda n: "a = " + "[" * n + "]" * n, MAX_NESTING, "is nested more than 16 deep"),

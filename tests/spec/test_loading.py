@@ -18,7 +18,7 @@ from gtb_cli.knots import domain as domain_room
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.spec.document import MAX_BYTES, Faults
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.reader import LARGEST
+from gtb_cli.spec.values import LARGEST
 from gtb_cli.spec.writer import dump
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

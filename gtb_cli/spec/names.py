@@ -1,0 +1,89 @@
+"""``let``: numbers with a name, each of which may use those before it."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from gtb_cli.spec.document import shown
+from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, names_in
+from gtb_cli.spec.scanner import Path
+from gtb_cli.spec.values import ANY, Values
+
+NAME = r"[A-Za-z][A-Za-z0-9_]*"
+"""What the name of a number looks like."""
+
+COUNTER = "k"
+"""Name of the number of a copy, in expressions of copies."""
+
+MAX_NUMBER_NAME = 60
+"""Longest name of a number, in characters."""
+
+MAX_NAMES = 1000
+"""Most numbers with a name."""
+
+MAX_CIRCLE = 20
+"""Most names of a circle that is found."""
+
+
+def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str]) -> dict[str, float]:
+    """Read ``let``, if there is one; `spec_keys` are keys that a table [let] takes by mistake."""
+    names: dict[str, float] = {}
+    values.names = names
+    if "let" not in table:
+        return names
+    let = table["let"]
+    if not isinstance(let, dict):
+        values.faults.add(("let",), f"must be a table of numbers, got {shown(let)}")
+        return names
+    if len(let) > MAX_NAMES:
+        values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
+        return names
+    for name, value in let.items():
+        path: Path = ("let", name)
+        fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
+        if fault is not None:
+            values.faults.add(path, fault)
+            names.setdefault(name, 1.0)  # so that what uses it is not wrong, too
+            continue
+        number = values.number(value, path, ANY)
+        names[name] = 1.0 if number is None else number
+    return names
+
+
+def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | None:
+    """Say why a name cannot be that of a number."""
+    if name in spec_keys and not isinstance(value, int | float):
+        return "is a key of a spec, and [let] takes all keys that follow: put it before [let]"
+    if not re.fullmatch(NAME, name) or len(name) > MAX_NUMBER_NAME:
+        return f"must be a letter, then at most {MAX_NUMBER_NAME - 1} letters, digits and _, to be the name of a number"
+    if name in FUNCTIONS or name in CONSTANTS:
+        return "is the name of a function or constant"
+    if name == COUNTER:
+        return "is the number of a copy: choose another name"
+    if keyword.iskeyword(name):
+        return "is a word with another meaning in expressions"
+    return None
+
+
+def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
+    """Say which later name a number needs, or the circle that it is part of."""
+    later = [word for word in _needed(let, name) if word in let and word not in known]
+    if not later:
+        return None
+    chain = [name]
+    while len(chain) <= MAX_CIRCLE:
+        step = next((word for word in _needed(let, chain[-1]) if word in let and word not in known), None)
+        if step is None or step in chain[1:]:
+            break
+        chain.append(step)
+        if step == name:
+            return f"needs itself: {' -> '.join(chain)}"
+    return f"uses {later[0]}, which comes later: put {later[0]} first"
+
+
+def _needed(let: Mapping[str, object], name: str) -> list[str]:
+    value = let[name]
+    return names_in(value) if isinstance(value, str) else []
