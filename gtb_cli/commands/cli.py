@@ -33,6 +33,7 @@ COMMANDS = {
     "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
     "plot": ("gtb_cli.commands.plot:plot", "Draw a figure for print: PNG, SVG or PDF."),
     "view": ("gtb_cli.commands.view:view", "Make a page to look at surfaces in a browser."),
+    "expand": ("gtb_cli.commands.expand:expand", "Print a spec with names, copies and included files carried out."),
     "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
     "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
     "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
