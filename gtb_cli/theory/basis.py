@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
@@ -157,7 +157,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     ------
     DomainError
         Repeated knots (the system is singular), or a solution that is not positive, hence not a basis. The message has
-        the values.
+        the values, those that are 0 to rounding as 0.
 
     Notes
     -----
@@ -187,8 +187,12 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
         raise DomainError(
             "coefficients: partition of unity has no unique solution to rounding (repeated or too many knots?)"
         )
-    c = np.linalg.solve(scaled, 1.0 / rows[:, 0]) / columns
-    if not (c > 0).all():
-        values = ", ".join(f"{x:.6g}" for x in c)
+    solution = np.linalg.solve(scaled, 1.0 / rows[:, 0])
+    c = solution / columns
+    # Entries are powers, with an error of their logarithm; by Skeel's bound the solution is wrong by no more than this.
+    logs = np.abs(np.log(matrix[matrix > 0])).max()
+    doubt = EPS * (n + logs) * (np.abs(np.linalg.inv(scaled)) @ (np.abs(scaled) @ np.abs(solution)))
+    if not (solution > doubt).all():
+        values = ", ".join(f"{x:.6g}" if abs(y) > d else "0" for x, y, d in zip(c, solution, doubt, strict=True))
         raise DomainError(f"coefficients: partition of unity would need ({values}), which are not all positive")
     return np.asarray(c)

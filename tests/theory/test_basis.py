@@ -295,3 +295,16 @@ def test_coefficients_of_a_patch_need_not_be_a_partition_of_unity():
     one = Patch(ROOTS, np.eye(5)[:, :3], coefficients=np.ones(5))
     assert one.basis([0.3]).sum() == pytest.approx(1, abs=1e-15)
     assert gt_bernstein(one.domain, one.coefficients, [0.3]).sum() > 1
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_coefficients_that_are_zero_to_rounding_are_not_positive(unit):
+    with pytest.raises(DomainError, match=r"would need \(\S+, 0, \S+, \S+\), which are not all positive"):
+        partition_of_unity_coefficients(domain([0, unit, 2 * unit, 4 * unit], edge_scale=1 / unit))
+
+
+def test_tiny_coefficients_are_positive():
+    c = partition_of_unity_coefficients(domain([0, 1, 2, 3], edge_scale=30))
+    assert (c > 0).all()
+    assert c.max() < 1e-40
+    np.testing.assert_allclose(c / c[0], [1, c[1] / c[0], c[1] / c[0], 1], rtol=1e-9)
