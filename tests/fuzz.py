@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz`: many mutated specs through the command, and many commands killed while they write.
+"""`python -m tests.fuzz`: many mutated specs through the command, inputs made by rules, and processes that are killed.
 
 Prints what it did; exits 1 at the first thing that should not be, with how to have it again.
 """
@@ -6,9 +6,12 @@ Prints what it did; exits 1 at the first thing that should not be, with how to h
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import os
 import random
 import resource
+import shlex
 import shutil
 import signal
 import subprocess
@@ -19,12 +22,18 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.shell.sequences import RECORD
+from tests.generators import mesh_file, model, overwriting_line
 from tests.mutations import mutation
 from tests.shell import SPECS, command, environment, gtb
 
 SECONDS = 1.0
 """Longest that a spec may take, in processor time."""
+
+MODEL_SECONDS = 5.0
+"""Longest that a model of up to six patches may take, in processor time."""
 
 MEGABYTES = 200
 """Memory that all specs together may need beyond what the program needs before the first."""
@@ -67,6 +76,79 @@ def mutate(count: int, seed: int) -> str | None:
             return f"memory grew by {grown:.0f} MB"
     print(f"{count} mutated specs: no traceback, no partial file, none over {SECONDS:g} s, {grown:.0f} MB more")
     return None
+
+
+def models(count: int, seed: int) -> str | None:
+    """Mesh models made by rules; the first complaint. A refusal is an answer, too: thickness has limits."""
+    with tempfile.TemporaryDirectory() as name:
+        spec, folder = Path(name) / "model.json", Path(name) / "out"
+        statuses = Counter()
+        for number in range(count):
+            text, options = model(random.Random(f"{seed}-{number}"))
+            spec.write_bytes(text)
+            start = time.process_time()
+            result = gtb("mesh", spec, "-o", f"{folder}/", *options)
+            seconds = time.process_time() - start
+            made = os.listdir(folder) if folder.exists() else []
+            remove(folder)
+            statuses[result.status] += 1
+            complaint = None
+            if "Traceback" in result.err or "internal error" in result.err or "Warning" in result.err:
+                complaint = f"not a message: {result.err}"
+            elif result.status not in (0, 2) and "--require" not in options:
+                complaint = f"status {result.status}"
+            elif len(made) != (result.status == 0):
+                complaint = f"status {result.status}, made {made}"
+            elif seconds > MODEL_SECONDS:
+                complaint = f"{seconds:.2f} s"
+            if complaint:
+                return f"model {number} of seed {seed}: {complaint}\n{' '.join(options)}\n{text.decode()}"
+    print(f"{count} models with degenerate patches: {statuses[0]} meshes, {count - statuses[0]} refused in words")
+    return None
+
+
+def polygons(count: int, seed: int) -> str | None:
+    """Read mesh files of any polygons; the first that has other triangles than it should, or is not refused."""
+    with tempfile.TemporaryDirectory() as name:
+        for number in range(count):
+            data, suffix, faces = mesh_file(random.Random(f"{seed}-{number}"))
+            path = Path(name) / f"mesh.{suffix}"
+            path.write_bytes(data)
+            found, words = None, "expected vertices"
+            try:
+                found = len(read_mesh(path).faces)
+            except GtbError as error:
+                words = str(error)
+            if found != faces or "expected vertices" not in words:
+                return f"mesh {number} of seed {seed}: {found} faces, not {faces}; {words}\n{data[:2000]!r}"
+    print(f"{count} mesh files of polygons: each has its triangles, or is refused")
+    return None
+
+
+def overwriting(count: int, seed: int) -> str | None:
+    """Run command lines whose output is an input; the first that is not refused, or changes a file."""
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        triangle = {"knots": [[0, 0], [1, 0], [0, 1]], "control_points": [[0, 0], [1, 0], [0, 1]]}
+        Path("s.toml").write_text(json.dumps(triangle), encoding="utf-8")
+        Path("p.txt").write_bytes(b"0.1 0.2\n0.3 0.1\n")
+        Path("meshes").mkdir()
+        Path("meshes/s.obj").write_text(json.dumps(triangle), encoding="utf-8")
+        Path("up").symlink_to(".")
+        for file in ("s.toml", "p.txt", "meshes/s.obj"):
+            Path(f"to-{file.replace('/', '-')}").symlink_to(file)
+        before = contents(Path())
+        for number in range(count):
+            line = overwriting_line(random.Random(f"{seed}-{number}"))
+            result = gtb(*line)
+            if result.status != 2 or "would be overwritten" not in result.err or contents(Path()) != before:
+                return f"line {number} of seed {seed}: {shlex.join(line)}: status {result.status}, {result.err}"
+    print(f"{count} command lines that name an input as output: all refused, and nothing is changed")
+    return None
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Every file below a folder."""
+    return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 MESH = ("mesh", SPECS / "pentagon.toml", "-n", 150)
@@ -182,13 +264,17 @@ def restore(place: Path, files: dict[str, bytes]) -> None:
 
 
 def main() -> None:
-    """Run both."""
+    """Run all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--specs", type=int, default=20_000)
+    parser.add_argument("--made", type=int, default=5_000, help="of each kind that is made by rules")
     parser.add_argument("--kills", type=int, default=200, help="for each format, and each kind of sequence")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    complaint = mutate(options.specs, options.seed) or kill(options.kills, options.seed)
+    complaint = mutate(options.specs, options.seed)
+    for judged in (models, polygons, overwriting):
+        complaint = complaint or judged(options.made, options.seed)
+    complaint = complaint or kill(options.kills, options.seed)
     if complaint:
         sys.exit(complaint)
 

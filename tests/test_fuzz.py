@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fuzz import kill, mutate
+from tests.fuzz import kill, models, mutate, overwriting, polygons
 from tests.marks import long, mostly_long
 
 
 @pytest.mark.parametrize("count", mostly_long([100, 500]))
 def test_mutated_specs_give_a_mesh_or_a_message(count):
     assert mutate(count, seed=1) is None
+
+
+@pytest.mark.parametrize("judged", [models, polygons, overwriting])
+@pytest.mark.parametrize("count", mostly_long([30, 500]))
+def test_what_is_made_by_rules_gives_what_it_should(judged, count):
+    assert judged(count, seed=1) is None
 
 
 @long
