@@ -109,9 +109,14 @@ class Recipe:
         if tolerance is not None and self.radius is not None:
             tolerance *= AXIS_SHARE
         normals = self.normals or self.thickness is not None
-        mesh = tessellate(
-            spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=self.max_faces
-        )
+        around = self._faces_around(tolerance)
+        try:
+            cells = self.max_faces // around
+            mesh = tessellate(spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=cells)
+        except ToleranceError as error:
+            if around == 1:
+                raise
+            raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         surface = mesh
         offset_folds: list[str] = []
         remarks = self._confusion(spec, mesh)
@@ -157,6 +162,14 @@ class Recipe:
             f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
             f"more than two faces; -n {self.resolution + 1} keeps them apart"
         ]
+
+    def _faces_around(self, tolerance: float | None) -> int:
+        """Faces for each segment of a tube with a tolerance; 1 for other meshes, whose cells are their faces."""
+        if self.radius is None or tolerance is None:
+            return 1
+        from gtb_cli.meshes.tube import ring_size
+
+        return 2 * ring_size(self.radius, tolerance)
 
     def _tube(self, spec: Patch | Model, mesh: Mesh, radius: float, tolerance: float | None) -> tuple[Mesh, list[str]]:
         """The tube around the mesh of a curve, and where it folds."""
