@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import math
-import os
-import signal
 import sys
-import time
-from types import FrameType
+
+try:  # of the milliseconds before signals are caught, in which Python would show a traceback, these are the most
+    import math
+    import os
+    import signal
+    import time
+    from types import FrameType
+except KeyboardInterrupt:
+    sys.exit(130)
 
 STOPPED = 128
 """Added to the number of the signal that stopped a process: 130 after Ctrl-C."""

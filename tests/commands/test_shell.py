@@ -315,6 +315,27 @@ def test_a_process_that_is_stopped_in_an_import_leaves_no_new_folder(tmp_path):
     assert names(tmp_path) == []
 
 
+STOPPED_AT_ONCE = """
+import sys
+
+class Stop:
+    def find_spec(self, name, path=None, target=None):
+        if name == "signal":
+            raise KeyboardInterrupt
+
+sys.modules.pop("signal", None)
+sys.meta_path.insert(0, Stop())
+import gtb_cli.__main__
+"""
+
+
+def test_ctrl_c_before_signals_are_caught_shows_no_traceback():
+    """But in the milliseconds in which Python itself starts."""
+    line = [sys.executable, "-c", STOPPED_AT_ONCE]
+    done = subprocess.run(line, env=environment(), capture_output=True, timeout=TIMEOUT, check=False)
+    assert (done.returncode, done.stderr) == (130, b"")
+
+
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
     child = start(
         "mesh",
