@@ -17,7 +17,7 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture
 def measured_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands make their sequences with rough distances, whose accuracy is tested elsewhere."""
-    from gtb_cli.tessellation import sequence
+    from gtb_cli.sequences import sequence
 
     rough = sequence.Accuracy(chord_error=0.02, cells=16, points_in_all=100)
     for name in ("degeneration_sequence", "knot_sequence"):

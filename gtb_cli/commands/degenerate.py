@@ -139,7 +139,7 @@ def degenerate(
     with about(shown_input(spec)):
         exponents = _values(patch, lifting)
         if meshes:
-            from gtb_cli.tessellation.sequence import degeneration_sequence
+            from gtb_cli.sequences.sequence import degeneration_sequence
 
             check_kind(options, patch)
             sequence = degeneration_sequence(

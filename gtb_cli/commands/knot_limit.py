@@ -101,7 +101,7 @@ def knot_limit(
 
         limit = limit_of(patch, moves)
         if meshes:
-            from gtb_cli.tessellation.sequence import knot_sequence
+            from gtb_cli.sequences.sequence import knot_sequence
 
             check_kind(options, patch)
             sequence = knot_sequence(

@@ -338,7 +338,7 @@ def _frames(
     """Meshes of a degeneration or of a knot limit, with the net of its limit."""
     from gtb_cli.pictures.nets import net_of
     from gtb_cli.pictures.sequences import Frames
-    from gtb_cli.tessellation.sequence import degeneration_sequence, knot_sequence
+    from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
 
     if moves and (xs or lifting is not None):
         raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")

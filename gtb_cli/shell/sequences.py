@@ -18,7 +18,7 @@ from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.tessellation.sequence import Member, MeshSequence
+    from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
 
 RECORD = "sequence.json"

@@ -1,1 +1,1 @@
-"""Patch, model or family of patches to mesh."""
+"""Patch or model to mesh."""

@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.tessellation.sequence import degeneration_sequence
 from tests.shell import SPECS
 
 SINGLE = 2.0**-22

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.tessellation.film import film_mesh
-from gtb_cli.tessellation.sequence import degeneration_sequence
+from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots

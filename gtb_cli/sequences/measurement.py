@@ -10,8 +10,8 @@ import numpy as np
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.sequences.family import Family
 from gtb_cli.tessellation.complex import Complex, Sampler
-from gtb_cli.tessellation.family import Family
 from gtb_cli.tessellation.lattice import POINTS_IN_ALL
 from gtb_cli.tessellation.refinement import refine
 

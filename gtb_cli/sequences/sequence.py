@@ -18,10 +18,10 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count_of
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.sequences.family import Family, approaching, degenerating
+from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex, Sampler
-from gtb_cli.tessellation.family import Family, approaching, degenerating
-from gtb_cli.tessellation.film import film_mesh
-from gtb_cli.tessellation.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.knot_limit import knot_limit, move_knots
