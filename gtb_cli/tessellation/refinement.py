@@ -125,7 +125,7 @@ class _Refinement:
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is no error of the mesh.
-        self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.patches])
+        self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.evaluated])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby, self.estimated = 0.0, 0
         self.certificates = Certificates(sampler)
