@@ -102,7 +102,7 @@ def fit(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         raise DomainError(f"knots: must ascend, got {a[int(steps.argmin())]:g} before {a[int(steps.argmin()) + 1]:g}")
     s, logs = _local_weights(steps)
     scale = max(float(s[-1]) / 2, 1 / float(a[-1] - a[0]))
-    curve = Patch(a, places, log_weights=logs, edge_scale=scale)  # type: ignore[arg-type]
+    curve = Patch(a, places, log_weights=logs, edge_scale=scale)
     if np.ptp(logs) <= LARGEST_RANGE:
         curve = curve.replace(weights=np.exp(logs))
     # s = k log((t − a_0)/(a_n − t)); the ends are the points' own.

@@ -9,6 +9,14 @@ from gtb_cli.vocabulary import TEMPLATES
 
 FOLDER = os.path.join(os.path.dirname(__file__), "templates")
 
+SCHEMA_LINES = """\
+#:schema ./spec-schema.json
+# gtb schema -o spec-schema.json makes the file by which editors know the keys.
+
+"""
+"""How a template opens: the first line is read by editors that use Taplo, and names a file beside the spec; no address
+on the network would serve the keys of every version."""
+
 FEWEST_SIDES, MOST_SIDES = 3, 100
 
 
@@ -43,7 +51,7 @@ def template(name: str, sides: int | None = None) -> str:
         raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
     with open(os.path.join(FOLDER, f"{name}.toml"), encoding="utf-8") as file:
         text = file.read()
-    return text if sides is None else text.format(**_polygon(sides))
+    return SCHEMA_LINES + (text if sides is None else text.format(**_polygon(sides)))
 
 
 def _polygon(sides: int) -> dict[str, object]:

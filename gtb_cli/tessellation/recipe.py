@@ -155,8 +155,9 @@ class Recipe:
 
         if not isinstance(spec, Model) or self.tolerance is not None or self.resolution > 2 or mesh.is_curve:
             return []
-        crowded = len(mesh.crowded_sides)
-        if not crowded:
+        # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
+        crowded = len(mesh.crowded_sides) - self.resolution * len(spec.joints.crowded)
+        if crowded <= 0:
             return []
         return [
             f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "

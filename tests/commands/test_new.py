@@ -49,7 +49,7 @@ def test_a_template_meshes_and_has_the_properties(name, sides):
     if (sides or 0) < 50:
         assert check(shape).holds
     # No line of it is left to the defaults that is there to be changed, and lines can be read.
-    assert result.text.startswith("# ")
+    assert result.text.startswith("#:schema ./spec-schema.json\n# ")
     assert re.search(r"^# .*Mesh it with: gtb mesh \S+\.toml -o \S+\.obj", result.text, re.MULTILINE)
     if sides != 100:
         assert max(map(len, result.text.splitlines())) <= LINE

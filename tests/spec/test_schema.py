@@ -11,6 +11,8 @@ import pytest
 
 from gtb_cli.spec.reader import MODEL_KEYS, PATCH_KEYS
 from gtb_cli.spec.schema import schema
+from gtb_cli.vocabulary import TEMPLATES
+from tests.shell import gtb
 from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
 
 STRUCTURAL, OTHER = ([case for case in bad_specs() if case.kind == kind] for kind in ("schema", "beyond schema"))
@@ -59,3 +61,13 @@ def test_the_list_of_what_it_cannot_say_is_true(case: Case) -> None:
 )
 def test_small_specs_are_valid(spec: object) -> None:
     VALIDATOR.validate(spec)
+
+
+def test_templates_name_a_schema_beside_them(tmp_path):
+    for name in TEMPLATES:
+        text = gtb("new", name, *([5] if name == "n-gon" else [])).text
+        line, how = text.splitlines()[:2]
+        assert line == "#:schema ./spec-schema.json"
+        assert "gtb schema -o spec-schema.json" in how
+    assert gtb("schema", "-o", tmp_path / "spec-schema.json").status == 0
+    assert json.loads((tmp_path / "spec-schema.json").read_text(encoding="utf-8")) == schema()

@@ -10,6 +10,8 @@ from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 from tests.shell import PENTAGON, SPECS, gtb
 
 CASES = [
@@ -78,3 +80,12 @@ def test_an_open_mesh_is_refused_where_it_must_be_watertight():
 def test_too_many_faces_are_refused_with_their_number():
     with pytest.raises(ToleranceError, match="makes 500 faces, more than 499"):
         Recipe(10, max_faces=499).check_size(load(SPECS / "pentagon.toml"))
+
+
+def test_an_edge_that_three_patches_share_is_not_confused_with_others():
+    """With -n 3 it has as many faces, so that a finer mesh is no cure."""
+    corners = ([0, 0, 1], [0, 1, -1], [0, -1, -1])
+    fans = Model(tuple(Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1, 0, 0], corner]) for corner in corners))
+    assert len(fans.joints.crowded) == 1
+    for n in (1, 2):
+        assert Recipe(n).mesh(fans)[1] == []
