@@ -19,7 +19,7 @@ BROKEN = 'knots = "none"\n'
 def place(tmp_path, monkeypatch):
     """Three specs and a broken one in the working folder."""
     monkeypatch.chdir(tmp_path)
-    for path in (PENTAGON, BICUBIC, CURVE):
+    for path in (PENTAGON, BICUBIC, CURVE, PENTAGON.replace("pentagon", "hexagon")):
         Path(Path(path).name).write_bytes(Path(path).read_bytes())
     Path("broken.toml").write_text(BROKEN)
     return tmp_path
@@ -121,6 +121,22 @@ def test_an_interrupted_run_is_resumed(place, made, monkeypatch):
     assert made == ["cubic-bezier", "bicubic"]
     files = [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]]
     assert files == ["out/cubic-bezier.obj", "out/pentagon.obj", "out/bicubic.obj"]
+
+
+def test_a_change_in_an_included_file_makes_a_mesh_again(place, made):
+    Path("part.toml").write_text(Path("bicubic.toml").read_text())
+    Path("whole.toml").write_text('include = ["part.toml"]\n')
+    specs = ["whole.toml", "pentagon.toml"]
+    resumed(specs=specs)
+    made.clear()
+    resumed("--deps", "x.d", specs=specs)
+    assert made == []
+    assert Path("x.d").read_text().splitlines()[0] == "out/whole.obj: whole.toml part.toml"
+    Path("part.toml").write_text(Path("hexagon.toml").read_text())
+    resumed(specs=specs)
+    assert made == ["whole"]
+    os.unlink("part.toml")
+    assert resumed(specs=specs).status == 2
 
 
 def test_an_interruption_before_the_first_file_leaves_nothing(place):
