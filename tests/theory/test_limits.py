@@ -15,7 +15,9 @@ import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.measurement import Accuracy
 from gtb_cli.sequences.sequence import degeneration_sequence
+from gtb_cli.tessellation import refinement
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
@@ -486,3 +488,13 @@ def test_the_limit_as_a_set_is_the_merged_patch_with_its_films(patch, moves):
     assert farthest[0] > 2 * farthest[1]
     assert farthest[2] < 3e-3  # chords of the meshes
     assert farthest[3] > 5 * farthest[2]
+
+
+def test_cells_of_members_are_no_flatter_than_the_patch_they_belong_to(monkeypatch):
+    """A cell of three knots is a flat patch; the curved one, of which it only says where its points lie, is not."""
+    patch = spec("example-4.4")
+    asked = []
+    monkeypatch.setattr(refinement, "is_flat", lambda shape, tolerance: asked.append(len(shape.knots)) or False)
+    sequence = degeneration_sequence(patch, [5], resolution=1, accuracy=Accuracy(0.02, 16, 100))
+    next(iter(sequence))
+    assert asked.count(len(patch.knots)) == 5  # the whole patch, once for each cell of the limit
