@@ -9,30 +9,40 @@ from gtb_cli.shell.options import console_option, output_option
 from gtb_cli.shell.streams import write_text
 from gtb_cli.vocabulary import SHELLS
 
+MANUAL = "man"
+"""In place of a shell: the manual page."""
+
 VARIABLE = "_GTB_COMPLETE"
 """Environment variable by which the shell asks `gtb` for completions."""
 
 
 @click.command
-@click.argument("shell", metavar="SHELL", type=click.Choice(SHELLS))
+@click.argument("shell", metavar="SHELL", type=click.Choice((*SHELLS, MANUAL)))
 @output_option
 @console_option
 def completion(shell: str, output: str, console: Console) -> None:
     """\b
     Example: gtb completion bash
 
-    Print a script that makes a shell complete commands, options and file names after gtb. SHELL is bash, zsh or fish.
+    Print a script that makes a shell complete commands, options and file names after gtb. SHELL is bash, zsh or fish;
+    with man it is the manual page.
 
     \b
     For every new shell:
       bash   echo 'eval "$(gtb completion bash)"' >> ~/.bashrc
       zsh    echo 'eval "$(gtb completion zsh)"' >> ~/.zshrc
       fish   gtb completion fish > ~/.config/fish/completions/gtb.fish
+      man    gtb completion man > ~/.local/share/man/man1/gtb.1
     """
     from click.shell_completion import get_completion_class
 
     from gtb_cli.commands.cli import gtb
 
+    if shell == MANUAL:
+        from gtb_cli.commands.manual import manual
+
+        write_text(output, manual(gtb))
+        return
     kind = get_completion_class(shell)
     assert kind is not None
     script = kind(gtb, {}, "gtb", VARIABLE)

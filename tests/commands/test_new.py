@@ -268,3 +268,12 @@ def test_coefficients_of_a_surface_at_given_parameters():
     text = b"knots = [[0, 0], [1, 0], [1, 1], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [1, 1], [0, 1]]\n"
     found = tomllib.loads(gtb("coefficients", "-", "--at", "0.2,0.2,0.7,0.3,0.6,0.9,0.1,0.8", stdin=text).text)
     np.testing.assert_allclose(found["coefficients"], 1, rtol=1e-12)  # (1 − u)(1 − v) and so on add up to 1 already
+
+
+def test_the_manual_page_has_every_command(tmp_path):
+    page = gtb("completion", "man").text
+    assert page.startswith(".TH GTB 1")
+    assert [line[8:].replace("\\-", "-") for line in page.splitlines() if line.startswith(".SS ")] == list(COMMANDS)
+    requests = {line.split()[0] for line in page.splitlines() if line.startswith((".", "'"))}
+    assert requests == {".TH", ".SH", ".SS", ".nf", ".fi"}
+    assert "in place of \\-n" in page.lower()
