@@ -48,6 +48,14 @@ FORMATS = {
 }
 """Mesh formats by name, the default first."""
 
+CAD_FORMATS = ("step", "iges", "brep")
+"""Formats of surfaces, which CAD programs read."""
+
+CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
+
+UNITS = ("mm", "cm", "m", "in", "ft")
+"""Units of length that CAD files may have, the default first."""
+
 SPEC_FORMATS = ("toml", "json")
 """Formats of specs; also the suffixes of their files."""
 

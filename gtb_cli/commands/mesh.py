@@ -20,12 +20,13 @@ from gtb_cli.shell.options import (
     WholeNumber,
     check_outputs,
     console_option,
-    mesh_options,
+    mesh_options_of,
     output_option,
     spec_format_option,
 )
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 from gtb_cli.shell.several import inputs_of
+from gtb_cli.shell.solids import cad_format, write_cad
 from gtb_cli.shell.streams import (
     about,
     file_stem,
@@ -36,7 +37,7 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.vocabulary import CAD_FORMATS, FORMATS, UNITS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.measures import Measures
@@ -52,7 +53,7 @@ SCREEN = 1000
 @click.command
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 @output_option
-@mesh_options
+@mesh_options_of((*FORMATS, *CAD_FORMATS))
 @click.option(
     "-j",
     "--jobs",
@@ -81,12 +82,19 @@ SCREEN = 1000
     type=OUTPUT,
     help="Write rules for make: each mesh depends on its spec, and on what that includes.",
 )
+@click.option(
+    "--unit",
+    type=click.Choice(UNITS),
+    default=UNITS[0],
+    help=f"Unit of length that STEP and IGES files say; {UNITS[0]} without this option.",
+)
 @spec_format_option
 @console_option
 def mesh(
     specs: tuple[str, ...],
     output: str,
     options: MeshOptions,
+    unit: str,
     jobs: int,
     manifest: str | None,
     resume: bool,
@@ -102,7 +110,15 @@ def mesh(
     A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
     status is 2.
+
+    STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: exact rational Bézier pieces where every patch
+    has them, else surfaces fitted within --tolerance; sewn, and a solid where closed.
     """
+    if (surfaces := cad_format(options.format, output)) is not None:
+        if manifest is not None or deps is not None:
+            raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
+        write_cad(specs, surfaces, unit, options, spec_format, output, console)
+        return
     into_folder = is_folder(output) or (output != STANDARD and any(map(os.path.isdir, specs)))
     specs = inputs_of(specs, output)
     if len(specs) > 1 and not into_folder:

@@ -203,7 +203,15 @@ def console_option(function: Function) -> Function:
 
 def mesh_options(function: Function) -> Function:
     """Add the options of a mesh; the command gets them as `options`, a `MeshOptions`."""
+    return mesh_options_of(tuple(FORMATS))(function)
 
+
+def mesh_options_of(formats: tuple[str, ...]) -> Callable[[Function], Function]:
+    """Add the options of a mesh in one of some formats."""
+    return functools.partial(_mesh_options, formats=formats)
+
+
+def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
     @click.option(
         "-n",
         "--resolution",
@@ -222,7 +230,7 @@ def mesh_options(function: Function) -> Function:
     @click.option(
         "-f",
         "--format",
-        type=click.Choice(tuple(FORMATS), case_sensitive=False),
+        type=click.Choice(formats, case_sensitive=False),
         help="Format, whatever the name of OUT. Without it the suffix of OUT says, else obj.",
     )
     @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")

@@ -1,0 +1,255 @@
+"""Surfaces as STEP, IGES and BREP: faces of rational B-splines, sewn to shells and solids by Open CASCADE.
+
+Its Python package is an extra: ``gtb-cli[cad]``.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import ExportError
+
+SEAM = 1e-6
+"""Fraction of a model's size within which edges are sewn; those of neighbours are equal to rounding."""
+
+FINEST = 1e-7
+"""Length in units of the file below which the kernel does not tell points apart."""
+
+KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}
+"""The kernel's names of units of length."""
+
+
+class Sheet(NamedTuple):
+    """A rational B-spline surface that becomes one face.
+
+    Attributes
+    ----------
+    name : str
+        Of the patch it is a part of.
+    degrees : tuple of two int
+    knots : tuple of two (k,) float
+        Ascending, each as often as its multiplicity, clamped.
+    net : (m, n, 4) float
+        Control points x, y, z and weights.
+    """
+
+    name: str
+    degrees: tuple[int, int]
+    knots: tuple[FloatArray, FloatArray]
+    net: FloatArray
+
+
+class Body(NamedTuple):
+    """What came of some sheets.
+
+    Attributes
+    ----------
+    data : bytes
+        The file.
+    faces, shells, solids : int
+        Shells that are not of solids.
+    """
+
+    data: bytes
+    faces: int
+    shells: int
+    solids: int
+
+
+def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str = "patch") -> Body:
+    """Sew surfaces where their edges agree, and write them as a CAD file; closed shells become solids.
+
+    Parameters
+    ----------
+    sheets : sequence of Sheet
+    kind : {"step", "iges", "brep"}
+    unit : str
+        Of `KERNEL_UNITS`: that of the coordinates, which the file says (BREP files have none).
+    name : str
+        Of the whole.
+
+    Raises
+    ------
+    ExportError
+        The extra is missing, or the kernel calls the result invalid or cannot write it.
+    """
+    try:
+        check = _kernel("BRepCheck").BRepCheck_Analyzer
+        _kernel("collections")
+    except ImportError:
+        raise ExportError(
+            f"{kind.upper()} needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
+        ) from None
+    _silence()
+    size = max(float(np.ptp(np.concatenate([sheet.net[..., :3].reshape(-1, 3) for sheet in sheets]), axis=0).max()), 0)
+    if size * SEAM < FINEST:
+        raise ExportError(
+            f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {FINEST:g}"
+        )
+    shape, faces, shells, solids = _sewn(sheets, SEAM * size)
+    if not check(shape).IsValid():
+        raise ExportError(
+            f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
+        )
+    with tempfile.TemporaryDirectory(prefix=".gtb-") as folder:
+        path = os.path.join(folder, f"x.{kind}")
+        _WRITERS[kind](shape, faces, path, unit, name)
+        with open(path, "rb") as file:
+            data = file.read()
+    return Body(_without_time(data, kind), len(sheets), shells, solids)
+
+
+def _kernel(room: str) -> Any:
+    return import_module(f"OCP.{room}")
+
+
+def _silence() -> None:
+    """Let the kernel say nothing on standard output, which is for data."""
+    room = _kernel("Message")
+    for printer in list(room.Message.DefaultMessenger_s().Printers()):
+        printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
+
+
+def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
+    """A compound of solids and shells, its faces with their names, and how many of each there are."""
+    builder, topology, explorer = _kernel("BRepBuilderAPI"), _kernel("TopoDS"), _kernel("TopExp").TopExp_Explorer
+    kinds = _kernel("TopAbs").TopAbs_ShapeEnum
+    sewing = builder.BRepBuilderAPI_Sewing(tolerance)
+    given = []
+    for sheet in sheets:
+        face = builder.BRepBuilderAPI_MakeFace(_surface(sheet), FINEST).Face()
+        given.append(face)
+        sewing.Add(face)
+    sewing.Perform()
+    named = [
+        (sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face, sheet.name)
+        for face, sheet in zip(given, sheets, strict=True)
+    ]
+    compound = topology.TopoDS_Compound()
+    pile = _kernel("BRep").BRep_Builder()
+    pile.MakeCompound(compound)
+    shells = solids = 0
+    walk = explorer(sewing.SewedShape(), kinds.TopAbs_SHELL)
+    while walk.More():
+        shell = _as(topology, "Shell", walk.Current())
+        if _kernel("BRep").BRep_Tool.IsClosed_s(shell):
+            pile.Add(compound, _solid(builder, shell))
+            solids += 1
+        else:
+            pile.Add(compound, shell)
+            shells += 1
+        walk.Next()
+    walk = explorer(sewing.SewedShape(), kinds.TopAbs_FACE, kinds.TopAbs_SHELL)
+    while walk.More():  # faces that are joined to nothing
+        shell = topology.TopoDS_Shell()
+        pile.MakeShell(shell)
+        pile.Add(shell, walk.Current())
+        pile.Add(compound, shell)
+        shells += 1
+        walk.Next()
+    return compound, named, shells, solids
+
+
+def _as(topology: Any, kind: str, shape: Any) -> Any:
+    """A shape as what it is; the package's releases name the functions for it in two ways."""
+    caster = topology.TopoDS
+    return (getattr(caster, f"{kind}_s", None) or getattr(caster, kind))(shape)
+
+
+def _solid(builder: Any, shell: Any) -> Any:
+    """The solid of a closed shell, its faces outwards."""
+    solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
+    _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
+    return solid
+
+
+def _surface(sheet: Sheet) -> Any:
+    """The kernel's surface; polynomial where all weights are equal."""
+    collections, point = _kernel("collections"), _kernel("gp").gp_Pnt
+    m, n = sheet.net.shape[:2]
+    poles = collections.Array2_gp_Pnt(1, m, 1, n)
+    weights = collections.Array2_double(1, m, 1, n)
+    for i in range(m):
+        for j in range(n):
+            x, y, z, w = sheet.net[i, j].tolist()
+            poles.SetValue(i + 1, j + 1, point(x, y, z))
+            weights.SetValue(i + 1, j + 1, w)
+    if m == sheet.degrees[0] + 1 and n == sheet.degrees[1] + 1:
+        kind = _kernel("Geom").Geom_BezierSurface
+        return kind(poles) if _is_polynomial(sheet) else kind(poles, weights)
+    rows = []
+    for knots in sheet.knots:
+        places, counts = np.unique(knots, return_counts=True)
+        reals = collections.Array1_double(1, len(places))
+        wholes = collections.Array1_int(1, len(places))
+        for k, (place, count) in enumerate(zip(places.tolist(), counts.tolist(), strict=True), 1):
+            reals.SetValue(k, place)
+            wholes.SetValue(k, count)
+        rows.append((reals, wholes))
+    (u, in_u), (v, in_v) = rows
+    kind = _kernel("Geom").Geom_BSplineSurface
+    given = (poles,) if _is_polynomial(sheet) else (poles, weights)
+    return kind(*given, u, v, in_u, in_v, *sheet.degrees, False, False)
+
+
+def _is_polynomial(sheet: Sheet) -> bool:
+    return bool((sheet.net[..., 3] == sheet.net[0, 0, 3]).all())
+
+
+def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
+    text = _kernel("TCollection").TCollection_ExtendedString
+    document = _kernel("TDocStd").TDocStd_Document(text("XmlXCAF"))
+    main = document.Main()
+    tool = _kernel("XCAFDoc").XCAFDoc_DocumentTool.ShapeTool_s(main)
+    label = tool.AddShape(shape, False)
+    naming = _kernel("TDataStd").TDataStd_Name
+    naming.Set_s(label, text(name))
+    for face, face_name in faces:
+        part = tool.AddSubShape(label, face)
+        if not part.IsNull():
+            naming.Set_s(part, text(face_name))
+    writer = _kernel("STEPCAFControl").STEPCAFControl_Writer()
+    statics = _kernel("Interface").Interface_Static
+    statics.SetIVal_s("write.stepcaf.subshapes.name", 1)
+    statics.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
+    statics.SetCVal_s("write.step.unit", KERNEL_UNITS[unit])
+    kinds = _kernel("STEPControl").STEPControl_StepModelType
+    if not writer.Transfer(document, kinds.STEPControl_AsIs) or int(writer.Write(path).value) != 1:
+        raise ExportError("STEP: the kernel cannot write it")
+
+
+def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
+    room = _kernel("IGESControl")
+    room.IGESControl_Controller.Init_s()
+    _kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", KERNEL_UNITS[unit])
+    writer = room.IGESControl_Writer(KERNEL_UNITS[unit], 1)
+    if not writer.AddShape(shape):
+        raise ExportError("IGES: the kernel cannot write it")
+    writer.ComputeModel()
+    if not writer.Write(path):
+        raise ExportError("IGES: the kernel cannot write it")
+
+
+def _write_brep(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
+    if not _kernel("BRepTools").BRepTools.Write_s(shape, path):
+        raise ExportError("BREP: the kernel cannot write it")
+
+
+_WRITERS = {"step": _write_step, "iges": _write_iges, "brep": _write_brep}
+
+
+def _without_time(data: bytes, kind: str) -> bytes:
+    """Files say when they were written: the same surfaces shall make the same bytes."""
+    if kind == "step":
+        return re.sub(rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'", data)
+    if kind == "iges":
+        return re.sub(rb"15H\d{8}\.\d{6}", b"15H19700101.000000", data)
+    return data

@@ -1,0 +1,250 @@
+"""STEP, IGES and BREP files as the CAD kernel reads them: valid, closed, at the same places, with names and units."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError, ExportError, ToleranceError
+from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
+from gtb_cli.formats.sheets import exact_sheets, sheets_of
+from gtb_cli.meshes.measures import measure
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.bezier_pieces import bezier_pieces
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, UNITS
+from tests.marks import long
+from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
+from tests.shell import CURVE, PENTAGON, SPECS, gtb
+
+INTEGERS = SPECS / "example-4.1-integer.toml"
+
+PLACE = 1e-9
+"""Largest distance of a point of an exact face from the patch, of its size: STEP has sixteen digits."""
+
+VOLUME = 1e-4
+"""Relative difference of the kernel's volume and a fine mesh's."""
+
+
+def kernel(room: str) -> Any:
+    return import_module(f"OCP.{room}")
+
+
+def read(data: bytes, kind: str, folder: Path) -> Any:
+    """The shape of a file, in its own unit, by the kernel's readers."""
+    path = folder / f"x.{kind}"
+    path.write_bytes(data)
+    if kind == "brep":
+        shape = kernel("TopoDS").TopoDS_Shape()
+        assert kernel("BRepTools").BRepTools.Read_s(shape, str(path), kernel("BRep").BRep_Builder())
+        return shape
+    room = "STEPControl" if kind == "step" else "IGESControl"
+    reader = getattr(kernel(room), f"{room}_Reader")()
+    kernel("Interface").Interface_Static.SetCVal_s("xstep.cascade.unit", "MM")
+    assert int(reader.ReadFile(str(path)).value) == 1
+    reader.TransferRoots()
+    return reader.OneShape()
+
+
+def parts(shape: Any, kind: str) -> list[Any]:
+    kinds = kernel("TopAbs").TopAbs_ShapeEnum
+    walk = kernel("TopExp").TopExp_Explorer(shape, getattr(kinds, f"TopAbs_{kind}"))
+    found = []
+    while walk.More():
+        found.append(walk.Current())
+        walk.Next()
+    return found
+
+
+def is_valid(shape: Any) -> bool:
+    return bool(kernel("BRepCheck").BRepCheck_Analyzer(shape).IsValid())
+
+
+def volume(shape: Any) -> float:
+    properties = kernel("GProp").GProp_GProps()
+    kernel("BRepGProp").BRepGProp.VolumeProperties_s(shape, properties, 1e-6)
+    return float(properties.Mass())
+
+
+def distance(shape: Any, points: np.ndarray) -> float:
+    """Largest distance of points from a shape."""
+    vertex, extrema = (
+        kernel("BRepBuilderAPI").BRepBuilderAPI_MakeVertex,
+        kernel("BRepExtrema").BRepExtrema_DistShapeShape,
+    )
+    return max(float(extrema(vertex(kernel("gp").gp_Pnt(*p)).Vertex(), shape).Value()) for p in points.tolist())
+
+
+def box() -> Model:
+    """A closed body of two bicubic sheets: the same boundary, with their middles apart."""
+    patch = bicubic()
+    points = np.column_stack([patch.knots, np.zeros(16)])
+    inner = ((patch.knots > 0) & (patch.knots < 3)).all(axis=1)
+    upper, lower = points + np.outer(inner, [0, 0, 1.0]), points - np.outer(inner, [0, 0, 0.5])
+    top = Patch(patch.knots, upper, coefficients=patch.coefficients, name="top")
+    return Model((top, top.replace(control_points=lower, name="bottom")), "pillow")
+
+
+@cache
+def encoded(name: str, kind: str) -> bytes:
+    spec = box() if name == "pillow" else load(SPECS / f"{name}.toml")
+    return encode_cad(sheets_of(spec).sheets, kind, name=name).data
+
+
+@pytest.mark.parametrize("kind", CAD_FORMATS)
+def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Path) -> None:
+    patch = integer_pentagon()
+    shape = read(encoded("example-4.1-integer", kind), kind, tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, "FACE")) == 5
+    edges = parts(shape, "EDGE")
+    if kind != "iges":
+        unlike: list[Any] = []
+        for edge in edges:
+            if not any(edge.IsSame(other) for other in unlike):
+                unlike.append(edge)
+        assert len(unlike) == 5 + 10
+    spec = load(INTEGERS)
+    assert isinstance(spec, Patch)
+    v = spec.domain.vertices
+    points = spec.evaluate(np.random.default_rng(1).dirichlet(np.ones(len(v)), 12) @ v)
+    assert distance(shape, points) <= PLACE * np.ptp(patch.control_points, axis=0).max() + (
+        1e-7 if kind == "iges" else 0
+    )
+
+
+def test_surfaces_are_the_pieces_in_exact_numbers(tmp_path: Path) -> None:
+    shape = read(encoded("example-4.1-integer", "step"), "step", tmp_path)
+    spec = load(INTEGERS)
+    pieces = bezier_pieces(spec)
+    for face, piece in zip(parts(shape, "FACE"), pieces, strict=True):
+        surface = kernel("BRep").BRep_Tool.Surface_s(_as(kernel("TopoDS"), "Face", face))
+        degrees = piece.knots.max(axis=0)
+        for s, t in ((0.25, 0.5), (0.9, 0.1), (1.0, 1.0)):
+            point = surface.Value(s, t)
+            expected = piece.evaluate([[s * degrees[0], t * degrees[1]]])[0]
+            assert np.abs(np.array([point.X(), point.Y(), point.Z()]) - expected).max() <= 1e-12
+
+
+@pytest.mark.parametrize("kind", CAD_FORMATS)
+def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path) -> None:
+    shape = read(encoded("pillow", kind), kind, tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, "SOLID")) == 1
+    expected = measure(tessellate(box(), 96)).volume
+    assert expected is not None
+    assert volume(shape) == pytest.approx(abs(expected), rel=10 * VOLUME)
+    assert volume(shape) > 0
+
+
+def test_names_of_patches_and_the_unit_are_in_the_file() -> None:
+    text = encoded("pillow", "step").decode()
+    assert "ADVANCED_FACE('top'" in text
+    assert "ADVANCED_FACE('bottom'" in text
+    assert "PRODUCT('pillow','pillow'" in text
+    assert "SI_UNIT(.MILLI.,.METRE.)" in text
+    inches = encode_cad(sheets_of(box()).sheets, "step", "in").data.decode()
+    assert "'INCH'" in inches
+    assert "CARTESIAN_POINT('',(3.,3.," in inches  # numbers as they are in the spec
+
+
+@pytest.mark.parametrize("kind", CAD_FORMATS)
+def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
+    again = encode_cad(sheets_of(box()).sheets, kind, name="pillow").data
+    assert again == encoded("pillow", kind)
+
+
+def test_the_teapot_is_four_shells(tmp_path: Path) -> None:
+    shape = read(encoded("teapot", "step"), "step", tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, "FACE")) == 32
+    assert len(parts(shape, "SHELL")) == 4
+
+
+@long
+def test_a_closed_model_of_real_knots_is_a_fitted_solid(tmp_path: Path) -> None:
+    spec = load(SPECS / "hebesphenorotunda.toml")
+    shape = read(encoded("hebesphenorotunda", "step"), "step", tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, "SOLID")) == 1
+    expected = measure(tessellate(spec, 64)).volume
+    assert volume(shape) == pytest.approx(expected, rel=10 * VOLUME)
+
+
+def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
+    patch = pentagon()
+    found = sheets_of(patch, 2e-3)
+    assert "has Bézier pieces of degree 70 only" in found.reason
+    assert 0 < found.error <= 2e-3
+    assert len(found.sheets) == 5
+    shape = read(encode_cad(found.sheets, "brep").data, "brep", tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, "SHELL")) == 1
+    v = patch.domain.vertices
+    points = patch.evaluate(np.random.default_rng(2).dirichlet(np.ones(len(v)), 12) @ v)
+    assert distance(shape, points) <= 2e-3
+    with pytest.raises(ToleranceError, match="fitted surfaces of 128 × 128 spans are still"):
+        sheets_of(patch, 1e-12)
+
+
+def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
+    assert len(exact_sheets(bicubic())) == 1
+    (sheet,) = exact_sheets(bicubic())
+    assert sheet.degrees == (3, 3)
+    assert len(exact_sheets(bezier_triangle())) == 3
+    with pytest.raises(DomainError, match="weights in a range beyond"):
+        exact_sheets(bicubic().replace(weights=np.geomspace(1, 1e20, 16)))
+
+
+def test_curves_are_no_surfaces() -> None:
+    with pytest.raises(DomainError, match="is a curve, and CAD files are made of surfaces"):
+        sheets_of(cubic_curve())
+
+
+def test_what_is_too_small_for_the_kernel_is_refused() -> None:
+    small = bicubic().replace(control_points=1e-9 * bicubic().control_points)
+    with pytest.raises(ExportError, match="too small for a kernel that works to 1e-07"):
+        encode_cad(sheets_of(small).sheets, "step")
+
+
+def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "OCP"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    with pytest.raises(ExportError, match=r"STEP needs Open CASCADE, the extra gtb-cli\[cad\]"):
+        encode_cad(sheets_of(bicubic()).sheets, "step")
+
+
+def test_the_names_of_units_and_formats_are_one_list() -> None:
+    assert tuple(KERNEL_UNITS) == UNITS
+    assert set(CAD_SUFFIXES.values()) == set(CAD_FORMATS)
+
+
+def test_on_the_command_line(tmp_path: Path) -> None:
+    result = gtb("mesh", INTEGERS, "-o", tmp_path / "x.stp")
+    assert result.status == 0, result.err
+    assert result.err.endswith("x.stp: 5 exact faces, 0 solids, 1 open shells\n")
+    assert (tmp_path / "x.stp").read_bytes().startswith(b"ISO-10303-21;")
+    printed = gtb("mesh", INTEGERS, "-f", "brep", "-q")
+    assert printed.out.startswith(b"\nCASCADE Topology") or printed.out.startswith(b"DBRep")
+    assert printed.err == ""
+    for arguments, status, message in [
+        ([INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight"], 1, "not watertight: 1 of 1 shells are open"),
+        ([INTEGERS, "-f", "step", "--normals"], 2, "--normals is for meshes, and STEP holds surfaces"),
+        ([INTEGERS, PENTAGON, "-f", "step", "-o", tmp_path], 2, "STEP is written of one spec"),
+        ([CURVE, "-f", "iges"], 2, "is a curve, and CAD files are made of surfaces"),
+        ([INTEGERS, "-f", "step", "--unit", "miles"], 2, "'miles' is not one of"),
+        ([INTEGERS, "-f", "step", "--manifest", tmp_path / "m.json"], 2, "--manifest and --deps are for meshes"),
+    ]:
+        result = gtb("mesh", *arguments)
+        assert result.status == status
+        assert message in result.err
+    assert not (tmp_path / "y.step").exists()
