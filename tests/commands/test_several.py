@@ -30,7 +30,7 @@ def test_info_has_a_line_for_each(folder):
     result = gtb("info", folder, BOX)
     assert result.status == 0, result.err
     assert result.text.splitlines() == [
-        f"{folder / 'bicubic.toml'}: rational Bézier tensor product patch of degree 3 × 3, 16 knots",
+        f"{folder / 'bicubic.toml'}: rational Bézier tensor product of degree 3 × 3, 16 knots",
         f"{folder / 'cubic-bezier.toml'}: rational Bézier curve of degree 3, 4 knots",
         f"{BOX}: model of 7 surfaces, 6 open edges",
     ]
