@@ -189,9 +189,10 @@ def _displacements(mesh: Mesh) -> FloatArray:
     pairs, place = np.arange(count), keys
     if groups > 1:
         pairs, place = np.unique(keys, return_inverse=True)
-    facets = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
+    facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
     vertex = pairs // groups
-    agree = dot(facets, mesh.normals[vertex]) >= SMOOTH
+    # Facets as small as the mesh is inexact, as at a pole, may stand upright: they have angles, but no area.
+    agree = np.maximum(*(dot(each, mesh.normals[vertex]) for each in (facets, by_area))) >= SMOOTH
     agree |= ~facets.any(axis=1)
     wrong = np.unique(vertex[~agree])
     if not len(wrong):
@@ -213,17 +214,19 @@ def _displacements(mesh: Mesh) -> FloatArray:
     return result
 
 
-def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> FloatArray:
+def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
     """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
 
-    Weighted by the angle at the corner, so that the way a surface is cut does not count.
+    Weighted by the angle at the corner, so that the way a surface is cut does not count; and by area.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]
     normals = unit(cross(sides[0], sides[1]))
-    sums = np.zeros((count, 3))
+    areas = cross(b - a, c - b) / float(np.abs(mesh.vertices).max()) ** 2
+    sums, by_area = np.zeros((count, 3)), np.zeros((count, 3))
     for k in range(3):
         angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))
         for axis in range(3):
             sums[:, axis] += np.bincount(place[:, k], angle * normals[:, axis], count)
-    return unit(sums)
+            by_area[:, axis] += np.bincount(place[:, k], areas[:, axis], count)
+    return unit(sums), unit(by_area)

@@ -18,11 +18,14 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.theory.basis import Location, exponents
-from gtb_cli.theory.frame import PARALLEL, cleared, coordinate_rounding, covariance, frame, layers, shares
+from gtb_cli.theory.frame import LAYER, PARALLEL, cleared, coordinate_rounding, covariance, frame, layers, shares
 
 DOUBT = 1e-3
 """Where a derivative or the angle between the two is smaller than this fraction of what was summed, three digits are
 lost, and coordinates about the two leading knots are used: these keep all digits, in four times the time."""
+
+FAR = 1e6
+"""Torus coordinate on an edge of length 1 at which a corner has taken all."""
 
 CUT_OFF_SUM = 1e-280
 """Sums below this may consist of exponents that were cut off at `UNDERFLOW`."""
@@ -148,6 +151,48 @@ class NormalField:
                 rows, tangent, position = rows[todo], tangent[:, todo], position[:, todo]
                 if not len(rows):
                     break
+        lost = np.flatnonzero(np.isnan(result[:, 0]))
+        if len(lost) and self._is_point(on_edge):
+            result[lost] = self._about_point(edge, location.s[0, lost])
+        return result
+
+    def _is_point(self, knots: IntArray) -> bool:
+        return not self._deltas(int(knots[0]))[knots].any()
+
+    def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
+        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point.
+
+        Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. With
+        knot i on the edge, on which the control points are the same, pairs of others remain; of these, those whose
+        heights over the edge have the smallest sum. What is zero to rounding is left out, however large its T.
+        """
+        shape, n = self.domain, len(self.domain.knots)
+        on_edge = np.flatnonzero(shape.incidence[:, edge])
+        along, height = shape.along(edge, shape.knots) / shape.size, shape.heights[:, edge]
+        deltas = self._deltas(int(on_edge[0]))
+        j, k = np.triu_indices(n, 1)
+        lengths = np.sqrt((deltas**2).sum(axis=1))
+        crosses = np.cross(deltas[j], deltas[k])
+        kept = np.abs(crosses).max(axis=1) > PARALLEL * lengths[j] * lengths[k]
+        i = np.repeat(on_edge, kept.sum())
+        j, k, crosses = (np.tile(x[kept], (len(on_edge), *(1,) * (x.ndim - 1))) for x in (j, k, crosses))
+        areas = (along[j] - along[i]) * height[k] - (along[k] - along[i]) * height[j]
+        areas[np.abs(areas) <= LAYER * height.max()] = 0.0
+        sums = np.where(areas != 0, height[j] + height[k], 0.0)
+        result = np.full((len(s), 3), np.nan)
+        todo = np.arange(len(s))
+        for group in layers(sums) if sums.any() else ():
+            places = (along[i] + along[j] + along[k])[group] * shape.size
+            logarithms = (self.log_weights[i] + self.log_weights[j] + self.log_weights[k])[group]
+            weights = shares(np.outer(places, s[todo]) + logarithms[:, None])
+            terms = crosses[group] * areas[group, None]
+            total = terms.T @ weights
+            size = np.sqrt((total**2).sum(axis=0))
+            good = size > PARALLEL * (np.sqrt((terms**2).sum(axis=1)) @ weights)
+            result[todo[good]] = (total[:, good] / size[good]).T
+            todo = todo[~good]
+            if not len(todo):
+                break
         return result
 
     def _at_corner(self, corner: int) -> FloatArray:
@@ -165,7 +210,13 @@ class NormalField:
             )
             for edge, other in ((after, before), (before, after))
         )
-        return _unit_cross(first, second)[0]
+        normal = _unit_cross(first, second)[0]
+        for edge, sign in ((after, -1.0), (before, 1.0)):
+            # From along an edge that is one point: the normal where only its knots in the corner are left.
+            on_edge = np.flatnonzero(shape.incidence[:, edge])
+            if np.isnan(normal[0, 0]) and len(on_edge) > len(at_corner) and self._is_point(on_edge):
+                normal = self._about_point(edge, np.array([sign * FAR / shape.size]))
+        return normal
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -175,12 +175,30 @@ def test_control_points_on_a_line_have_no_normal():
     assert np.isnan(patch.normals(u)).all()
 
 
-def test_a_collapsed_edge_has_no_normal_and_its_surroundings_have():
+def test_an_edge_that_is_a_point_has_the_limits_of_its_surroundings():
     patch = collapsed_edge()
-    assert np.isnan(patch.normals([[1, 0], [0, 0], [3, 0]])).all()
+    u = np.array([[1, 0], [0, 0], [3, 0], [2.2, 0]])
+    assert np.abs(patch.normals(u, "linear") - patch.normals(u + np.array([0, 1e-13]), "linear")).max() < 1e-6
     u = [[1, 1e-12], [2.5, 1e-6], [0.5, 0.1], [1e-9, 1e-9]]
     for parameter, normal in zip(u, patch.normals(u), strict=True):
         assert np.abs(normal - exact.normal(patch, parameter)).max() < NORMAL_ERROR
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_edge_that_is_a_point_has_limits_where_the_next_layer_is_in_line_with_it(seed):
+    rng = np.random.default_rng(seed)
+    knots = np.array([(i, j) for i in range(4) for j in range(3)], dtype=float)
+    points = rng.normal(size=(12, 3))
+    points[knots[:, 1] == 0] = points[0]
+    if seed % 2:
+        points[knots[:, 1] == 1] = points[0] + np.outer(rng.random(4) + 0.2, rng.normal(size=3))
+    patch = Patch(knots, points, np.exp(rng.normal(size=12)))
+    u = np.array([[0, 0], [0.4, 0], [1.7, 0], [3, 0.0]])
+    found = patch.normals(u, "linear")
+    above = np.array([[0, 1e-9], [0, 1e-9]])
+    assert np.abs(found[1:3] - patch.normals(u[1:3] + above, "linear")).max() < 1e-5
+    beside = np.array([[1e-9, 0], [0, 0], [0, 0], [-1e-9, 0]])
+    assert np.abs(found - patch.normals(u + beside, "linear")).max() < 1e-5
 
 
 def test_a_second_layer_of_knots_serves_where_the_first_is_parallel():
