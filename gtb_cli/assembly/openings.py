@@ -1,26 +1,153 @@
-"""Why a model is open."""
+"""Why a model is open, and what was welded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gtb_cli.theory.joints import EdgeRef, Joints, edge_name
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.theory.joints import CURVE_TOLERANCE, Curve, EdgeRef, Joints, diagonal_of, edge_curve, edge_name
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+
+MOST_COMPARED = 2000
+"""Most open edges that are compared with each other."""
+
+MOST_SHOWN = 8
+"""Numbers of an edge, edges of a ring and nearly closed seams of a mesh that a line shows."""
+
+FAR_WELD = 0.01
+"""Fraction of an edge's size beyond which welding is warned of."""
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Say, edge by edge, what keeps a model from being closed; empty where it is."""
-    near: dict[EdgeRef, list[str]] = {}
-    for first, second, distance in joints.almost:
-        for one, other in ((first, second), (second, first)):
-            near.setdefault(one, []).append(f"{distance:.3g} from {edge_name(patches, other)}")
-    lines = []
-    for ref in joints.open:
-        hint = f" (but only {', '.join(near[ref])})" if ref in near else ""
-        lines.append(f"{edge_name(patches, ref)} is open{hint}")
+    """Say what keeps a model from being closed, a line for each pair of edges or open ring; empty where it is."""
+    lines, told = [], set()
+    for first, second, reason in near_misses(joints, patches):
+        lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")
+        told |= {first, second}
+    lines += _rings([ref for ref in joints.open if ref not in told], patches)
     for refs in joints.crowded:
         lines.append(f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve: more than two meet there")
     for joint in joints.one_sided:
         ends = " and ".join(edge_name(patches, ref) for ref in (joint.first, joint.second))
         lines.append(f"{ends} cannot be given the same orientation")
+    return lines
+
+
+def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
+    """Pairs of open edges that were probably meant to be one, and what differs, with {} for the second's name."""
+    if patches[0].dimension == 1:
+        return []
+    tolerance = CURVE_TOLERANCE * diagonal_of(patches)
+    curves = {ref: edge_curve(patches[ref[0]], ref[1]) for ref in joints.open}
+    found = []
+    told = set()
+    for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
+        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
+        told |= {first, second}
+    left = [ref for ref in joints.open if ref not in told][:MOST_COMPARED]
+    ends = np.array([curves[ref].ends for ref in left]).reshape(-1, 2, 3)
+    for row, first in enumerate(left):
+        if first in told:
+            continue
+        later = ends[row + 1 :]
+        apart = np.minimum(*(np.abs(later - way).max(axis=(1, 2), initial=0) for way in (ends[row], ends[row, ::-1])))
+        for k in np.flatnonzero(apart <= tolerance).tolist():
+            second = left[row + 1 + k]
+            reason = None if second in told else _difference(curves[first], curves[second], tolerance, None)
+            if reason is not None:
+                found.append((first, second, reason))
+                told |= {first, second}
+                break
+    return sorted(found)
+
+
+def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
+    """What differs between near curves, or without a distance ones with the same ends; None if all does."""
+    turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
+    if not np.abs(one.ends - turned.ends).max() <= tolerance:
+        return f"{distance or 0.0:.3g} from {{}}, --weld {_above(distance or 0.0)} joins them"
+    count = len(one.points)
+    if count == len(turned.points):
+        if np.abs(one.points - turned.points).max() <= tolerance:
+            same = "same ends and control points as {}, but "
+            if np.abs(one.knots - turned.knots).max() > CURVE_TOLERANCE:
+                return f"{same}knots at {_row(one.knots)} against {_row(turned.knots)} of the edge"
+            if np.abs(one.log_weights - turned.log_weights[::-1]).max() <= CURVE_TOLERANCE:
+                return f"{same}weights × coefficients in reversed order"
+            weights = " against ".join(_row(np.exp(curve.log_weights)) for curve in (one, turned))
+            return f"{same}weights × coefficients {weights}"
+        if np.abs(one.points[1:-1] - turned.points[-2:0:-1]).max(initial=0) <= tolerance:
+            return "same ends as {}, but the control points between them in reversed order"
+    if distance is None:  # such as the two halves of a round opening
+        return None
+    counts = "" if count == len(turned.points) else f" ({count} control points against {len(turned.points)})"
+    return f"same ends as {{}}, but curves{counts} up to {distance:.3g} apart, --weld {_above(distance)} joins them"
+
+
+def _above(distance: float) -> str:
+    """A round number above a distance."""
+    exponent = np.floor(np.log10(distance)) if distance > 0 else -9
+    digit = np.ceil(1.05 * distance / 10.0**exponent)
+    return f"{digit * 10.0**exponent:.1g}"
+
+
+def _row(values: FloatArray) -> str:
+    shown = [f"{value:.4g}" for value in values[:MOST_SHOWN]]
+    return " ".join(shown) + " ..." * (len(values) > MOST_SHOWN)
+
+
+def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
+    """A line for each connected part of the open edges."""
+    ends = {ref: _ends(patches, ref) for ref in refs}
+    tolerance = CURVE_TOLERANCE * diagonal_of(patches)
+    left, lines = dict.fromkeys(refs[:MOST_COMPARED]), []
+    while left:
+        first = next(iter(left))
+        ring = [first]
+        del left[first]
+        for ref in ring:
+            near = [
+                other
+                for other in left
+                if (np.abs(ends[ref][:, None] - ends[other][None]).max(axis=2) <= tolerance).any()
+            ]
+            ring += near
+            for other in near:
+                del left[other]
+        names = [edge_name(patches, ref) for ref in ring[:MOST_SHOWN]]
+        rest = f" and {len(ring) - MOST_SHOWN} more" if len(ring) > MOST_SHOWN else ""
+        lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
+    if len(refs) > MOST_COMPARED:
+        lines.append(f"{len(refs) - MOST_COMPARED} more edges are open")
+    return lines
+
+
+def _ends(patches: Sequence[Patch], ref: EdgeRef) -> FloatArray:
+    """(2, 3) ends of an edge; of a curve, the end twice."""
+    patch, edge = patches[ref[0]], ref[1]
+    corners = patch.domain.vertices
+    return patch.evaluate(corners[[edge, edge if patch.dimension == 1 else (edge + 1) % len(corners)]])
+
+
+def seam_remarks(model: Model) -> list[str]:
+    """What to know of a model's seams: how many are welded and how far apart they were, and which nearly close."""
+    joints, patches = model.joints, model.patches
+    lines = []
+    welded = [joint for joint in joints.shared if joint.distance]
+    if welded:
+        worst = max(welded, key=lambda joint: joint.distance)
+        names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
+        lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
+        sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
+        far = sum(joint.distance > FAR_WELD * size for joint, size in zip(welded, sizes, strict=True))
+        if far:
+            lines.append(f"{far} of them were farther apart than {FAR_WELD:.0%} of their edges")
+    near = near_misses(joints, patches)
+    for first, second, reason in near[:MOST_SHOWN]:
+        lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")
+    if len(near) > MOST_SHOWN:
+        lines.append(f"{len(near) - MOST_SHOWN} more seams nearly close: gtb info lists them")
     return lines

@@ -55,6 +55,7 @@ class MeshOptions:
             "radius": recipe.radius,
             "thickness": recipe.thickness,
             "attributes": list(recipe.attributes),
+            **({} if recipe.weld is None else {"weld": recipe.weld}),
         }
 
     def settings_for(self, spec: Patch | Model) -> dict[str, object]:

@@ -272,6 +272,13 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         f"{BASIS}I, the basis function T_I of a patch. May be repeated.",
     )
     @click.option(
+        "--weld",
+        callback=tolerance_of,
+        metavar="T",
+        help="Join edges of a model that are as near as this, in model units, or as 0.01% of the size; in place of the "
+        "spec's weld.",
+    )
+    @click.option(
         "--require",
         callback=requirements_of,
         metavar="WHAT",
@@ -294,6 +301,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         radius: float | None,
         thickness: float | None,
         attributes: tuple[str, ...],
+        weld: float | str | None,
         require: tuple[str, ...],
         **values: Any,
     ) -> object:
@@ -315,6 +323,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
             attributes,
             require,
             max_faces,
+            weld,
         )
         return function(*args, options=MeshOptions(recipe, format, uv, ascii, up), **values)
 

@@ -57,6 +57,8 @@ class Recipe:
         `gtb_cli.assembly.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
+    weld : float, str or None
+        In place of the model's own: edges as near as this are one, in model units or as ``"0.01%"`` of the size.
 
     Raises
     ------
@@ -73,6 +75,7 @@ class Recipe:
     attributes: tuple[str, ...] = ()
     require: tuple[str, ...] = ()
     max_faces: int = MAX_FACES
+    weld: float | str | None = None
 
     def __post_init__(self) -> None:
         _check_numbers(self)
@@ -105,6 +108,7 @@ class Recipe:
         from gtb_cli.tessellation.tessellate import tessellate
 
         self.check_size(spec)
+        spec, seams = self._welded(spec)
         tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
             tolerance *= AXIS_SHARE
@@ -119,7 +123,7 @@ class Recipe:
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         surface = mesh
         offset_folds: list[str] = []
-        remarks = self._confusion(spec, mesh)
+        remarks = seams + self._confusion(spec, mesh)
         if self.parametrization == "toric":
             from gtb_cli.tessellation.crowding import crowding
 
@@ -148,6 +152,20 @@ class Recipe:
 
             require(self.require, spec, mesh, surface, offset_folds)
         return mesh, remarks + offset_folds
+
+    def _welded(self, spec: Patch | Model) -> tuple[Patch | Model, list[str]]:
+        """The model with the weld that is asked for, and what to know of its seams."""
+        from gtb_cli.theory.model import Model
+
+        if not isinstance(spec, Model):
+            return spec, []
+        from gtb_cli.assembly.openings import seam_remarks
+        from gtb_cli.theory.joints import diagonal_of
+
+        if self.weld is not None:
+            share = percentage(self.weld) / 100 if isinstance(self.weld, str) else 1.0
+            spec = spec.replace(weld=share * diagonal_of(spec.patches) if isinstance(self.weld, str) else self.weld)
+        return spec, seam_remarks(spec)
 
     def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """What to know of a model whose coarse mesh has sides with more than two faces."""

@@ -77,9 +77,7 @@ def tessellate(
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
     patches = shape.patches if isinstance(shape, Model) else (shape,)
     if isinstance(shape, Model) and joints is None:
-        from gtb_cli.theory.joints import find_joints  # imported, like refinement, by the meshes that need it
-
-        joints = find_joints(patches)
+        joints = shape.joints
     if tolerance is not None and parametrization == "toric":
         raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
     sampler = Sampler(patches, parametrization, isinstance(shape, Model), joints.flipped if joints else ())
@@ -90,7 +88,14 @@ def tessellate(
         refuse_too_many(len(mosaic.cells), max_faces)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
+        moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
+        if moved > tolerance:
+            raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
         mosaic, points = refined(patches, joints, sampler, float(tolerance), max_faces)
+    if joints is not None and any(joint.distance for joint in joints.shared):
+        from gtb_cli.tessellation.welded import welded_points
+
+        points = welded_points(mosaic, points, patches, joints)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
 
 

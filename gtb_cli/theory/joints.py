@@ -31,11 +31,15 @@ SLANT = np.array([1.0, 1.618033988749895, 2.414213562373095])
 
 @dataclass(frozen=True)
 class Joint:
-    """Two edges that carry the same curve; `opposite` if they run through it in opposite directions."""
+    """Two edges that carry the same curve; `opposite` if they run through it in opposite directions.
+
+    `distance` is how far apart the curves are that are welded, in model units; 0 for those that are the same.
+    """
 
     first: EdgeRef
     second: EdgeRef
     opposite: bool
+    distance: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,9 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     ----------
     patches : sequence of Patch
         All curves (whose ends are joined where they coincide) or all surfaces.
+    weld : float, optional
+        Edges of surfaces whose curves are as near as this, in model units, are joined, too, the nearest first; edges
+        as small as this are points.
 
     Returns
     -------
@@ -109,17 +116,40 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     points = np.concatenate([patch.control_points for patch in patches])
     tolerance = CURVE_TOLERANCE * (float(np.ptp(points, axis=0).max()) or 1.0)
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
-    curves = [_edge_curve(patches[p], e) for p, e in refs]
-    collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= tolerance]
+    curves = [edge_curve(patches[p], e) for p, e in refs]
+    reach = max(tolerance, weld or 0.0)
+    collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= reach]
     followers = _same_data(curves, collapsed, tolerance)
+    heads: dict[int, tuple[int, bool]] = {}
+    distances: dict[int, float] = {}
+
+    def head_of(i: int) -> tuple[int, bool]:
+        turned = False
+        while i in heads:
+            i, also = heads[i]
+            turned = turned != also
+        return i, turned
+
     almost = []
-    for i, j, distance, turned in _near_curves(patches, refs, curves, followers) if surfaces else ():
-        if distance > tolerance:
+    near = _near_curves(patches, refs, curves, followers, reach) if surfaces else []
+    for i, j, distance, turned in sorted(near, key=lambda pair: pair[2]):
+        if distance > reach:
             almost.append((i, j, distance))
-        elif i in followers and j in followers:
-            followers[i] += [(j, turned), *((k, turned != also) for k, also in followers.pop(j))]
-            followers[i].sort()
-    shared = tuple(Joint(refs[i], refs[j], turned) for i, others in followers.items() for j, turned in others)
+            continue
+        (one, one_turned), (other, other_turned) = sorted((head_of(i), head_of(j)))
+        if one == other:
+            continue
+        turned = (turned != one_turned) != other_turned
+        followers[one] += [(other, turned), *((k, turned != also) for k, also in followers.pop(other))]
+        followers[one].sort()
+        heads[other] = one, turned
+        distances[other] = distance if distance > tolerance else 0.0
+    almost.sort()
+    shared = tuple(
+        Joint(refs[i], refs[j], turned, distances.get(j, 0.0))
+        for i, others in followers.items()
+        for j, turned in others
+    )
     crowded = tuple((refs[i], *(refs[j] for j, _ in others)) for i, others in followers.items() if len(others) > 1)
     flipped, one_sided = _orientation(len(patches), shared if surfaces else ())
     single = {i for i, others in followers.items() if not others}
@@ -141,7 +171,7 @@ def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Curve:
+class Curve:
     """What an edge's curve depends on: knots on [0, 1], log weights up to what leaves it unchanged, points."""
 
     knots: FloatArray
@@ -150,16 +180,20 @@ class _Curve:
 
     @property
     def ends(self) -> FloatArray:
+        """(2, 3) points."""
         return self.points[[0, -1]]
 
     @property
     def size(self) -> float:
+        """Largest extent along an axis, in model units."""
         return float(np.ptp(self.points, axis=0).max())
 
-    def reversed(self) -> _Curve:
-        return _Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
+    def reversed(self) -> Curve:
+        """The same curve the other way round."""
+        return Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
 
-    def same_as(self, other: _Curve, tolerance: float) -> bool:
+    def same_as(self, other: Curve, tolerance: float) -> bool:
+        """Whether the data are the same, points up to a distance."""
         return (
             len(self.knots) == len(other.knots)
             and bool(np.abs(self.points - other.points).max() <= tolerance)
@@ -168,7 +202,8 @@ class _Curve:
         )
 
 
-def _edge_curve(patch: Patch, edge: int) -> _Curve:
+def edge_curve(patch: Patch, edge: int) -> Curve:
+    """What the curve of an edge depends on."""
     members = patch.domain.edge_knots(edge)
     weights, points = patch.log_products[members], patch.control_points[members]
     if patch.dimension == 1:
@@ -186,11 +221,11 @@ def _edge_curve(patch: Patch, edge: int) -> _Curve:
         total = np.add.reduceat(share, first)
         points = np.add.reduceat(share[:, None] * points, first) / total[:, None]
         weights, knots = np.maximum.reduceat(weights, first) + np.log(total), knots[first]
-    return _Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
+    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
 
 
 def _same_data(
-    curves: Sequence[_Curve], collapsed: Sequence[int], tolerance: float
+    curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float
 ) -> dict[int, list[tuple[int, bool]]]:
     """For the first of each kind of curve the later ones with the same data, and whether they run the other way."""
     followers: dict[int, list[tuple[int, bool]]] = {}
@@ -213,10 +248,11 @@ def _same_data(
 def _near_curves(
     patches: Sequence[Patch],
     refs: Sequence[EdgeRef],
-    curves: Sequence[_Curve],
+    curves: Sequence[Curve],
     followers: Mapping[int, Sequence[object]],
+    least_reach: float,
 ) -> list[tuple[int, int, float, bool]]:
-    """Pairs of curves within `SEAM_GAP`, one of them without followers: distance, and whether one is turned."""
+    """Pairs of curves within `SEAM_GAP`, or `least_reach`, one of them open: distance, and whether one is turned."""
 
     @cache
     def sampled(i: int) -> FloatArray:
@@ -225,7 +261,7 @@ def _near_curves(
 
     heads = np.array(list(followers), dtype=np.int64)
     ends = np.array([curves[i].ends for i in heads])
-    reach = SEAM_GAP * np.array([curves[i].size for i in heads])
+    reach = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), least_reach)
     heights = _heights([curves[i] for i in heads])
     order = np.argsort(heights, kind="stable")
     beyond = np.searchsorted(heights[order], (heights + 2 * SLANT.sum() * reach)[order], side="right")
@@ -244,7 +280,7 @@ def _near_curves(
     return sorted(found)
 
 
-def _heights(curves: Sequence[_Curve]) -> FloatArray:
+def _heights(curves: Sequence[Curve]) -> FloatArray:
     """(n,) how far up `SLANT` each curve's ends are, together: alike for curves with the same ends, either way."""
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
     return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SLANT)
@@ -277,9 +313,14 @@ def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...],
 
 def edge_points(patch: Patch, edge: int, count: int) -> FloatArray:
     """(count, 3) points of a surface's edge at equal fractions of its knots' hull, by the edge's own data."""
-    v = patch.domain.vertices
-    t = np.linspace(0.0, 1.0, count)[:, None]
-    faces = np.full(count, patch.domain.faces.edge(edge).number)
-    faces[[0, -1]] = patch.domain.faces.corners[[edge, (edge + 1) % len(v)]]
-    p = v[edge] + t * (v[(edge + 1) % len(v)] - v[edge])
-    return patch.points_at(patch.rational_basis.locations(p, "linear", faces), count)
+    return edge_points_at(patch, edge, np.linspace(0.0, 1.0, count))
+
+
+def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
+    """(m, 3) points of a surface's edge at (m,) fractions of its knots' hull, by the edge's own data."""
+    v, start, end = patch.domain.vertices, edge, (edge + 1) % len(patch.domain.vertices)
+    faces = np.full(len(fractions), patch.domain.faces.edge(edge).number)
+    faces[fractions == 0] = patch.domain.faces.corners[start]
+    faces[fractions == 1] = patch.domain.faces.corners[end]
+    p = v[start] + fractions[:, None] * (v[end] - v[start])
+    return patch.points_at(patch.rational_basis.locations(p, "linear", faces), len(fractions))

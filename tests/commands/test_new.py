@@ -243,6 +243,15 @@ def test_elevate_prints_a_spec_that_chains(tmp_path):
     assert gtb("elevate", PENTAGON, "--by", 0).text.count("lifting") == 1  # nothing is changed
 
 
+def test_expand_prints_what_a_spec_comes_to():
+    vase = SPECS / "vase.toml"
+    flat = gtb("expand", vase)
+    assert flat.status == 0
+    assert parse(flat.text) == load(vase)
+    assert gtb("expand", "-", stdin=flat.out).text == flat.text
+    assert "copy" not in flat.text
+
+
 def test_elevate_keeps_a_model_joined():
     model = parse(template("model"))
     elevated = parse(gtb("elevate", "-", stdin=template("model").encode()).text)
