@@ -32,7 +32,7 @@ def pair(weight: float = 1.0, knot: float = 0.5, shift: float = 0.0) -> Model:
                     "against 1 2 1"),
         (pair(1.0, 0.75), "one edge 1 is open: same ends and control points as two edge 3, but knots at 0 0.5 1 "
                           "against 0 0.75 1 of the edge"),
-        (pair(shift=1e-4), "one edge 1 is open: 0.0001 from two edge 3, --weld 0.0002 joins them"),
+        (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, --weld 0.0002 joins them"),
     ],
 )  # fmt: skip
 def test_a_pair_of_open_edges_has_a_line_that_says_what_differs(model, line):
@@ -117,7 +117,7 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
 def test_the_command_welds(tmp_path):
     from gtb_cli.spec.writer import save
 
-    save(pair(shift=1e-4), tmp_path / "x.toml")
+    save(pair(shift=1.5e-4), tmp_path / "x.toml")
     assert "--weld 0.0002 joins them" in gtb("mesh", tmp_path / "x.toml", "-o", tmp_path / "x.obj").err
     result = gtb("mesh", tmp_path / "x.toml", "--weld", "2e-4", "-o", tmp_path / "x.obj")
     assert "1 seams were welded" in result.err
