@@ -44,10 +44,9 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
         line = words.line
         kind = words.whole(f"the kind of a segment ({KINDS})", 1, 11)
         try:
-            patches += _segment(words, kind, line)
+            patches += (patch.replace(name=group) for patch in _segment(words, kind, line))
         except DomainError as error:
             raise SpecError(f"{source}:{line}: {error}") from None
-        patches = [patch if patch.name else patch.replace(name=group) for patch in patches]
         if len(patches) > MAX_PATCHES:
             words.fail(f"has more than {MAX_PATCHES} patches", line)
     if not patches:

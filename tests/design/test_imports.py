@@ -15,6 +15,7 @@ import pytest
 from gtb_cli.design.imports import PLAIN, READERS, SUFFIXES, import_file
 from gtb_cli.design.nurbs import curve_spans, span_matrices
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.writer import dump
 from gtb_cli.theory.model import Model
@@ -88,9 +89,10 @@ def test_the_teapot_is_that_of_specs() -> None:
     assert found.name == "teapot"
     for patch, other in zip(found, teapot, strict=True):
         order = np.lexsort((patch.knots[:, 0], patch.knots[:, 1]))
-        np.testing.assert_array_equal(patch.knots[order], other.knots)
+        # Copies by mirrors have their knots in another order; the file has control points in that of the spec.
         np.testing.assert_array_equal(patch.control_points[order], other.control_points)
         np.testing.assert_array_equal(patch.coefficients[order], other.coefficients)
+        np.testing.assert_array_equal(patch.knots[order], np.argwhere(np.ones((4, 4)))[:, ::-1])
 
 
 @pytest.mark.parametrize("name", ["sheet.json", "part.igs"])
@@ -246,7 +248,7 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
         ("x.igs", b"hello", "x.igs: has no directory"),
         ("x.json", b"{", "x.json:1:2: is not valid JSON"),
         ("x.bpt", b"1 " * 6_000_000, "x.bpt: is too large, at most 10 MB are read"),
-        ("x.bpt", b"1001", "a whole number from 1 to 1000, got '1001'"),
+        ("x.bpt", b"%d" % (MAX_PATCHES + 1), f"a whole number from 1 to {MAX_PATCHES}, got"),
         ("x.json", b'{"shape": {"type": "curve", "data": []}}', "x.json: has no patches"),
     ],
 )
@@ -260,8 +262,8 @@ def test_nurbs_have_limits() -> None:
         span_matrices(61, np.arange(200.0), 100)
     with pytest.raises(DomainError, match="all spans are empty"):
         span_matrices(1, np.zeros(5), 3)
-    with pytest.raises(DomainError, match="has 1999 spans"):
-        span_matrices(1, np.arange(2002.0), 2000)
+    with pytest.raises(DomainError, match=f"has {MAX_PATCHES + 1} spans"):
+        span_matrices(1, np.arange(MAX_PATCHES + 4.0), MAX_PATCHES + 2)
 
 
 def test_loops_are_filled(tmp_path: Path) -> None:
