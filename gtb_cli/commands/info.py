@@ -85,6 +85,7 @@ def _found(spec: str, spec_format: str | None) -> dict[str, Any]:
 
 
 def _joints(model: Model) -> dict[str, Any]:
+    from gtb_cli.assembly.openings import near_misses
     from gtb_cli.assembly.seams import joints as seams_of
     from gtb_cli.theory.joints import edge_name
 
@@ -98,6 +99,12 @@ def _joints(model: Model) -> dict[str, Any]:
             {"edges": [edge_name(model.patches, first), edge_name(model.patches, second)], "distance": distance}
             for first, second, distance in joints.almost
         ],
+        "not_joined": [
+            f"{edge_name(model.patches, first)}: {reason.format(edge_name(model.patches, second))}"
+            for first, second, reason in near_misses(joints, model.patches)
+        ],
+        "welded_edges": sum(joint.distance > 0 for joint in joints.shared),
+        "welded_distance": max((joint.distance for joint in joints.shared), default=0.0),
         "crowded_edges": [[edge_name(model.patches, ref) for ref in refs] for refs in joints.crowded],
         "one_sided": bool(joints.one_sided),
         "joints": [
@@ -148,8 +155,9 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
         ]
         if found["collapsed_edges"]:
             lines.append(("collapsed edges", "; ".join(found["collapsed_edges"])))
-        for almost in found["almost_shared_edges"]:
-            lines.append(("almost shared", f"{' and '.join(almost['edges'])}, {almost['distance']:.3g} apart"))
+        lines += [("not joined", reason) for reason in found["not_joined"]]
+        if found["welded_edges"]:
+            lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
         lines += [("joint", _joint_text(joint)) for joint in found["joints"]]

@@ -122,3 +122,13 @@ def test_the_command_welds(tmp_path):
     result = gtb("mesh", tmp_path / "x.toml", "--weld", "2e-4", "-o", tmp_path / "x.obj")
     assert "1 seams were welded" in result.err
     assert result.status == 0
+
+
+def test_info_says_why_edges_are_not_joined_and_what_is_welded(tmp_path):
+    from gtb_cli.spec.writer import save
+
+    save(pair(2.0), tmp_path / "x.toml")
+    text = gtb("info", tmp_path / "x.toml").text
+    assert "not joined        one edge 1: same ends and control points as two edge 3, but weights" in text
+    save(pair(shift=1e-4).replace(weld=2e-4), tmp_path / "y.toml")
+    assert "welded edges      1, up to 0.0001 apart" in gtb("info", tmp_path / "y.toml").text
