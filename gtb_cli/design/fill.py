@@ -53,6 +53,10 @@ FOLD_WITHIN = 1e-6
 SOUND = 1e-6
 """Angle in degrees along an edge below which planes are met: rounding of coordinates of an ordinary size."""
 
+TURNING = 90.0
+"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds: where a patch
+follows them round by more, in steps of a mesh or at once, it faces the other way."""
+
 CORNER = 0.02
 """Parameters nearer to the ends of an edge than this are a corner, when angles are measured."""
 
@@ -116,8 +120,8 @@ def fill(
     fullness : float
         Factor of how far the patch goes on along the given planes; 1 is the fairest.
     raises : int, optional
-        How often the degree of the edges is raised, at least. Default: 2 where a side has a ribbon, else 1; with 0,
-        edges stay as they are, if an exact field is found.
+        How often the degree of the edges is raised, at least. Default: 2 where a side has a ribbon, else 1, or
+        once less if it folds so; with 0, edges stay as they are, if an exact field is found.
     name : str, optional
 
     Returns
@@ -144,7 +148,11 @@ def fill(
     normals = [None if side.across is None else side_normals(side) for side in unit]
     least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
     best: _Attempt | None = None
-    for count, fewer in ((least, False), (least, True), (least + 1, False), (least + 2, True)):
+    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
+    if raises is None:
+        # Loops of twelve sides are known that turn over with more fields to choose from, and do not with fewer.
+        plans.insert(1, (least - 1, False))
+    for count, fewer in plans:
         attempt = _attempt(unit, normals, count, fewer, kind, fullness)
         if best is None or attempt.faults < best.faults:
             best = attempt
@@ -162,6 +170,8 @@ def fill(
     angle = max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan)
     if any(best.raises):
         remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
+    if best.folds:
+        remarks += _turning_planes(ordered, normals)
     corner_angles = _corner_angles(unit, normals)
     return Filling(patch, ordered, best.energy * size**2, angle, corner_angles, best.raises, best.folds, tuple(remarks))
 
@@ -312,6 +322,16 @@ def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) 
         end, start = _extrapolated(before[::-1]), _extrapolated(after)
         angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
     return np.array(angles)
+
+
+def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> list[str]:
+    """Name the sides whose planes turn so far that the patch can hardly follow."""
+    turns = [0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in normals]
+    return [
+        f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch may fold there"
+        for side, turn in zip(sides, turns, strict=True)
+        if turn > TURNING
+    ]
 
 
 def _extrapolated(normals: FloatArray) -> FloatArray:

@@ -26,9 +26,9 @@ def schema() -> dict[str, Any]:
     -----
     What a schema cannot say is left to `gtb_cli.spec.loading.parse`: that lists have an entry for each knot, whether an
     expression has a value and which, whether a name in it is known, whether there is the patch that is copied or the
-    file that is included, that names do not clash, that numbers are finite (JSON has no others), that the hull is not
-    flat, how many edges it has, whether the knots are a lattice; and what comes before data, such as syntax, repeated
-    keys and sizes.
+    file that is included, that `ribbon` is for curves and for gtb fill alone, that names do not clash, that numbers are
+    finite (JSON has no others), that the hull is not flat, how many edges it has, whether the knots are a lattice; and
+    what comes before data, such as syntax, repeated keys and sizes.
     """
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -42,7 +42,7 @@ def schema() -> dict[str, Any]:
             "copy": _COPY,
             "single": {
                 **_PATCH,
-                "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
+                "properties": {**_SINGLE, "let": {"$ref": "#/$defs/let"}},
             },
             "let": {
                 "description": "Numbers with a name, for all expressions; each may use those before it.",
@@ -173,6 +173,10 @@ _PATCH: dict[str, Any] = {
             "description": "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three.",
             "anyOf": [_tuples(2), _tuples(3)],
         },
+        "ribbon": {
+            "description": "For gtb fill, the second row of control points, which goes from this curve into the hole.",
+            "anyOf": [_tuples(2), _tuples(3)],
+        },
         "coefficients": {
             "description": "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1.",
             "anyOf": [{"enum": list(NAMED_COEFFICIENTS)}, _list("positive")],
@@ -194,3 +198,5 @@ _PATCH: dict[str, Any] = {
     "not": {"required": ["weights", "log_weights"]},
     "additionalProperties": False,
 }
+
+_SINGLE = {key: value for key, value in _PATCH["properties"].items() if key != "ribbon"}

@@ -17,17 +17,19 @@ def homogeneous(points: np.ndarray, weights: np.ndarray | None = None) -> np.nda
     return np.column_stack([points * weights[:, None], weights])
 
 
-def random_sides(n: int, seed: int, degrees: tuple[int, int] = (1, 6), rational: bool = False) -> list[Side]:
+def random_sides(
+    n: int, seed: int, degrees: tuple[int, int] = (1, 6), rational: bool = False, noise: float = 0.08
+) -> list[Side]:
     """A closed loop of curves of different degrees, with ribbons that agree at the corners."""
     rng = np.random.default_rng([n, seed])
     angles = (np.arange(n) + 0.5 * rng.random(n)) * 2 * np.pi / n
-    corners = np.column_stack([np.cos(angles), np.sin(angles), 0.3 * rng.normal(size=n)])
+    corners = np.column_stack([np.cos(angles), np.sin(angles), 3.75 * noise * rng.normal(size=n)])
     curves = []
     for k in range(n):
         degree = int(rng.integers(degrees[0], degrees[1] + 1))
         share = np.arange(degree + 1)[:, None] / degree
         points = (1 - share) * corners[k] + share * corners[(k + 1) % n]
-        points[1:-1] += 0.08 * rng.normal(size=(degree - 1, 3))
+        points[1:-1] += noise * rng.normal(size=(degree - 1, 3))
         curves.append(points)
     sides = []
     for k, points in enumerate(curves):
@@ -36,7 +38,7 @@ def random_sides(n: int, seed: int, degrees: tuple[int, int] = (1, 6), rational:
         weights = np.concatenate([[1.0], rng.uniform(0.7, 1.4, degree - 1), [1.0]]) if rational else None
         before, after = curves[k - 1], curves[(k + 1) % n]
         ribbon = points - 0.3 * np.column_stack([points[:, :2], np.zeros(len(points))])
-        ribbon += 0.03 * rng.normal(size=ribbon.shape)
+        ribbon += 0.375 * noise * rng.normal(size=ribbon.shape)
         ribbon[0], ribbon[-1] = before[-2], after[1]
         curve, row = homogeneous(points, weights), homogeneous(ribbon, weights)
         sides.append(Side(f"side {k}", curve, ribbon_field(curve, row)))

@@ -31,7 +31,8 @@ def test_is_a_schema_and_plain_json() -> None:
 
 def test_names_every_key_and_no_other() -> None:
     definitions = schema()["$defs"]
-    assert set(definitions["patch"]["properties"]) == PATCH_KEYS
+    assert set(definitions["patch"]["properties"]) == PATCH_KEYS | {"ribbon"}
+    assert set(definitions["single"]["properties"]) == PATCH_KEYS | {"let"}
     assert set(definitions["model"]["properties"]) == MODEL_KEYS
 
 
@@ -71,3 +72,10 @@ def test_templates_name_a_schema_beside_them(tmp_path):
         assert "gtb schema -o spec-schema.json" in how
     assert gtb("schema", "-o", tmp_path / "spec-schema.json").status == 0
     assert json.loads((tmp_path / "spec-schema.json").read_text(encoding="utf-8")) == schema()
+
+
+def test_ribbons_belong_to_curves_of_a_loop() -> None:
+    curve = {"knots": [0, 1], "control_points": [[0, 0, 0], [1, 0, 0]], "ribbon": [[0, 1, 0], ["1/2", 1, 0]]}
+    VALIDATOR.validate({"patches": [curve]})
+    assert not VALIDATOR.is_valid({"patches": [{**curve, "ribbon": [[0], [1]]}]})
+    assert not VALIDATOR.is_valid(curve)
