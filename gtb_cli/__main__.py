@@ -13,11 +13,11 @@ try:  # of the milliseconds before signals are caught, in which Python would sho
 except KeyboardInterrupt:
     sys.exit(130)
 
-STOPPED = 128
-"""Added to the number of the signal that stopped a process: 130 after Ctrl-C."""
+SIGNAL_STATUS = 128
+"""Exit status of a stopped process before the signal's number is added: 130 after Ctrl-C."""
 
-IMPATIENCE = 1.0
-"""Seconds after a signal in which more of them do not disturb the cleaning up."""
+GRACE_SECONDS = 1.0
+"""Seconds after a signal during which further ones do not disturb the cleaning up."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Set to 1: how a sum is split among threads decides its last digit, and small matrices gain nothing by it."""
@@ -44,7 +44,7 @@ def main() -> None:
 
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
-        status = STOPPED + (stop.args[0] if stop.args else signal.SIGINT)
+        status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)
         _discard_unfinished()  # where the signal came between a file and what would remove it
     sys.exit(status)
 
@@ -59,9 +59,9 @@ def _catch_signals() -> None:
         if _importing(frame):
             # Some of what imports call swallows exceptions: nothing would stop.
             _discard_unfinished()
-            os._exit(STOPPED + number)
+            os._exit(SIGNAL_STATUS + number)
         now = time.monotonic()
-        if now - last > IMPATIENCE:
+        if now - last > GRACE_SECONDS:
             last = now
             raise Stopped(number)
 

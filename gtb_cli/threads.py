@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-WAITING = 2
-"""Results for each thread that may wait for their turn."""
+WAITING_RESULTS = 2
+"""Number of results per thread that may wait for their turn."""
 
 _limit = 0
 
@@ -58,7 +58,7 @@ def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = 
             for task in tasks:
                 # In the context of this thread, which says how numpy treats overflow.
                 waiting.append(executor.submit(copy_context().run, function, task))
-                if len(waiting) > WAITING * count:
+                if len(waiting) > WAITING_RESULTS * count:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()

@@ -6,44 +6,46 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.description import description
-from gtb_cli.checks.probe import ROUNDINGS, Probe, largest, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 from gtb_cli.theory.moment import RESIDUAL
 
-THIN = 1e-9
-"""Width, as a fraction of the extent, below which the control points are taken as flat for their hull."""
+FLAT_WIDTH = 1e-9
+"""Width, as a fraction of the extent, below which the control points count as flat and have no solid hull."""
 
 AFFINE_MAP = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
 """Neither a rotation nor a scaling; its rows are no longer than 1.4, which `AFFINE_GAIN` allows for."""
 
 AFFINE_SHIFT = np.array([1.5, -0.7, 0.4])
+"""Translation after `AFFINE_MAP`, in extents."""
 
 AFFINE_GAIN = 4.0
+"""Roundings of a mapped point per rounding of a point: `AFFINE_MAP` sums three products and lengthens by 1.4."""
 
-SCALES = (1.5, 0.7, 1.2, 0.8, 1.1)
+EDGE_FACTORS = (1.5, 0.7, 1.2, 0.8, 1.1)
 """Factors of edge functions, in turn."""
 
-LINEAR_SAMPLES = 300
-"""Most points at which the moment map is inverted."""
+INVERTED_POINTS = 300
+"""Largest number of points at which the moment map is inverted."""
 
-STEEPEST = 1e6
-"""Extents per hull's size by which points may move with the moments, which the solver finds with an error of
-`RESIDUAL`; steeper places are left out."""
+MAX_STEEPNESS = 1e6
+"""Largest change of a point, in extents, per change of its moments, in sizes of the hull, at places that are compared:
+the solver's error is `RESIDUAL`, and steeper places would magnify it."""
 
-POWERS = 1_000_000
-"""Most powers that are taken."""
+MAX_POWERS = 1_000_000
+"""Largest number of powers that are computed."""
 
-MAX_UNITY = 300
-"""Most knots for which the dense system (8) is solved."""
+MAX_SYSTEM_KNOTS = 300
+"""Largest number of knots for which the dense system (8) is solved."""
 
 
 def definition(probe: Probe) -> Outcome:
     """Points against the definition with its powers, no logarithms."""
     patch, domain = probe.patch, probe.patch.domain
-    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // POWERS))
+    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // MAX_POWERS))
     heights = probe.heights[:, rows].astype(np.longdouble)
     with np.errstate(all="ignore"):
         products = np.exp(patch.log_products.astype(np.longdouble))
@@ -68,7 +70,7 @@ def nonnegativity(probe: Probe) -> Outcome:
 
 def partition_of_unity(probe: Probe) -> Outcome:
     """Sums of the basis."""
-    bound = EPS * (ROUNDINGS + len(probe.patch.knots))
+    bound = EPS * (VALUE_ROUNDINGS + len(probe.patch.knots))
     return at_most(largest(np.abs(probe.basis.sum(axis=1) - 1)), bound, "largest difference of the sum from 1")
 
 
@@ -99,7 +101,7 @@ def hull(probe: Probe) -> Outcome:
     control, points = control @ axes.T, points @ axes.T
     below, above = control.min(axis=0) - points, points - control.max(axis=0)
     outside = [float(below.max()), float(above.max())]
-    rank = int((np.ptp(control, axis=0) > THIN).sum())
+    rank = int((np.ptp(control, axis=0) > FLAT_WIDTH).sum())
     if rank == 2:
         corners = control[convex_hull(control[:, :2]), :2]
         sides = np.roll(corners, -1, axis=0) - corners
@@ -146,14 +148,14 @@ def products(probe: Probe) -> Outcome:
 def edge_scale(probe: Probe) -> Outcome:
     """With other scales, every point is the point of the patch with the same moments μ = Σ T_i a_i."""
     patch, domain = probe.patch, probe.patch.domain
-    factors = np.resize(SCALES, len(domain.vertices)) * np.asarray(patch.edge_scale)
+    factors = np.resize(EDGE_FACTORS, len(domain.vertices)) * np.asarray(patch.edge_scale)
     scaled = patch.replace(edge_scale=factors)
     u = linear_samples(probe, probe.inside)
     shares = scaled.basis(u)
     moments = domain.center + shares @ (domain.knots - domain.center)
     depth = (domain.heights_of_columns(moments) / domain.normal_lengths[:, None]).min(axis=0)
     steepness = _steepness(probe, shares)
-    well = (steepness <= STEEPEST) & (depth > probe.knot_rounding * domain.size)
+    well = (steepness <= MAX_STEEPNESS) & (depth > probe.knot_rounding * domain.size)
     if not well.any():
         return not_applicable("at each sample one knot has nearly all of T: moments do not tell points apart")
     moments = moments[well]
@@ -182,7 +184,7 @@ def _steepness(probe: Probe, shares: FloatArray) -> FloatArray:
         determinant = square[:, 0, 0] * square[:, 1, 1] - square[:, 0, 1] ** 2
         adjugate = np.stack([square[:, 1, 1], -square[:, 0, 1], -square[:, 0, 1], square[:, 0, 0]], axis=1)
         gradients = adjugate.reshape(-1, 2, 2) @ mixed / np.maximum(determinant, np.finfo(float).tiny)[:, None, None]
-        flat = determinant <= ROUNDINGS * EPS * (square[:, 0, 0] * square[:, 1, 1])
+        flat = determinant <= VALUE_ROUNDINGS * EPS * (square[:, 0, 0] * square[:, 1, 1])
         gradients[flat] = np.inf
     return np.asarray(np.nan_to_num(np.sqrt((gradients**2).sum(axis=(1, 2))), nan=np.inf))
 
@@ -211,8 +213,8 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
 
 
 def linear_samples(probe: Probe, rows: IntArray) -> FloatArray:
-    """(m, d) at most `LINEAR_SAMPLES` of some rows of the parameters, spread over all."""
-    return np.asarray(probe.u[rows[:: -(-len(rows) // LINEAR_SAMPLES)]])
+    """(m, d) at most `INVERTED_POINTS` of some rows of the parameters, spread over all."""
+    return np.asarray(probe.u[rows[:: -(-len(rows) // INVERTED_POINTS)]])
 
 
 def coefficients_of_unity(probe: Probe) -> Outcome:
@@ -220,8 +222,8 @@ def coefficients_of_unity(probe: Probe) -> Outcome:
     domain = probe.patch.domain
     if probe.repetitions:
         return not_applicable("repeated knots make the system singular")
-    if len(domain.knots) > MAX_UNITY:
-        return not_applicable(f"solved for at most {MAX_UNITY} knots")
+    if len(domain.knots) > MAX_SYSTEM_KNOTS:
+        return not_applicable(f"solved for at most {MAX_SYSTEM_KNOTS} knots")
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             c = partition_of_unity_coefficients(domain)

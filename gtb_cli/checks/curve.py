@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.probe import ROUNDINGS, Probe, evenly, largest, points_at_torus, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, evenly, largest, points_at_torus, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.theory.basis import exponents, torus_coordinates
@@ -16,52 +16,55 @@ from gtb_cli.theory.degeneration import degenerate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 
-ORDERS = 4
-"""Minors of up to this many rows are sampled: each is a sum of at most 24 products."""
+MAX_MINOR_ORDER = 4
+"""Rows of the largest minors that are sampled: each is a sum of at most 24 products."""
 
 UNDERFLOWN = "in each sampled minor there are values of the basis below the range of floats"
 
-MINORS = 400
-"""Minors of each order."""
+MINORS_PER_ORDER = 400
+"""Number of minors of each order that are sampled."""
 
-LINES = 100
+SAMPLED_LINES = 100
+"""Number of lines, or planes, whose crossings are counted."""
 
 CURVE_POINTS = 513
-"""Points of the curve between which crossings of a line are counted: fewer are seen than there are, never more."""
+"""Points of the curve between which crossings are counted: this may miss crossings, but never adds any."""
 
-GRAZING = 1e-6
-"""A line that passes a control point within this fraction of the extent is left out."""
+GRAZING_DISTANCE = 1e-6
+"""Distance of a line from a control point, as a fraction of the extent, below which the line is left out."""
 
 TURNING_POINTS = 129
+"""Points of the curve from which its turning is measured."""
 
-SHORTEST = 1e-3
-"""Chords shorter than this fraction of the extent are joined with the next: their direction is rounding."""
+MIN_CHORD = 1e-3
+"""Length, as a fraction of the extent, below which a chord is joined with the next: its direction is rounding."""
 
-FLAT = 1e-12
+PLANE_WIDTH = 1e-12
 """Width, as a fraction of the extent, up to which control points lie in a plane."""
 
-FULL_TURN = 1e-6
-"""Difference from 2π up to which a polygon turns once."""
+TURN_TOLERANCE = 1e-6
+"""Difference from 2π, in radians, up to which a polygon turns once."""
 
-LAYERS = 32.0
-"""Logarithm of the share that knots behind the next one may keep at the place where the tangent is measured."""
+LAYER_LOG = 32.0
+"""Natural logarithm of the factor by which knots behind the next one have faded where the tangent is measured."""
 
-DEEPEST = 600.0
-"""Logarithm of the smallest value of the basis that is relied upon."""
+DEPTH_LOG = 600.0
+"""Natural logarithm of the largest ratio between values of the basis that is relied upon: floats reach 708."""
 
-UNDECIDED = 0.1
-"""Where what is neglected may be this large, a limit is not reached within the range of floats."""
+MAX_NEGLECTED = 0.1
+"""Largest neglected share: with more, the limit is not reached within the range of floats."""
 
-STEPS = tuple(2.0**-k for k in range(8, 50, 3))
+QUOTIENT_STEPS = tuple(2.0**-k for k in range(8, 50, 3))
 """Fractions of the length of Δ at which the difference quotient is tried; the one with the smallest error counts."""
 
-INFINITE = 120.0
-"""Logarithm by which one knot's share exceeds all others for a weight that stands for infinity."""
+INFINITE_WEIGHT_LOG = 120.0
+"""Natural logarithm of the ratio between one knot's share and all others at a weight that stands for infinity."""
 
-MAX_KNOTS = 300
-"""Most knots for dense eigenvalues."""
+MAX_EIGENVALUE_KNOTS = 300
+"""Largest number of knots for which dense eigenvalues are computed."""
 
 WEIGHTS_TRIED = 16
+"""Largest number of weights that are made infinite, one at a time."""
 
 
 def total_positivity(probe: Probe) -> Outcome:
@@ -70,7 +73,9 @@ def total_positivity(probe: Probe) -> Outcome:
     if not len(minors):
         return not_applicable(UNDERFLOWN)
     value = max(0.0, -float(minors.min()))
-    return within_rounding(value, bound, f"largest negative minor of up to {ORDERS} rows, of its products' sum")
+    return within_rounding(
+        value, bound, f"largest negative minor of up to {MAX_MINOR_ORDER} rows, of its products' sum"
+    )
 
 
 def strict_total_positivity(probe: Probe) -> Outcome:
@@ -94,14 +99,14 @@ def _minors(probe: Probe) -> tuple[FloatArray, float]:
     u = np.sort(probe.u[probe.inside, 0])
     basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
     ratios = [np.zeros(0)]
-    orders = min(ORDERS, n, len(u))
+    orders = min(MAX_MINOR_ORDER, n, len(u))
     for order in range(1, orders + 1):
-        spread = evenly(MINORS, 2 * order)
+        spread = evenly(MINORS_PER_ORDER, 2 * order)
         rows, columns = (_subsets(part, count) for part, count in ((spread[:, :order], len(u)), (spread[:, order:], n)))
         entries = basis[rows[:, :, None], columns[:, None, :]]
         for axis in (2, 1):  # rows, then columns, brought to size: their factors are those of the minor
             entries = entries / np.maximum(np.abs(entries).max(axis=axis, keepdims=True), np.finfo(float).tiny)
-        minor, size = np.zeros(MINORS), np.zeros(MINORS)
+        minor, size = np.zeros(MINORS_PER_ORDER), np.zeros(MINORS_PER_ORDER)
         for permutation in permutations(range(order)):
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
             minor += _sign(permutation) * product
@@ -129,15 +134,15 @@ def progressive_iteration(probe: Probe) -> Outcome:
     patch = probe.patch
     if probe.repetitions:
         return not_applicable("repeated knots make the collocation matrix singular")
-    if len(patch.knots) > MAX_KNOTS:
-        return not_applicable(f"measured for at most {MAX_KNOTS} knots")
+    if len(patch.knots) > MAX_EIGENVALUE_KNOTS:
+        return not_applicable(f"measured for at most {MAX_EIGENVALUE_KNOTS} knots")
     order = np.argsort(patch.knots[:, 0], kind="stable")
     matrix = patch.basis(patch.knots[order])[:, order]
     if not np.isfinite(matrix).all():
         return at_most(np.inf, 1.0, "values of the basis are not finite")
     eigenvalues = np.linalg.eigvals(matrix)
     radius = float(np.abs(1 - eigenvalues).max())
-    doubt = len(matrix) * ROUNDINGS * EPS + 4 * probe.rounding
+    doubt = len(matrix) * VALUE_ROUNDINGS * EPS + 4 * probe.rounding
     reason = "factor by which errors shrink in a round, at the knots"
     if abs(radius - 1) <= doubt**0.5:
         return number(radius, f"{reason}: too near to 1 to tell")
@@ -149,15 +154,15 @@ def variation_diminishing(probe: Probe) -> Outcome:
     control = _polygon(probe) / probe.extent
     points = _linear_points(probe, CURVE_POINTS) / probe.extent
     axes, flat = _plane(control)
-    spread = evenly(LINES, 3)
-    angle, z = 2 * np.pi * spread[:, 0], np.zeros(LINES) if flat else 2 * spread[:, 1] - 1
+    spread = evenly(SAMPLED_LINES, 3)
+    angle, z = 2 * np.pi * spread[:, 0], np.zeros(SAMPLED_LINES) if flat else 2 * spread[:, 1] - 1
     ring = np.sqrt(1 - z**2)
     normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1) @ axes
     sides, curve_sides = normals @ control.T, normals @ points.T
     low, high = sides.min(axis=1), sides.max(axis=1)
     offset = low + spread[:, 2] * (high - low)
     sides, curve_sides = sides - offset[:, None], curve_sides - offset[:, None]
-    clear = np.abs(sides).min(axis=1) > GRAZING + probe.distance_rounding
+    clear = np.abs(sides).min(axis=1) > GRAZING_DISTANCE + probe.distance_rounding
     if not clear.any():
         return not_applicable("the control points all coincide")
     excess = _changes(curve_sides[clear], probe.distance_rounding) - _changes(sides[clear], 0.0)
@@ -183,15 +188,15 @@ def convexity(probe: Probe) -> Outcome:
     sine, turning = _turning(control @ axes[:2].T, probe.extent)
     if sine is None:
         return not_applicable("the control points are on a line")
-    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > FULL_TURN:
+    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > TURN_TOLERANCE:
         return not_applicable("the control polygon, closed by its chord, is not convex")
     points = _linear_points(probe, TURNING_POINTS) @ axes[:2].T
     sine, turning = _turning(points, probe.extent)
     if sine is None:
         return not_applicable("the curve is a segment to rounding")
-    if abs(abs(turning) - 2 * np.pi) > FULL_TURN:
+    if abs(abs(turning) - 2 * np.pi) > TURN_TOLERANCE:
         return at_most(abs(turning) / (2 * np.pi), 1.0, "turns of the curve, closed by its chord")
-    bound = 2 * probe.distance_rounding / SHORTEST
+    bound = 2 * probe.distance_rounding / MIN_CHORD
     return within_rounding(sine, bound, "sine of the largest turn the wrong way; the control polygon is convex")
 
 
@@ -199,9 +204,9 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
     """Sine of a closed polygon's largest turn against the others (None of a straight one), and the sum of turns."""
     kept = [points[0]]
     for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) > SHORTEST * extent:
+        if np.hypot(*(point - kept[-1])) > MIN_CHORD * extent:
             kept.append(point)
-    while len(kept) > 1 and np.hypot(*(kept[-1] - kept[0])) <= SHORTEST * extent:
+    while len(kept) > 1 and np.hypot(*(kept[-1] - kept[0])) <= MIN_CHORD * extent:
         kept.pop()
     corners = np.array(kept)
     chords = np.roll(corners, -1, axis=0) - corners
@@ -212,7 +217,7 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
     dot = (chords * following).sum(axis=1)
     sines = cross / np.hypot(*chords.T) / np.hypot(*following.T)
     turning = float(np.arctan2(cross, dot).sum())
-    if np.abs(sines).max() <= FLAT:
+    if np.abs(sines).max() <= PLANE_WIDTH:
         return None, 0.0
     wrong = -sines if turning > 0 else sines
     return max(0.0, float(wrong.max())), turning
@@ -238,10 +243,10 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     behind = slice(lead + 1, None)
     fading = end.logs[behind] - end.logs[lead] + end.log_lengths[behind] - end.log_lengths[lead]
     away = end.places[behind] - end.places[lead]
-    sigma = max(0.0, float(((fading + LAYERS) / away).max(initial=0.0)))
-    sigma = min(sigma, (DEEPEST + end.logs[lead] - end.logs[0]) / end.places[lead])
-    neglected = float(np.exp(np.clip(fading - away * sigma, -DEEPEST, DEEPEST)).sum())
-    if neglected > UNDECIDED:
+    sigma = max(0.0, float(((fading + LAYER_LOG) / away).max(initial=0.0)))
+    sigma = min(sigma, (DEPTH_LOG + end.logs[lead] - end.logs[0]) / end.places[lead])
+    neglected = float(np.exp(np.clip(fading - away * sigma, -DEPTH_LOG, DEPTH_LOG)).sum())
+    if neglected > MAX_NEGLECTED:
         return not_applicable("the knots after the next one are so near to it that the limit is beyond floats")
     moved = probe.merged.replace(control_points=end.vectors)
     vector = points_at_torus(moved, np.array([[-end.sign * sigma]]))[0]
@@ -252,7 +257,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     sine = float(np.sqrt((np.cross(direction, expected) ** 2).sum()) / length)
     if direction @ expected < 0:
         sine = 2.0 - sine
-    bound = 2 * neglected + ROUNDINGS * EPS * probe.reach * probe.extent / float(np.abs(end.step).max())
+    bound = 2 * neglected + VALUE_ROUNDINGS * EPS * probe.reach * probe.extent / float(np.abs(end.step).max())
     reason = "sine of the angle to the next control point, the larger of both ends"
     found = within_rounding(sine, bound, reason)
     if found.status != "holds":
@@ -275,7 +280,7 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
         moved = probe.merged.replace(control_points=end.vectors, edge_scale=np.array(k))
         log_length = end.logs[1] - end.logs[0] + np.log(near) - far / near * np.log(far * length)
         best, step = _smallest_error(end, moved, near, far)
-        if best > UNDECIDED or abs(log_length) > DEEPEST:
+        if best > MAX_NEGLECTED or abs(log_length) > DEPTH_LOG:
             return not_applicable("the limit is not reached within the range of floats")
         u = end.at + end.sign * step * length
         quotient = moved.evaluate(np.array([u]))[0] / abs(u - end.at)
@@ -291,21 +296,21 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
 
 
 def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[float, float]:
-    """The smallest bound for the error of a difference quotient over the fractions `STEPS`, and the fraction."""
+    """The least bound for the error of a difference quotient over the `QUOTIENT_STEPS`, and the fraction it is at."""
     length = end.places[-1]
-    best, step = np.inf, STEPS[0]
+    best, step = np.inf, QUOTIENT_STEPS[0]
     vectors = np.exp(end.log_lengths - end.log_lengths.max())
-    for fraction in STEPS:
+    for fraction in QUOTIENT_STEPS:
         u = end.at + end.sign * fraction * length
         delta = abs(float(u) - end.at)
-        if delta < ROUNDINGS * patch.domain.tolerance:
+        if delta < VALUE_ROUNDINGS * patch.domain.tolerance:
             break
         # log of the basis against that of the end knot's: a place at distance d has d near log(near δ) − d far log(…).
         slope = near * np.log(near * delta) - far * np.log(far * (length - delta))
-        shares = np.exp(np.clip(end.logs - end.logs[0] + slope * end.places, -DEEPEST, DEEPEST))
+        shares = np.exp(np.clip(end.logs - end.logs[0] + slope * end.places, -DEPTH_LOG, DEPTH_LOG))
         others = float((shares[2:] * vectors[2:]).sum() / shares[1])
         error = others + float(shares[1:].sum()) + 2 * far / near * delta / length
-        error += EPS * ROUNDINGS * (1 + float(np.abs(end.logs).max()) + abs(slope) * length)
+        error += EPS * VALUE_ROUNDINGS * (1 + float(np.abs(end.logs).max()) + abs(slope) * length)
         if error < best:
             best, step = error, fraction
     return 2 * best, step
@@ -346,7 +351,7 @@ def one_weight(probe: Probe) -> Outcome:
     worst = 0.0
     n = len(patch.knots)
     for k in np.unique(np.linspace(0, n - 1, min(n, WEIGHTS_TRIED)).astype(np.int64)).tolist():
-        growth = INFINITE + float((logs.max(axis=0) - logs[k]).max())
+        growth = INFINITE_WEIGHT_LOG + float((logs.max(axis=0) - logs[k]).max())
         heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
         worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
     return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")
@@ -374,4 +379,4 @@ def _linear_points(probe: Probe, count: int) -> FloatArray:
 def _plane(control: FloatArray) -> tuple[FloatArray, bool]:
     """Principal axes of control points (rows), and whether they are in the plane of the first two."""
     axes = principal_axes(control - control.mean(axis=0))
-    return axes, bool(np.ptp(control @ axes[2]) <= FLAT + 8 * EPS * np.abs(control).max())
+    return axes, bool(np.ptp(control @ axes[2]) <= PLANE_WIDTH + 8 * EPS * np.abs(control).max())

@@ -7,36 +7,37 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import EPS
-from gtb_cli.checks.probe import ROUNDINGS, Probe
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.degeneration import cells_of, degenerate
 
-FADED = 30 * math.log(10)
-"""Logarithm of what is left of the nearest knot under a cell's plane: a factor 1e-30."""
+FADED_LOG = 30 * math.log(10)
+"""Natural logarithm of the factor, 1e30, by which the nearest knot under a cell's plane has faded."""
 
-ENOUGH = 14 * math.log(10)
-"""A factor 1e-14 will do where the range of the lifting is thousands of times the smallest gap."""
+SUFFICIENT_LOG = 14 * math.log(10)
+"""The same for 1e14, which suffices where the range of the lifting is thousands of times its smallest gap."""
 
-LARGEST_LOG = 1000.0
-"""Range of the logarithms of weights: what rounding does to exponents of this size is far below `CONVERGED`."""
+MAX_LOG_RANGE = 1000.0
+"""Largest range of the natural logarithms of weights: rounding of exponents of this size stays far below
+`LIMIT_TOLERANCE`."""
 
-SHRUNK = 0.98
-"""Samples of a cell are drawn this much towards its middle: inside Δ whatever rounding does, and not where two cells
-meet, where the limit is approached most slowly."""
+CELL_SCALE = 0.98
+"""Factor by which samples of a cell are drawn towards its middle: they stay inside Δ whatever rounding does, and away
+from other cells, near which the limit is approached most slowly."""
 
-CONVERGED = 1e-6
-"""Largest distance from the limit, of the extent; measured, 1e-12 is usual."""
+LIMIT_TOLERANCE = 1e-6
+"""Largest distance from the limit, as a fraction of the extent; measured, 1e-12 is usual."""
 
-COMMON = 1000.0
-"""Logarithm of a factor of all weights that no float holds."""
+COMMON_FACTOR_LOG = 1000.0
+"""Natural logarithm of a common factor of all weights that no float holds."""
 
 CELL_SAMPLES = 100
-"""Roughly the most samples of each cell."""
+"""Largest number, roughly, of samples of each cell."""
 
 MAX_CELLS = 50
-"""Most cells that are compared; of more, some that are spread evenly."""
+"""Largest number of cells that are compared; of more, evenly spread ones are chosen."""
 
 
 def multiple_knots(probe: Probe) -> Outcome:
@@ -52,7 +53,7 @@ def multiple_knots(probe: Probe) -> Outcome:
 def weights(probe: Probe) -> Outcome:
     """The patch with the weights x^λ ω against its own basis times x^λ; also for weights beyond the range of floats.
 
-    A common factor of the weights changes no point: with `COMMON` in it they are kept as logarithms.
+    A common factor of the weights changes no point: with `COMMON_FACTOR_LOG` in it they are kept as logarithms.
     """
     patch = probe.patch
     lifting = np.arange(len(patch.knots)) % 2.0 if patch.lifting is None else patch.lifting
@@ -61,9 +62,10 @@ def weights(probe: Probe) -> Outcome:
     shares = probe.basis * np.exp(growth)
     expected = (shares / shares.sum(axis=1, keepdims=True)) @ patch.control_points
     value = max(
-        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected) for common in (0, COMMON)
+        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected)
+        for common in (0, COMMON_FACTOR_LOG)
     )
-    bound = 2 * probe.distance_rounding + COMMON * EPS * ROUNDINGS
+    bound = 2 * probe.distance_rounding + COMMON_FACTOR_LOG * EPS * VALUE_ROUNDINGS
     of = "of weights e^λ ω, λ = 0 … −1, as the lifting has them" if patch.lifting is not None else "of other weights"
     return within_rounding(value, bound, f"largest distance from the basis times the factors {of}, of the extent")
 
@@ -82,8 +84,8 @@ def toric_degeneration(probe: Probe) -> Outcome:
     if np.isfinite(smallest):
         # A knot has to fade however large its weight is.
         weights = float(np.ptp(patch.log_products))
-        exponent = min((FADED + weights) / smallest, LARGEST_LOG * exponent)
-        if exponent * smallest < ENOUGH + weights:
+        exponent = min((FADED_LOG + weights) / smallest, MAX_LOG_RANGE * exponent)
+        if exponent * smallest < SUFFICIENT_LOG + weights:
             return not_applicable("a knot is so near to its cell's plane that it does not fade within floats")
     far = degenerate(patch, math.e, exponent * (patch.lifting - patch.lifting.max()))
     p, expected = [], []
@@ -91,11 +93,11 @@ def toric_degeneration(probe: Probe) -> Outcome:
         cell = limit[index]
         finest = math.isqrt(2 * CELL_SAMPLES // cell_count(cell.domain, 1)) if cell.dimension == 2 else CELL_SAMPLES
         places = triangulation(cell.domain, max(2, finest)).parameters
-        p.append(cell.domain.center + SHRUNK * (places - cell.domain.center))
+        p.append(cell.domain.center + CELL_SCALE * (places - cell.domain.center))
         expected.append(cell.evaluate(p[-1], "linear"))
     places = np.concatenate(p)
     value = probe.distance(far.evaluate(places, "linear"), np.concatenate(expected))
     what = "curve" if patch.dimension == 1 else "surface"
     power = f"x^λ, log x = {exponent:.3g}"
-    bound = CONVERGED + probe.distance_rounding
+    bound = LIMIT_TOLERANCE + probe.distance_rounding
     return within_rounding(value, bound, f"largest distance from the regular control {what} at {power}, of the extent")

@@ -26,11 +26,11 @@ BEZIER_KINDS: dict[int, Kind] = {
 }
 """By the number of corners of Δ."""
 
-SAMPLING = 64
+PRECISION_SEGMENTS = 64
 """Segments of each hull edge where the linear precision is measured."""
 
-MAX_SAMPLES = 20_000
-"""Roughly the most points of it, for domains of many edges."""
+MAX_PRECISION_POINTS = 20_000
+"""Largest number, roughly, of points at which it is measured, for domains of many edges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ def _edge_normals(patch: Patch) -> EdgeNormals | None:
 
 def _linear_precision_error(patch: Patch) -> float:
     shape = patch.domain
-    resolution = max(2, min(SAMPLING, math.isqrt(2 * MAX_SAMPLES // cell_count(shape, 1))))
+    resolution = max(2, min(PRECISION_SEGMENTS, math.isqrt(2 * MAX_PRECISION_POINTS // cell_count(shape, 1))))
     u = triangulation(shape, resolution).parameters
     centred = patch.knots - shape.center
     images = patch.rational_basis.blend(centred, patch.rational_basis.locations(u), len(u))

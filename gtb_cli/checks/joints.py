@@ -16,7 +16,7 @@ from gtb_cli.theory.patch import Patch
 STATED = "Thm 4.0"
 """Where the paper says that an edge is the curve of its own knots."""
 
-JOINED = 8 * CURVE_TOLERANCE
+JOINT_TOLERANCE = 8 * CURVE_TOLERANCE
 """Largest distance between points of edges that are joined, of the model's size: their control points and knots differ
 by `CURVE_TOLERANCE` at most, and their weights by a factor that near 1."""
 
@@ -65,7 +65,7 @@ def _joined(model: Model) -> Outcome:
         offsets = first - (second[::-1] if joint.opposite else second)
         worst = max(worst, float(np.sqrt((offsets**2).sum(axis=1)).max()))
     reason = f"largest distance at {len(shared)} joints, of the model's size"
-    return at_most(worst / _size(model), JOINED, reason)
+    return at_most(worst / _size(model), JOINT_TOLERANCE, reason)
 
 
 def _points(patch: Patch, edge: int) -> FloatArray:

@@ -12,11 +12,12 @@ from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 
-SAMPLES = 200
-"""Parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or cubic."""
+COMPARED_PARAMETERS = 200
+"""Number of parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or
+cubic."""
 
-WORK = 2_000_000
-"""Numbers in a table of the recurrence."""
+MAX_TABLE_NUMBERS = 2_000_000
+"""Largest number of floats in a table of the recurrence."""
 
 
 def classical_bezier(probe: Probe) -> Outcome:
@@ -28,7 +29,7 @@ def classical_bezier(probe: Probe) -> Outcome:
         return not_applicable(str(error).removeprefix("coefficients: binomial ").replace("needs", "it needs", 1))
     lattice = lattice_of(domain) or ()
     size = math.prod((direction.degree + 1) ** len(direction.steps) for direction in lattice)
-    stride = -(-len(probe.inside) // max(4, min(SAMPLES, WORK // size)))
+    stride = -(-len(probe.inside) // max(4, min(COMPARED_PARAMETERS, MAX_TABLE_NUMBERS // size)))
     s = probe.torus[:, ::stride]
     values = np.ones((s.shape[1], len(domain.knots)))
     for direction in lattice:

@@ -19,28 +19,30 @@ from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
-ROUNDINGS = 64
-"""Roundings of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient."""
+VALUE_ROUNDINGS = 64
+"""Roundings, in units of `EPS`, of a value of the basis beside those of its exponent: logarithms, a sum, an
+exponential, a quotient."""
 
 EXPONENT_ROUNDINGS = 8
-"""Roundings of an exponent, each of the size of its terms: a logarithm and two short sums of products."""
+"""Roundings, in units of `EPS`, of an exponent relative to its terms: a logarithm and two short sums of products."""
 
-MAX_SAMPLES = 1500
-"""Roughly the most parameters at which a patch is sampled."""
+MAX_PARAMETERS = 1500
+"""Largest number, roughly, of parameters at which a patch is sampled."""
 
 MAX_VALUES = 1_000_000
-"""Most values of the basis in one table: large patches are sampled at fewer parameters."""
+"""Largest number of values of the basis in one table: large patches are sampled at fewer parameters."""
 
-FINEST = 16
-"""Segments of each hull edge of a surface that is sampled; a curve has `CURVE_SEGMENTS`."""
+SURFACE_SEGMENTS = 16
+"""Segments of each hull edge of a surface that is sampled."""
 
 CURVE_SEGMENTS = 128
+"""Segments of a curve that is sampled."""
 
-NEAR_BOUNDARY = (2.0**-8, 2.0**-16, 2.0**-30)
-"""Fractions of the way to the middle of Δ at which further samples lie: there the basis is steepest."""
+BOUNDARY_FRACTIONS = (2.0**-8, 2.0**-16, 2.0**-30)
+"""Fractions of the way to the middle of Δ at which further samples lie: near the boundary the basis is steepest."""
 
-FEWEST = 16
-"""Sample parameters of the largest patches."""
+MIN_PARAMETERS = 16
+"""Number of parameters at which even the largest patches are sampled."""
 
 
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
@@ -62,15 +64,15 @@ class Probe:
     def u(self) -> FloatArray:
         """(m, d) parameters: a uniform triangulation with its boundary and corners, and points near the boundary."""
         domain = self.patch.domain
-        most = max(FEWEST, min(MAX_SAMPLES, MAX_VALUES // len(domain.knots)))
+        most = max(MIN_PARAMETERS, min(MAX_PARAMETERS, MAX_VALUES // len(domain.knots)))
         if domain.dimension == 1:
             uniform = triangulation(domain, min(CURVE_SEGMENTS, most)).parameters
         else:
             finest = math.isqrt(2 * most // cell_count(domain, 1))
-            uniform = triangulation(domain, max(2, min(FINEST, finest))).parameters
+            uniform = triangulation(domain, max(2, min(SURFACE_SEGMENTS, finest))).parameters
         heights = domain.heights_of_columns(uniform)
         outer = uniform[(heights == 0).any(axis=0)]
-        fractions = [fraction for fraction in NEAR_BOUNDARY if fraction > self.knot_rounding]
+        fractions = [fraction for fraction in BOUNDARY_FRACTIONS if fraction > self.knot_rounding]
         near = [outer + fraction * (domain.center - outer) for fraction in fractions]
         return np.concatenate([uniform, *near])[: 4 * most]
 
@@ -104,7 +106,7 @@ class Probe:
         """What rounding of knots' coordinates may do to places in Δ, of its size: more where it is thin."""
         domain = self.patch.domain
         width = float((domain.heights.max(axis=0) / domain.normal_lengths).min())
-        return EPS * ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
+        return EPS * VALUE_ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
 
     @cached_property
     def extent(self) -> float:
@@ -127,12 +129,12 @@ class Probe:
         logs = np.abs(np.log(np.where(self.heights > 0, self.heights, 1.0)))
         reach = float((domain.heights.max(axis=0) @ logs).max()) + float(np.abs(self.patch.log_products).max())
         shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
-        return EPS * (EXPONENT_ROUNDINGS * reach * shift + ROUNDINGS + len(domain.knots))
+        return EPS * (EXPONENT_ROUNDINGS * reach * shift + VALUE_ROUNDINGS + len(domain.knots))
 
     @cached_property
     def distance_rounding(self) -> float:
         """Error of a point as a fraction of `extent`: of the basis, and of sums of control points."""
-        return self.rounding + EPS * (ROUNDINGS + len(self.patch.knots)) * self.reach
+        return self.rounding + EPS * (VALUE_ROUNDINGS + len(self.patch.knots)) * self.reach
 
     def distance(self, first: FloatArray, second: FloatArray) -> float:
         """Return the largest distance of (m, 3) points from others, as a fraction of `extent`."""

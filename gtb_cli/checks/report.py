@@ -7,8 +7,8 @@ from typing import Literal, TypeAlias
 
 Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 
-VACUOUS = 0.01
-"""A bound of rounding above this fraction of sizes shows nothing."""
+VACUOUS_BOUND = 0.01
+"""Size, as a fraction of what is compared, above which a bound of rounding shows nothing."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def within_rounding(value: float, bound: float, reason: str) -> Outcome:
 
     Where rounding may do anything, nothing can be told.
     """
-    if value <= bound and bound > VACUOUS:
+    if value <= bound and bound > VACUOUS_BOUND:
         return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
     return at_most(value, bound, reason)
 

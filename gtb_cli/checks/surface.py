@@ -10,16 +10,17 @@ from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.design.isocurve import isocurve
 from gtb_cli.theory.basis import torus_coordinates
 
-ON_EDGE = 15
-"""Parameters inside each edge."""
+EDGE_PARAMETERS = 15
+"""Number of parameters inside each edge."""
 
 MAX_EDGES = 64
-"""Most edges that are looked at; of more, some that are spread evenly."""
+"""Largest number of edges that are examined; of more, evenly spread ones are chosen."""
 
-ISOLINES = (0.125, 0.5, 0.8)
+ISOLINE_PLACES = (0.125, 0.5, 0.8)
 """Places of isoparametric curves, as fractions of the rectangle."""
 
-ON_ISOLINE = 17
+ISOLINE_PARAMETERS = 17
+"""Number of parameters on each isoparametric curve."""
 
 
 def boundaries(probe: Probe) -> Outcome:
@@ -28,7 +29,7 @@ def boundaries(probe: Probe) -> Outcome:
     r = len(domain.vertices)
     worst = 0.0
     edges = np.unique(np.linspace(0, r - 1, min(r, MAX_EDGES)).astype(np.int64)).tolist()
-    fractions = np.arange(1, ON_EDGE + 1)[:, None] / (ON_EDGE + 1)
+    fractions = np.arange(1, EDGE_PARAMETERS + 1)[:, None] / (EDGE_PARAMETERS + 1)
     for edge in edges:
         start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
         u = start + fractions * (end - start)
@@ -49,7 +50,7 @@ def isoparametric_curves(probe: Probe) -> Outcome:
     domain = probe.patch.domain
     if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():
         return not_applicable("the domain is no rectangle along the axes: other isolines are no GT-Bézier curves")
-    worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINES)
+    worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINE_PLACES)
     reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
     return within_rounding(worst, 4 * probe.distance_rounding, reason)
 
@@ -61,8 +62,8 @@ def _isoline_distance(probe: Probe, axis: int, fraction: float) -> float:
     place = low + fraction * (high - low)
     other = 1 - axis
     curve = isocurve(patch, axis, float(place[axis]))
-    v = np.linspace(low[other], high[other], ON_ISOLINE)
+    v = np.linspace(low[other], high[other], ISOLINE_PARAMETERS)
     v[-1] = high[other]
-    u: FloatArray = np.empty((ON_ISOLINE, 2))
+    u: FloatArray = np.empty((ISOLINE_PARAMETERS, 2))
     u[:, axis], u[:, other] = place[axis], v
     return probe.distance(patch.evaluate(u), curve.evaluate(v))

@@ -16,11 +16,11 @@ from gtb_cli.shell.options import (
 )
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
-DEGREE = 25
+DEFAULT_DEGREE = 25
 """Highest degree of a piece without an option: that of `gtb_cli.theory.bezier_pieces`."""
 
-MAX_DEGREE = 1000
-"""Binomial coefficients of higher degrees are beyond the range of floats."""
+MAX_PIECE_DEGREE = 1000
+"""Highest degree that may be asked for: binomial coefficients of higher ones exceed the range of floats."""
 
 
 @click.command
@@ -33,10 +33,10 @@ MAX_DEGREE = 1000
 )
 @click.option(
     "--max-degree",
-    type=WholeNumber(1, MAX_DEGREE),
+    type=WholeNumber(1, MAX_PIECE_DEGREE),
     metavar="D",
-    default=DEGREE,
-    help=f"Highest degree of a piece; {DEGREE} without this option.",
+    default=DEFAULT_DEGREE,
+    help=f"Highest degree of a piece; {DEFAULT_DEGREE} without this option.",
 )
 @output_option
 @spec_format_option

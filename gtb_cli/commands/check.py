@@ -25,13 +25,16 @@ from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, wr
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
 
-FAILED = 1
-"""Exit status of a check that says no."""
+FAILED_STATUS = 1
+"""Exit status when a property fails."""
 
 COLOURS = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
 
 NAME_WIDTH = 40
+"""Columns for the name of a property."""
+
 FIGURES_WIDTH = 20
+"""Columns for the figures of a property."""
 
 
 @click.command
@@ -111,7 +114,7 @@ def check(
     if refused:
         raise RequirementError("\n".join(refused))
     if not all(row.holds for _, row in rows):
-        raise click.exceptions.Exit(FAILED)
+        raise click.exceptions.Exit(FAILED_STATUS)
 
 
 def _patch_data(report: Report) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from gtb_cli.shell.options import (
     spec_format_option,
 )
 from gtb_cli.shell.sequences import (
-    SHORT,
+    NAME_DIGITS,
     check_kind,
     check_length,
     distance_option,
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 KNOT = "knot:"
 """Before an index, in place of a lifting: 1 at that knot, else 0."""
 
-MOST = 10_000
-"""Members of a sweep."""
+MAX_MEMBERS = 10_000
+"""Largest number of members of a sweep."""
 
 
 def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
@@ -65,7 +65,7 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
     index = text.removeprefix(KNOT)
     if not index.isdecimal() or not index.isascii():
         raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
-    return int(index[:SHORT])
+    return int(index[:NAME_DIGITS])
 
 
 @click.command
@@ -83,7 +83,7 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
 @click.option("--to", "last", callback=x_of, metavar="X", help="Sweep: the last x.")
 @click.option(
     "--count",
-    type=WholeNumber(2, MOST),
+    type=WholeNumber(2, MAX_MEMBERS),
     metavar="N",
     help="Sweep: how many x from --from to --to, in equal ratios, rounded to six digits.",
 )
@@ -191,7 +191,7 @@ def _sweep(first: float | None, last: float | None, count: int | None) -> list[f
         raise click.UsageError("--from and --to must be positive and finite")
     low, high = math.log(first), math.log(last)
     inner = [math.exp(low + (high - low) * (k / (count - 1))) for k in range(1, count - 1)]
-    xs = [first, *(float(f"{x:.{SHORT}g}") for x in inner), last]
+    xs = [first, *(float(f"{x:.{NAME_DIGITS}g}") for x in inner), last]
     if len(set(xs)) < count:
         raise click.UsageError(
             f"--from {first:g} and --to {last:g} are too near each other for {count} x of six digits"

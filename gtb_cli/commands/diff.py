@@ -151,7 +151,7 @@ def _compared(first: Source, second: Source, tolerance: float | str | None, cons
 
 def _read(source: Source) -> Side:
     """Read a mesh file, or make the mesh of a spec."""
-    from gtb_cli.formats.meshfiles import MAX_STREAM
+    from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
     from gtb_cli.tessellation.comparison import BEGINNING, bytes_at_most, decoded
 
     path, recipe, spec_format = source
@@ -161,13 +161,13 @@ def _read(source: Source) -> Side:
         limit = bytes_at_most(path, start)
         stream = not is_regular(file)
         if stream:
-            limit = min(limit, MAX_STREAM)
+            limit = min(limit, MAX_STREAM_BYTES)
         if file.seekable():  # so that a large file is in memory once and not twice
             file.seek(-len(start), os.SEEK_CUR)
             start = b""
         data = start + file.read(limit + 1 - len(start))
-    if stream and len(data) > MAX_STREAM:
-        raise GtbError(f"{shown}: does not end within {MAX_STREAM >> 20} MB, and more is read from files only")
+    if stream and len(data) > MAX_STREAM_BYTES:
+        raise GtbError(f"{shown}: does not end within {MAX_STREAM_BYTES >> 20} MB, and more is read from files only")
     return decoded(data, shown, recipe, spec_format)  # type: ignore[arg-type]
 
 

@@ -11,6 +11,7 @@ from gtb_cli.shell.options import WholeNumber, console_option, output_option, sp
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 MAX_TIMES = 1000
+"""Largest number of times that a degree is raised."""
 
 
 @click.command

@@ -30,16 +30,17 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
-MAX_GRID = 10**6
-"""Segments of each edge of a grid; its cells are counted before it is made."""
+MAX_GRID_SEGMENTS = 10**6
+"""Largest number of segments of each edge of a grid; its cells are counted before it is made."""
 
-LINES = 8192
-"""Lines that are evaluated together: always the same, however a pipe cuts them, and so are the last digits."""
+BATCH_LINES = 8192
+"""Lines that are evaluated together: the number does not depend on how a pipe cuts them, and neither do the last
+digits."""
 
-CHUNK = 1 << 20
-"""Bytes read at a time."""
+READ_BYTES = 1 << 20
+"""Bytes that are read at a time."""
 
-MAX_LINE = 10_000
+MAX_LINE_BYTES = 10_000
 """Longest line, in bytes."""
 
 
@@ -49,7 +50,7 @@ MAX_LINE = 10_000
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
 @click.option(
     "--grid",
-    type=WholeNumber(1, MAX_GRID),
+    type=WholeNumber(1, MAX_GRID_SEGMENTS),
     metavar="N",
     help="In place of PARAMS: the parameters of the vertices of gtb mesh -n N, which begin each line.",
 )
@@ -124,8 +125,8 @@ def _grid(
     if count > MAX_FACES:
         raise ToleranceError(f"--grid {resolution} has {count} cells, more than {MAX_FACES}: take fewer")
     u = triangulation(patch.domain, resolution).parameters
-    for start in range(0, len(u), LINES):
-        block = u[start : start + LINES]
+    for start in range(0, len(u), BATCH_LINES):
+        block = u[start : start + BATCH_LINES]
         yield block, values(block)
 
 
@@ -167,19 +168,19 @@ def _batches(
 def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
     """Yield the number of the first line, from 1, and some lines; on a terminal each line at once."""
     first, lines, rest = 1, [], b""
-    each = 1 if file.isatty() else LINES
+    each = 1 if file.isatty() else BATCH_LINES
     read = file.readline if file.isatty() else file.read
-    chunk = read(CHUNK).removeprefix(codecs.BOM_UTF8)
+    chunk = read(READ_BYTES).removeprefix(codecs.BOM_UTF8)
     while chunk:
         pieces = (rest + chunk).split(b"\n")
         rest = pieces.pop()
         lines += pieces
-        if len(rest) > MAX_LINE:
-            raise SpecError(f"{source}:{first + len(lines)}: a line of more than {MAX_LINE} characters")
+        if len(rest) > MAX_LINE_BYTES:
+            raise SpecError(f"{source}:{first + len(lines)}: a line of more than {MAX_LINE_BYTES} characters")
         while len(lines) >= each:
             yield first, lines[:each]
             first, lines = first + each, lines[each:]
-        chunk = read(CHUNK)
+        chunk = read(READ_BYTES)
     yield first, [*lines, rest]
 
 

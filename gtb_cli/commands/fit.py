@@ -15,8 +15,8 @@ from gtb_cli.shell.streams import about, file_stem, read_bytes, read_patch, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MAX_BYTES = 1_000_000
-"""Largest file of points; a hundred lines are far less."""
+MAX_POINT_FILE_BYTES = 1_000_000
+"""Size of the largest file of points, in bytes; a hundred lines are far less."""
 
 
 @click.command
@@ -89,9 +89,9 @@ def _fit_surface(points: str, patch: str, output: str, spec_format: str | None, 
 def _points(path: str, sizes: tuple[int, ...] = (2, 3)) -> Sequence[Sequence[float]]:
     """Read points, a line each."""
     source = shown_input(path)
-    data = read_bytes(path, MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise SpecError(f"{source}: more than {MAX_BYTES} bytes")
+    data = read_bytes(path, MAX_POINT_FILE_BYTES + 1)
+    if len(data) > MAX_POINT_FILE_BYTES:
+        raise SpecError(f"{source}: more than {MAX_POINT_FILE_BYTES} bytes")
     rows: list[list[float]] = []
     for number, line in enumerate(data.decode("utf-8-sig", "backslashreplace").splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()

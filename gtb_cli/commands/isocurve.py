@@ -16,6 +16,7 @@ from gtb_cli.shell.options import (
 from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
 
 MAX_SEGMENTS = 1_000_000
+"""Largest number of segments of the curve."""
 
 
 @click.command

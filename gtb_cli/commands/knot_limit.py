@@ -23,8 +23,8 @@ from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit
 
-STEPS = "0,0.4,0.8"
-"""Those of Example 4.2 of the paper."""
+EXAMPLE_STEPS = "0,0.4,0.8"
+"""Steps t without an option, those of Example 4.2 of the paper."""
 
 MERGE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
 
@@ -56,7 +56,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
 @click.option(
     "--steps",
     callback=numbers_of,
-    default=STEPS,
+    default=EXAMPLE_STEPS,
     show_default=True,
     metavar="S,…",
     help="Write a mesh for each of these fractions of the way.",

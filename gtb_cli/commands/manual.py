@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import click
 
-WIDTH = 78
+PAGE_COLUMNS = 78
 """Columns of the page, whatever the terminal has: the same bytes everywhere."""
 
 
 def manual(group: click.Group) -> str:
     """Write all help texts as one page for man(1), as they stand."""
-    context = click.Context(group, info_name="gtb", terminal_width=WIDTH)
+    context = click.Context(group, info_name="gtb", terminal_width=PAGE_COLUMNS)
     lines = [
         '.TH GTB 1 "" "" "gtb"',
         ".SH NAME",
@@ -24,7 +24,7 @@ def manual(group: click.Group) -> str:
         assert command is not None
         lines.append(f".SS {_escaped('gtb ' + name)}")
         lines += _as_it_stands(
-            command.get_help(click.Context(command, info_name=name, parent=context, terminal_width=WIDTH))
+            command.get_help(click.Context(command, info_name=name, parent=context, terminal_width=PAGE_COLUMNS))
         )
     return "\n".join(lines) + "\n"
 

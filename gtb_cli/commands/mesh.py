@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 
-SCREEN = 1000
-"""Most lines of a mesh that go to a terminal."""
+MAX_TERMINAL_LINES = 1000
+"""Largest number of lines of a mesh that go to a terminal."""
 
 
 @click.command
@@ -183,7 +183,7 @@ def _write_file(task: Task, output: str, console: Console, manifest: Manifest | 
             task.options.recipe.check_size(task.spec)
         made = _encoded(task)
         progress.advance(faces)
-        if is_terminal(output) and made.lines > SCREEN:
+        if is_terminal(output) and made.lines > MAX_TERMINAL_LINES:
             raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
         blocks: Iterable[bytes] = progress.over(made.blocks, faces, made.expected_bytes)
         if manifest is None or made.measures is None:

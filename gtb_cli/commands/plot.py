@@ -30,17 +30,17 @@ WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "dis
 INCHES, PIXELS = (0.5, 40.0), 60_000_000
 """Least and largest width and height of a figure, and its most pixels."""
 
-X = (1.0, 10.0, 100.0)
-"""Of a degeneration, where none is given."""
+DEFAULT_X = (1.0, 10.0, 100.0)
+"""Parameters x of a degeneration, where none is given."""
 
-SWEEP = tuple(10 ** (k / 2) for k in range(9))
-"""The same for distances."""
+DISTANCE_X = tuple(10 ** (k / 2) for k in range(9))
+"""Parameters x at which distances of a degeneration are measured, where none is given."""
 
-STEPS = (0.0, 0.4, 0.8)
-"""Of a knot limit."""
+DEFAULT_STEPS = (0.0, 0.4, 0.8)
+"""Steps t of a knot limit, where none is given."""
 
-NEARER = tuple(1 - 10 ** (-k / 2) for k in range(7))
-"""The same for distances."""
+DISTANCE_STEPS = tuple(1 - 10 ** (-k / 2) for k in range(7))
+"""Steps t at which distances of a knot limit are measured, where none is given."""
 
 PANEL_RESOLUTION = 24
 """Segments of each edge of each cell, in the panels of a sequence."""
@@ -350,7 +350,7 @@ def _frames(
         from gtb_cli.theory.knot_limit import knot_limit
 
         limit = knot_limit(patch, moves).merged
-        found = knot_sequence(patch, moves, steps or (NEARER if far else STEPS), fine, distances=far)
+        found = knot_sequence(patch, moves, steps or (DISTANCE_STEPS if far else DEFAULT_STEPS), fine, distances=far)
         net = net_of(limit)
     else:
         from gtb_cli.theory.degeneration import lifting_of as lifting_of_patch
@@ -359,7 +359,7 @@ def _frames(
         values = _values(patch, lifting)
         if values is None and patch.lifting is None:
             raise DomainError("has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit")
-        given = xs or (SWEEP if far else X)
+        given = xs or (DISTANCE_X if far else DEFAULT_X)
         found = degeneration_sequence(patch, given, values, fine, distances=far)
         heights = lifting_of_patch(patch, values)
         net = net_of(patch, heights if found.values[-1] else -heights)

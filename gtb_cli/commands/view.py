@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 MESHES = (".obj", ".ply", ".stl", ".glb")
 
-MOST_FACES = 1_000_000
-"""Triangles of a page: it holds about 40 bytes of each."""
+MAX_PAGE_FACES = 1_000_000
+"""Largest number of triangles of a page, which takes about 40 bytes for each."""
 
 
 @click.command
@@ -112,9 +112,9 @@ def _sight(path: str, resolution: int | None, spec_format: str | None) -> Sight:
 
 
 def _refuse_too_many(faces: int) -> None:
-    if faces > MOST_FACES:
+    if faces > MAX_PAGE_FACES:
         raise ToleranceError(
-            f"{faces} faces, and a page has room for {MOST_FACES}: take a smaller -n, or a coarser mesh"
+            f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: take a smaller -n, or a coarser mesh"
         )
 
 

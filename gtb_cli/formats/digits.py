@@ -18,13 +18,13 @@ from gtb_cli.arrays import FloatArray, IntArray
 
 Words: TypeAlias = NDArray[np.uint32]
 
-ROWS = 8192
+BLOCK_ROWS = 8192
 """Rows of a block: its arrays stay in the cache."""
 
 _WORD = np.dtype("<u4")
 _HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
-_MOST_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
-_MOST_WHOLE = 1e18  # likewise for the divisors of the whole part
+_MAX_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
+_MAX_WHOLE = 1e18  # likewise for the divisors of the whole part
 _SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bits
 
 
@@ -56,9 +56,9 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     rows, columns = values.shape
     size = np.abs(values)
     whole = np.floor(size)
-    scale = 10.0 ** min(digits, _MOST_DECIMALS)  # exact: so is every power of ten up to the 22nd
+    scale = 10.0 ** min(digits, _MAX_DECIMALS)  # exact: so is every power of ten up to the 22nd
     scaled = (size - whole) * scale
-    if digits > _MOST_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MOST_WHOLE:
+    if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
         line = prefix + f" %.{digits}f" * columns + "\n"
         written: str = line * rows % tuple(values.ravel().tolist())
         return written.encode("ascii")

@@ -16,8 +16,8 @@ from gtb_cli.formats.content import plain_name
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
 
-VISIBLE = 1e-5
-"""A vertex moved by more than this part of the model's diagonal shows as facets in its shading."""
+VISIBLE_SHIFT = 1e-5
+"""Shift of a vertex, as a fraction of the model's diagonal, above which it shows as facets in the shading."""
 
 _SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite one
 _DOUBLE_LIMIT = 2.0**1022  # a difference of two, or a box's extent, is finite too
@@ -246,7 +246,7 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     messages = []
     moved = float(np.abs(single - mesh.vertices).max(initial=0.0))
     diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    if moved > VISIBLE * diagonal > 0.0:
+    if moved > VISIBLE_SHIFT * diagonal > 0.0:
         messages.append(
             f"{kind.upper()}: 32-bit numbers move vertices by up to {moved:.2g}, "
             f"{moved / diagonal:.2g} of the model's diagonal; {way_out}"

@@ -16,11 +16,11 @@ from gtb_cli.formats.content import SINGLE, Content, joined, segments, single_ha
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
 
-HEADER = 12
-"""Bytes before the chunks; each of these has 8 before its content."""
+HEADER_BYTES = 12
+"""Bytes before the chunks; each chunk has 8 before its content."""
 
-MAX_BYTES = 2**32 - 1
-"""Of a file."""
+MAX_GLB_BYTES = 2**32 - 1
+"""Largest size of a file in bytes, which its header holds in 32 bits."""
 
 JSON, BIN = 0x4E4F534A, 0x004E4942
 
@@ -33,17 +33,17 @@ VERTICES, INDICES = 34962, 34963
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
-KNOWN = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", "KHR_materials_specular"}
-"""Required extensions that say nothing of shapes."""
+KNOWN_EXTENSIONS = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", "KHR_materials_specular"}
+"""Required extensions that do not concern shapes."""
 
-MAX_DEPTH = 100
-"""Nodes within nodes."""
+MAX_NODE_DEPTH = 100
+"""Largest depth of nodes within nodes."""
 
 MAX_REPEATED = 3_000_000
-"""Vertices, or corners of cells, that there may be beyond those in the file: one mesh may stand in many nodes."""
+"""Largest number of vertices, or corners of cells, beyond those in the file: one mesh may stand in many nodes."""
 
 MAX_PIECES = 50_000
-"""Primitives in all nodes; each takes some time, however small it is."""
+"""Largest number of primitives in all nodes; each takes some time, however small it is."""
 
 _NOWHERE = np.eye(4)
 
@@ -187,8 +187,8 @@ def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
     tree["buffers"][0]["byteLength"] = length
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
-    total = HEADER + 8 + len(text) + 8 + length
-    if total > MAX_BYTES:
+    total = HEADER_BYTES + 8 + len(text) + 8 + length
+    if total > MAX_GLB_BYTES:
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
     whole, text_size, body_size = (np.array(size, dtype="<u4").tobytes() for size in (total, len(text), length))
     return [b"glTF\2\0\0\0", whole, text_size, b"JSON", text, body_size, b"BIN\0", *chunks]
@@ -214,7 +214,7 @@ def read_glb(data: bytes) -> Content:
 
 def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the description and the buffer of a file."""
-    if data[:4] != b"glTF" or len(data) < HEADER:
+    if data[:4] != b"glTF" or len(data) < HEADER_BYTES:
         raise GtbError("is not a GLB file: it does not begin with glTF")
     version, size = (int(number) for number in np.frombuffer(data, dtype="<u4", offset=4, count=2))
     if version != 2:
@@ -222,7 +222,7 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     if size != len(data):
         raise GtbError(f"says that it has {size} bytes, and has {len(data)}")
     chunks: dict[int, bytes] = {}
-    start = HEADER
+    start = HEADER_BYTES
     while start < size:
         if size - start < 8:
             raise GtbError("is cut off between its chunks")
@@ -257,7 +257,7 @@ class _Scene:
         self.groups: list[tuple[str, int, int]] = []
 
     def read(self) -> None:
-        needed = set(self.tree.get("extensionsRequired", ())) - KNOWN
+        needed = set(self.tree.get("extensionsRequired", ())) - KNOWN_EXTENSIONS
         if needed:
             raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
         nodes = self.tree.get("nodes", [])
@@ -273,8 +273,8 @@ class _Scene:
             if index in seen:  # glTF has trees of nodes only; others can be longer than any file
                 raise GtbError(f"has node {index} in two places")
             seen.add(index)
-            if depth > MAX_DEPTH:
-                raise GtbError(f"has nodes within nodes more than {MAX_DEPTH} deep")
+            if depth > MAX_NODE_DEPTH:
+                raise GtbError(f"has nodes within nodes more than {MAX_NODE_DEPTH} deep")
             node = nodes[index]
             if "mesh" not in node and "children" not in node:
                 continue

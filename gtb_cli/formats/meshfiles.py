@@ -17,12 +17,12 @@ from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
-MAX_BYTES = 1 << 31
-"""Larger files are refused."""
+MAX_FILE_BYTES = 1 << 31
+"""Largest size of a file in bytes; larger ones are refused."""
 
-MAX_STREAM = 1 << 28
-"""What is not a file may have no end: more of it is not read. Five million faces, the most that are made unless asked
-otherwise, are 200 MB of OBJ."""
+MAX_STREAM_BYTES = 1 << 28
+"""Largest number of bytes read from a stream, which may have no end. Five million faces, the most that are made unless
+asked otherwise, are 200 MB of OBJ."""
 
 STL_HEADER = 84
 """Bytes before the facets of a binary STL file, the last four their number."""
@@ -30,12 +30,12 @@ STL_HEADER = 84
 TEXT = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
 """Bytes of text."""
 
-LARGEST = 2.0**1000
-"""Of a coordinate; differences of larger ones may be no numbers."""
+MAX_COORDINATE = 2.0**1000
+"""Largest coordinate in size; differences of larger ones may overflow."""
 
 
-MAX_TEXT = 300
-"""Characters of an error, or of a name."""
+MAX_NAME_CHARACTERS = 300
+"""Longest name, or message of an error, in characters."""
 
 
 def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
@@ -62,7 +62,7 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     shown = os.fspath(path)
     try:
         with open(path, "rb") as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else None
         raise GtbError(f"{shown}: {reason or error}") from None
@@ -74,8 +74,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     try:
         if not data:
             raise GtbError("is empty")
-        if len(data) > MAX_BYTES:
-            raise GtbError(f"is larger than {MAX_BYTES >> 30} GB")
+        if len(data) > MAX_FILE_BYTES:
+            raise GtbError(f"is larger than {MAX_FILE_BYTES >> 30} GB")
         if data.startswith(LFS_POINTER):
             raise GtbError(LFS_FAULT)
         kind = format or format_of(data)
@@ -92,16 +92,16 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
 
 
 def size_limit(start: bytes, otherwise: int) -> int:
-    """Return how many bytes a file that starts so is read at most.
+    """Return the largest number of bytes that are read of a file with this beginning.
 
-    A mesh is read to `MAX_BYTES`, or to the size that its beginning says; what is not a mesh only to `otherwise`, as a
-    device or a pipe may have no end.
+    A mesh is read to `MAX_FILE_BYTES`, or to the size that its beginning states; all else only to `otherwise`, as
+    a device or a pipe may have no end.
     """
     if format_of(start) is not None or len(start) < STL_HEADER:
-        return MAX_BYTES
+        return MAX_FILE_BYTES
     said = STL_HEADER + 50 * int.from_bytes(start[STL_HEADER - 4 : STL_HEADER], "little")
     is_text = not start.translate(None, TEXT)
-    return max(otherwise, 0 if is_text else min(said, MAX_BYTES))
+    return max(otherwise, 0 if is_text else min(said, MAX_FILE_BYTES))
 
 
 def format_of(data: bytes) -> str | None:
@@ -146,8 +146,8 @@ def _content(data: bytes, kind: str) -> Content:
 
 def _printable(text: str) -> str:
     """Text of a file that may stand on a terminal: not long, and without control characters."""
-    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_TEXT])
-    return kept + ("…" if len(text) > MAX_TEXT else "")
+    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_NAME_CHARACTERS])
+    return kept + ("…" if len(text) > MAX_NAME_CHARACTERS else "")
 
 
 def _check(content: Content) -> None:
@@ -165,7 +165,7 @@ def _check(content: Content) -> None:
             f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
         )
     with np.errstate(invalid="ignore"):
-        wrong = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
+        wrong = np.flatnonzero(~(np.abs(vertices) <= MAX_COORDINATE).all(axis=1))
     if len(wrong):
         row = vertices[wrong[0]]
         reason = "too large" if np.isfinite(row).all() else "not finite"

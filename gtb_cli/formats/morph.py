@@ -21,11 +21,11 @@ from gtb_cli.formats.export import encode_mesh
 from gtb_cli.formats.glb import FLOAT, glb_chunks, glb_file, mark_views
 from gtb_cli.meshes.mesh import Mesh
 
-SECONDS = 1.0
-"""From one mesh to the next."""
+SECONDS_PER_MESH = 1.0
+"""Seconds from one mesh to the next."""
 
-MOST = 1000
-"""Meshes of an animation: the weights are a square table of them."""
+MAX_MESHES = 1000
+"""Largest number of meshes of an animation: its weights are a square table of them."""
 
 
 def animated_glb(
@@ -52,13 +52,13 @@ def animated_glb(
     Returns
     -------
     list of bytes
-        The blocks of the file. It has one mesh, and an animation of its weights that is `SECONDS` long from each mesh
-        to the next and linear between. The same meshes give the same bytes.
+        The blocks of the file. It has one mesh, and an animation of its weights that takes `SECONDS_PER_MESH` from each
+        mesh to the next and is linear between. The same meshes give the same bytes.
 
     Raises
     ------
     ExportError
-        Cells that differ, more meshes than `MOST`, or coordinates beyond 32-bit numbers.
+        Cells that differ, more meshes than `MAX_MESHES`, or coordinates beyond 32-bit numbers.
 
     Notes
     -----
@@ -90,7 +90,7 @@ def animated_glb(
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {
-            "input": file.add((np.arange(len(meshes)) * SECONDS).astype(SINGLE), "SCALAR"),
+            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE), "SCALAR"),
             "output": file.add(np.eye(len(meshes), dtype=SINGLE)[:, 1:].ravel(), "SCALAR"),
             "interpolation": "LINEAR",
         }
@@ -101,9 +101,11 @@ def animated_glb(
 
 
 def check_count(meshes: int) -> None:
-    """Refuse an animation of more than `MOST` meshes."""
-    if meshes > MOST:
-        raise ExportError(f"GLB: an animation of {meshes} meshes, more than {MOST}: the files of a folder may be more")
+    """Refuse an animation of more than `MAX_MESHES` meshes."""
+    if meshes > MAX_MESHES:
+        raise ExportError(
+            f"GLB: an animation of {meshes} meshes, more than {MAX_MESHES}: the files of a folder may be more"
+        )
 
 
 class _File:

@@ -12,13 +12,13 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content, joined, segments, triangles
-from gtb_cli.formats.digits import ROWS, cell_lines, decimals, number_lines
-from gtb_cli.formats.text import BLOCK, SAMPLE, float_rows, half_step, integer_rows, lines_of, shown
+from gtb_cli.formats.digits import BLOCK_ROWS, cell_lines, decimals, number_lines
+from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.threads import in_threads
 
-WORTH_THREADS = 100_000
-"""Lines for which threads are started."""
+THREADED_LINES = 100_000
+"""Number of lines from which threads are started."""
 
 IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
 """Keywords of what is not geometry, and of single points."""
@@ -26,8 +26,8 @@ IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp
 FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
 """Keywords of curves and surfaces that are not meshes."""
 
-LEAST = {b"v": 3, b"f": 3, b"l": 2}
-"""How many numbers a line has at least."""
+MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}
+"""Least number of numbers in a line, by keyword."""
 
 Row = TypeVar("Row", FloatArray, IntArray)
 
@@ -68,10 +68,10 @@ def obj_blocks(
     string; memory is that of one block.
     """
     digits = decimals(vertices)
-    worth = len(vertices) + len(cells) > WORTH_THREADS
+    worth = len(vertices) + len(cells) > THREADED_LINES
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
         if values is not None:
-            blocks = (values[start : start + ROWS] for start in range(0, len(values), ROWS))
+            blocks = (values[start : start + BLOCK_ROWS] for start in range(0, len(values), BLOCK_ROWS))
             yield from in_threads(partial(number_lines, prefix, digits=digits), blocks, worth=worth)
     prefix = "f" if cells.shape[1] == 3 else "l"
     # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
@@ -83,11 +83,11 @@ def obj_blocks(
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()
-        rows = (cells[start : min(start + ROWS, last)] for start in range(first, last, ROWS))
+        rows = (cells[start : min(start + BLOCK_ROWS, last)] for start in range(first, last, BLOCK_ROWS))
         yield from in_threads(partial(cell_lines, prefix, leads), rows, worth=worth)
 
 
-def read_obj(data: bytes, block: int = BLOCK) -> Content:
+def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
     """Read an OBJ file, `block` bytes at a time.
 
     Vertices keep their order. A face of more than three corners is cut into triangles. A reference `v/vt/vn` is that to
@@ -153,7 +153,7 @@ class _Reader:
             made = np.cumsum(np.concatenate([[0], counts - (2 if keyword == b"f" else 1)]))
             through = np.searchsorted(places[keyword], [place for place, _ in names])
             starts = [start + int(made[row]) for start, row in zip(starts, through, strict=True)]
-        wanted = max(0, SAMPLE - len(self.words) // 3)
+        wanted = max(0, SAMPLED_VERTICES - len(self.words) // 3)
         self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
         self.vertices.append(coordinates)
         self.count += len(coordinates)
@@ -192,7 +192,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
         keyword, _, rest = lines[place].strip().partition(b" ")
         if b"\t" in keyword:
             keyword, rest = (*lines[place].split(None, 1), b"")[:2]
-        if keyword in LEAST:
+        if keyword in MIN_NUMBERS:
             known[keyword + b" "].append(place)
             lines[place] = keyword + b" " + rest
         elif keyword in (b"g", b"o"):
@@ -201,7 +201,7 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
         elif keyword and not keyword.startswith(b"#") and keyword not in IGNORED:
             raise GtbError(f"unknown keyword {shown(keyword)}")
-    return {keyword: sorted(known[keyword + b" "]) for keyword in LEAST}, names
+    return {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}, names
 
 
 def _without_keyword(lines: Sequence[bytes], places: Sequence[int]) -> bytes:
@@ -224,7 +224,7 @@ def _references(text: bytes) -> bytes:
 
 def _long_enough(keyword: bytes, numbers: Row, counts: IntArray) -> tuple[Row, IntArray]:
     """The same numbers and counts of lines, if all lines have enough."""
-    least = LEAST[keyword]
+    least = MIN_NUMBERS[keyword]
     if counts.min() < least:
         what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
         raise GtbError(f"{what}, got {counts.min()}")

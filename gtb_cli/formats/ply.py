@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE, Content, joined, plain_name, single_half_steps, triangles
-from gtb_cli.formats.digits import ROWS
+from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
 from gtb_cli.meshes.known import largest_coordinates
@@ -55,8 +55,8 @@ def ply_blocks(
 
 
 def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
-    for start in range(0, len(values), ROWS):
-        block = values[start : start + ROWS]
+    for start in range(0, len(values), BLOCK_ROWS):
+        block = values[start : start + BLOCK_ROWS]
         text: str = line * len(block) % tuple(block.ravel().tolist())
         yield text.encode("ascii")
 

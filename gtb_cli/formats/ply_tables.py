@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.text import SAMPLE, float_rows, integer_rows, integers, lines_of, shown
+from gtb_cli.formats.text import SAMPLED_VERTICES, float_rows, integer_rows, integers, lines_of, shown
 
 TYPES = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
 TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2"}
@@ -274,7 +274,7 @@ def read_text(data: bytes, start: int, elements: Sequence[Element]) -> list[byte
             except GtbError as error:
                 raise GtbError(f"element {element.name}: {error}") from None
             if element.name == "vertex":
-                wanted = max(0, SAMPLE - len(sample) // 3)
+                wanted = max(0, SAMPLED_VERTICES - len(sample) // 3)
                 sample += [word for row in block[:wanted] for word in row.split()[:3]]
     extra = rows.take(1)
     if extra:

@@ -11,8 +11,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import SINGLE, Content, single_half_steps
-from gtb_cli.formats.digits import ROWS
-from gtb_cli.formats.text import SAMPLE, floats, half_step, shown
+from gtb_cli.formats.digits import BLOCK_ROWS
+from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
@@ -25,8 +25,8 @@ FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute"
 WORDS = b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
 """A facet as text; 0 stands for any number."""
 
-CHUNK = 1 << 22
-"""Bytes of text that are taken apart together."""
+CHUNK_BYTES = 1 << 22
+"""Bytes of text that are parsed together."""
 
 _SOLID = re.compile(rb"^[ \t]*(end[ \t]*)?solid\b[^\r\n]*", re.IGNORECASE | re.MULTILINE)
 
@@ -55,8 +55,8 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
         return
     title = name.encode("ascii", "replace")[:NAME_LENGTH]
     yield b"solid " + title + b"\n"
-    for start in range(0, len(triangles), ROWS):
-        block = triangles[start : start + ROWS]
+    for start in range(0, len(triangles), BLOCK_ROWS):
+        block = triangles[start : start + BLOCK_ROWS]
         used, places = compacted(block)
         corners = ["vertex {!r} {!r} {!r}\n".format(*row) for row in vertices[used].tolist()]
         normals = facet_normals(vertices[block]).tolist()
@@ -72,8 +72,8 @@ def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> bytes:
     from trimesh.exchange.stl import export_stl
 
     normals = np.empty(triangles.shape, dtype=SINGLE)
-    for start in range(0, len(triangles), ROWS):
-        block = slice(start, start + ROWS)
+    for start in range(0, len(triangles), BLOCK_ROWS):
+        block = slice(start, start + BLOCK_ROWS)
         normals[block] = facet_normals(vertices[triangles[block]])
     # A Trimesh would compute its own normals (see facet_normals); the exporter asks for no more than these three.
     facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE)[triangles])
@@ -135,7 +135,7 @@ def _read_text(data: bytes) -> Content:
     count = 0
     for index, (begin, end) in enumerate(zip(places[1::2], places[2::2], strict=True)):
         while begin < end:
-            stop = data.find(b"endfacet", begin + CHUNK, end)
+            stop = data.find(b"endfacet", begin + CHUNK_BYTES, end)
             stop = end if stop < 0 else stop + len(b"endfacet")
             found = data[begin:stop].split()
             begin = stop
@@ -145,7 +145,7 @@ def _read_text(data: bytes) -> Content:
                 raise GtbError(f"expected solid, got {shown(found[0])}")
             numbers = _corners(found, count)
             count += len(numbers) // 9
-            words += numbers[: max(0, 3 * SAMPLE - len(words))]
+            words += numbers[: max(0, 3 * SAMPLED_VERTICES - len(words))]
             blocks.append(floats(numbers))
     corners = np.concatenate([np.empty(0), *blocks]).reshape(-1, 3)
     half = half_step(words, float(largest_coordinates(corners).max()))

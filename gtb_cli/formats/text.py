@@ -14,29 +14,29 @@ from gtb_cli.errors import GtbError
 
 T = TypeVar("T", np.float64, np.int64)
 
-BLOCK = 1 << 21
-"""Bytes of text that are taken apart together: their lines and words are objects, which fill the memory."""
+BLOCK_BYTES = 1 << 21
+"""Bytes of text that are parsed together: their lines and words are objects, which fill the memory."""
 
-SAMPLE = 10_000
-"""Vertices from which the digits of a file are told."""
+SAMPLED_VERTICES = 10_000
+"""Number of vertices from which the digits of a file are inferred."""
 
-FIXED = 6
-"""Fewest digits, or decimals, that programs write by default; fewer are taken for exact numbers."""
+DEFAULT_DIGITS = 6
+"""Fewest digits, or decimals, that programs write by default; numbers with fewer are taken as exact."""
 
-EXACT = 16
-"""Digits with which a double may read back exactly."""
+EXACT_DIGITS = 16
+"""Number of digits with which a double may read back exactly."""
 
-SHOWN = 30
-"""Characters of a bad word in a message."""
+SHOWN_CHARACTERS = 30
+"""Characters of a bad word that a message shows."""
 
-LARGEST = 2**62
-"""Whole numbers that are read fast; those that are too large for 64 bits are read as more than this."""
+MAX_FAST_INTEGER = 2**62
+"""Largest whole number that is read fast; one that does not fit 64 bits is read as more than this."""
 
 _WHOLE = b"0123456789+- \t\n"
 _NUMBER = _WHOLE + b".eE"
 
 
-def lines_of(data: bytes, start: int = 0, size: int = BLOCK) -> Iterator[tuple[int, list[bytes]]]:
+def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[tuple[int, list[bytes]]]:
     """Yield the lines of a text from some place on, `size` bytes at a time, with the number (from 0) of the first."""
     if b"\r" in data:
         data, start = data[start:].replace(b"\r\n", b"\n").replace(b"\r", b"\n"), 0
@@ -80,7 +80,7 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
         return None
     # Numbers that run into each other are more than there are words; whole ones that are too large become the largest.
     if len(numbers) != len(ends) or (
-        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > LARGEST
+        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > MAX_FAST_INTEGER
     ):
         return None
     return numbers, counts
@@ -132,25 +132,25 @@ def _first_wrong(words: Sequence[bytes], read: Callable[[Sequence[bytes]], objec
 
 def shown(word: bytes) -> str:
     """A word for a message: printable, quoted and not long."""
-    text = ascii(word[:SHOWN].decode("utf-8", "replace"))
-    return f"{text[:-1]}…{text[-1]}" if len(word) > SHOWN else text
+    text = ascii(word[:SHOWN_CHARACTERS].decode("utf-8", "replace"))
+    return f"{text[:-1]}…{text[-1]}" if len(word) > SHOWN_CHARACTERS else text
 
 
 def half_step(words: Sequence[bytes], largest: float) -> float:
     """How far a number may be from what was written as one of these words, at the size of the largest.
 
-    Half a unit of the last place: of the decimals, where all words have as many, `FIXED` at least or some of them
-    zeros; else of the most significant digits that a word has. Zero where these are so few that the numbers are plain
-    ones, as a person writes them, or as many as a double needs.
+    Half a unit of the last place: of the decimals, where all words have equally many, at least `DEFAULT_DIGITS` or some
+    of them zeros; else of the most significant digits that a word has. Zero where these are so few that the numbers are
+    plain ones, as a person writes them, or as many as a double needs.
     """
-    sample = [word.lower() for word in words[: 3 * SAMPLE]]
+    sample = [word.lower() for word in words[: 3 * SAMPLED_VERTICES]]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
     if len(decimals) == 1 and not any(b"e" in word for word in sample):
         places = decimals.pop()
-        if places >= FIXED or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
+        if places >= DEFAULT_DIGITS or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
             return float(0.5 * 10.0 ** -min(places, 300))
     digits = max((len(mantissa.replace(b".", b"").lstrip(b"+-0")) for mantissa in mantissas), default=0)
-    if not FIXED <= digits < EXACT or not 0.0 < largest < np.inf:
+    if not DEFAULT_DIGITS <= digits < EXACT_DIGITS or not 0.0 < largest < np.inf:
         return 0.0
     return float(0.5 * 10.0 ** (np.floor(np.log10(largest)) + 1 - digits))

@@ -22,7 +22,7 @@ EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 PARAMETER_ULPS = 4
 """Units in the last place of the data within which a parameter is taken to lie on an edge, inside or outside."""
 
-EXTENTS = (1e-100, 1e100)
+EXTENT_RANGE = (1e-100, 1e100)
 """Sizes of Δ, and edge scales, between which no product of two over- or underflows."""
 
 CANCELLING_DISTANCE = 2.0**-10
@@ -251,7 +251,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     Def. 2.1, Def. 2.2, Remark 2.1 (the paper leaves the scale of the normals open).
     """
     points = finite("knots", knots)
-    low, high = EXTENTS
+    low, high = EXTENT_RANGE
     if np.abs(points).max(initial=0.0) > high:
         raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
     if points.ndim == 1:

@@ -14,7 +14,7 @@ from gtb_cli.knots.domain import Domain
 LATTICE_TOLERANCE = 1e-6
 """Fraction of a step by which knots may be off their lattice: thirds typed with seven digits pass."""
 
-MAX_DEGREE = 1029
+MAX_BINOMIAL_DEGREE = 1029
 """Largest degree whose binomial coefficients are all floats."""
 
 
@@ -94,8 +94,8 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     if fault:
         raise DomainError(f"coefficients: binomial needs {fault}")
     degree = max(direction.degree for direction in directions)
-    if degree > MAX_DEGREE:
-        raise DomainError(f"coefficients: binomial goes up to degree {MAX_DEGREE}, got {degree}")
+    if degree > MAX_BINOMIAL_DEGREE:
+        raise DomainError(f"coefficients: binomial goes up to degree {MAX_BINOMIAL_DEGREE}, got {degree}")
     values = [1] * len(domain.knots)
     for direction in directions:
         values = [value * _multinomial(row) for value, row in zip(values, direction.places.tolist(), strict=True)]

@@ -27,11 +27,12 @@ EXACT_BITS = 32
 """Numbers that are all multiples of the largest one's 2^-32 are taken at their word, as no rounded result looks like
 that by chance; where knots and lifting are such numbers (integers, say), no gap is forgiven."""
 
-SLIVER = 2.0
-"""Triangles thinner than this many times `knot_tolerance` are rounding between knots meant to be collinear."""
+SLIVER_WIDTH = 2.0
+"""Width, in units of `knot_tolerance`, below which a triangle is rounding between knots meant to be collinear."""
 
-SEAM = 4.0
-"""Multiple of `knot_tolerance` by which the outline of joined triangles may fall short of their convex hull."""
+OUTLINE_GAP = 4.0
+"""Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
+hull."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
     corners = (lifted.points - lifted.points[0])[np.array(simplices)]
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.hypot(sides[..., 0], sides[..., 1]).max(axis=1)
-    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > SLIVER * lifted.tolerance * longest)
+    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > SLIVER_WIDTH * lifted.tolerance * longest)
 
 
 def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | None:
@@ -227,7 +228,7 @@ def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | No
     borders = {(u, v) for simplex in simplices for u, v in border_of(simplex)}
     outer = np.array([(u, v) for u, v in sorted(borders) if (v, u) not in borders])
     centered = lifted.points - points[0]
-    if (depth_in(points[polygon] - points[0], centered[outer].mean(axis=1)) > SEAM * lifted.tolerance).any():
+    if (depth_in(points[polygon] - points[0], centered[outer].mean(axis=1)) > OUTLINE_GAP * lifted.tolerance).any():
         return None
     return [knots[k] for k in polygon.tolist()]
 

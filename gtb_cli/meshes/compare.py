@@ -15,43 +15,44 @@ from gtb_cli.meshes.overlay import Pieces
 from gtb_cli.meshes.topology import are_used
 
 RELATIVE_ERROR = 1e-3
-"""The search for farther points ends where none can be farther than the farthest one by more than this part."""
+"""Relative error of a distance at which the search for farther points ends."""
 
 IGNORED_GAIN = 1e-5
-"""Samples that may be farther than the farthest one found by no more than this part are not looked at exactly."""
+"""Relative gain over the largest distance found below which a sample is not measured exactly."""
 
-ROUNDING = 1e-14
-"""Part of the meshes' size below which distances are rounding."""
+DISTANCE_ROUNDING = 1e-14
+"""Distance, as a fraction of the meshes' size, below which it is rounding."""
 
-BLOCK = 64
-"""Vertices that follow each other in space, of which one is looked at first, to find the others' distances sooner."""
+NEIGHBOUR_BLOCK = 64
+"""Number of vertices, consecutive in space, of which one is measured first to find the others' distances sooner."""
 
-FIRST = 64
-"""Points that are looked at exactly first, farthest estimate first; then four times as many, and so on."""
+FIRST_BATCH = 64
+"""Number of points that are measured exactly first, farthest estimate first; each further batch is four times as
+large."""
 
-CELLS = 1 << 16
-"""Cells that are bounded at the same time, so that memory is."""
+CELL_BATCH = 1 << 16
+"""Number of cells that are bounded together, which bounds the memory."""
 
-EFFORT = 250_000
-"""Pieces that are cut in the search at most, in each direction; what is proved by then is the bound."""
+MAX_CUTS = 250_000
+"""Largest number of pieces that are cut in the search, in each direction; the bound is what has been proved by then."""
 
 CELLS_PER_CUT = 4
-"""Cells that cost as much, without being cut, as one that is; a large mesh leaves less for cuts."""
+"""Number of uncut cells that cost as much as one that is cut; a large mesh leaves less for cuts."""
 
-LEAST_SHARE = 0.16
-"""Part of the effort that is left for cuts of any large mesh."""
+MIN_CUT_SHARE = 0.16
+"""Fraction of `MAX_CUTS` that is left for the cuts of any large mesh."""
 
-BATCH = 20_000
-"""Pieces that are cut at the same time."""
+CUT_BATCH = 20_000
+"""Number of pieces that are cut together."""
 
-HOPELESS = 10
-"""Times as many pieces as may be cut, with which little can be proved: then only the likely ones are, once."""
+EXCESS_RATIO = 10
+"""Ratio of pieces to the cuts allowed above which little can be proved: then only the likely pieces are cut, once."""
 
-TRIED = 64
-"""Corners of the pieces with the largest bounds whose distances are found exactly, each time."""
+CORNER_BATCH = 64
+"""Number of corners, of the pieces with the largest bounds, that are measured exactly in each round."""
 
-CONCURRENT = 100_000
-"""Cells of a mesh from which on the two directions are measured at the same time."""
+CONCURRENT_CELLS = 100_000
+"""Number of cells of a mesh from which the two directions are measured at the same time."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Distance:
 
 
 def surface_distance(
-    a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = EFFORT, concurrent: int = CONCURRENT
+    a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_CUTS, concurrent: int = CONCURRENT_CELLS
 ) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
@@ -185,22 +186,22 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
     kept = [Pieces.none(cells.shape[1])]
-    for begin in range(0, len(cells), CELLS):
-        rows = cells[begin : begin + CELLS]
+    for begin in range(0, len(cells), CELL_BATCH):
+        rows = cells[begin : begin + CELL_BATCH]
         block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = Pieces.together(kept)
-    effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * LEAST_SHARE))
+    effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * MIN_CUT_SHARE))
     by_sample = False
-    if len(pieces.bounds) > HOPELESS * effort:
-        effort, by_sample = min(BATCH, effort), True
+    if len(pieces.bounds) > EXCESS_RATIO * effort:
+        effort, by_sample = min(CUT_BATCH, effort), True
     while True:
         search.try_corners(pieces)
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
         # In turn those that may be farthest, so that the bound falls, and those that probably are.
-        number = min(BATCH, effort, len(pieces.bounds))
+        number = min(CUT_BATCH, effort, len(pieces.bounds))
         order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
         effort -= number
@@ -223,12 +224,12 @@ class _Search:
     @property
     def enough(self) -> float:
         """What a bound need not go below."""
-        return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, ROUNDING)
+        return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, DISTANCE_ROUNDING)
 
     @property
     def low(self) -> float:
         """Points that are no farther than this need not be looked at exactly."""
-        return self.found * (1 + IGNORED_GAIN) + ROUNDING
+        return self.found * (1 + IGNORED_GAIN) + DISTANCE_ROUNDING
 
     def needed(self, pieces: Pieces) -> Pieces:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
@@ -255,8 +256,8 @@ class _Search:
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """As `look_at`, for (m, 3) points of which those that follow each other are near each other."""
-        block = np.arange(len(points)) // BLOCK
-        first = np.arange(0, len(points), BLOCK)
+        block = np.arange(len(points)) // NEIGHBOUR_BLOCK
+        first = np.arange(0, len(points), NEIGHBOUR_BLOCK)
         distances, cells = self.look_at(points[first])
         away = np.linalg.norm(points - points[first][block], axis=1)
         radius = np.maximum.reduceat(away, first)
@@ -280,7 +281,7 @@ class _Search:
             distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
         order = self._open(np.arange(len(points)), distances)
         order = order[np.argsort(-distances[order], kind="stable")]
-        begin, length = 0, FIRST
+        begin, length = 0, FIRST_BATCH
         while begin < len(order):
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
@@ -308,5 +309,5 @@ class _Search:
     def try_corners(self, pieces: Pieces) -> None:
         """Look at the worst corners of the pieces with the largest bounds."""
         if len(pieces.bounds):
-            worst = np.argsort(-pieces.bounds, kind="stable")[:TRIED]
+            worst = np.argsort(-pieces.bounds, kind="stable")[:CORNER_BATCH]
             self.look_at(pieces.corners[worst, pieces.worst[worst]])

@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.compare import EFFORT, surface_distance
+from gtb_cli.meshes.compare import MAX_CUTS, surface_distance
 from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
@@ -22,10 +22,11 @@ DEFAULT_TOLERANCE = 1e-9
 control point that is moved by 1e-6 moves the surface by more than this wherever it has a thousandth of the weight."""
 
 ALLOWED_ERROR = 0.1
-"""Part of the tolerance that the error of a distance between surfaces is to stay below."""
+"""Fraction of the tolerance below which the error of a distance between surfaces is to stay."""
 
-CLOSER_LOOKS = 3
-"""Times that a distance is measured again, ten times as exactly, while the tolerance is between it and its bound."""
+MAX_REMEASUREMENTS = 3
+"""Number of times a distance is measured again, ten times as exactly, while the tolerance is between it and its
+bound."""
 
 Method: TypeAlias = Literal["vertices", "surface"]
 Point: TypeAlias = tuple[float, float, float]
@@ -122,7 +123,9 @@ class Difference:
         return (f"in the same place, but {', '.join(told)}",) if told else ()
 
 
-def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None, *, effort: int = EFFORT) -> Difference:
+def difference(
+    a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None, *, effort: int = MAX_CUTS
+) -> Difference:
     """Compare two meshes.
 
     Parameters
@@ -185,7 +188,7 @@ def difference(a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None,
         )
     error = ALLOWED_ERROR * allowed
     found = surface_distance(a.mesh, b.mesh, error, effort=effort)
-    for _ in range(CLOSER_LOOKS):
+    for _ in range(MAX_REMEASUREMENTS):
         if not found.value <= allowed < found.bound <= found.value + 2 * error:
             break  # decided, or the effort was spent
         error *= ALLOWED_ERROR

@@ -6,15 +6,15 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, cross_of_columns
 
-BLOCK = 8192
-"""Points that are looked at together: what is computed of them stays in the processor's cache."""
+BLOCK_POINTS = 8192
+"""Number of points that are measured together: their arrays stay in the processor's cache."""
 
 
 def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
     """(m,) distances of (m, 3) points, each from its own segment from (m, 3) `a` to `b`; equal ends are a point."""
     result = np.empty(len(points))
-    for start in range(0, len(points), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for start in range(0, len(points), BLOCK_POINTS):
+        rows = slice(start, start + BLOCK_POINTS)
         p, origin, end = (np.ascontiguousarray(each[rows].T) for each in (points, a, b))
         result[rows] = np.sqrt(_to_side(p - origin, end - origin))
     return result
@@ -23,8 +23,8 @@ def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
 def to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """(m,) distances of (m, 3) points, each from its own triangle; triangles may be flat or a point."""
     result = np.empty(len(points))
-    for start in range(0, len(points), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for start in range(0, len(points), BLOCK_POINTS):
+        rows = slice(start, start + BLOCK_POINTS)
         result[rows] = _to_triangles(*(np.ascontiguousarray(each[rows].T) for each in (points, a, b, c)))
     return result
 

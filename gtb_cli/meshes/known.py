@@ -9,8 +9,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 
-ROUNDING = 2.0**-50
-"""Part of the largest coordinate that is rounding: some operations of double precision."""
+COORDINATE_ROUNDING = 2.0**-50
+"""Rounding, as a fraction of the largest coordinate: some operations of double precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ def known_exactly(mesh: Mesh) -> KnownMesh:
 
 def rounding(vertices: FloatArray) -> FloatArray:
     """(3,) error of computed coordinates along each axis."""
-    return largest_coordinates(vertices) * ROUNDING
+    return largest_coordinates(vertices) * COORDINATE_ROUNDING
 
 
 def largest_coordinates(vertices: FloatArray) -> FloatArray:

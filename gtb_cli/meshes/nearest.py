@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.meshes.distance import BLOCK, to_segments, to_triangles
+from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 BRANCHES = 8
-"""Boxes in a box of the tree."""
+"""Number of boxes in each box of the tree."""
 
-PAIRS = 1 << 18
-"""Pairs of a point and a box that are looked at together; more are cut in half, so that memory is bounded."""
+PAIR_BATCH = 1 << 18
+"""Number of pairs of a point and a box that are examined together; more are halved, which bounds the memory."""
 
-NEARBY = 8
-"""Cells that are tried before a search."""
+CANDIDATE_CELLS = 8
+"""Number of cells that are tried before a search."""
 
 MORTON_BITS = 20
 """Bits of each coordinate in the key by which cells and points are brought into an order that keeps neighbours near."""
@@ -53,13 +53,13 @@ class NearestCells:
     def nearby(
         self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
     ) -> tuple[FloatArray, IntArray]:
-        """The nearest one of the cell that each point has and the `NEARBY` ones with the nearest centres.
+        """The nearest one of the cell that each point has and the `CANDIDATE_CELLS` ones with the nearest centres.
 
         For a point with a cell no farther than `enough` no more of them are tried.
         """
         bounds, cells = bounds.copy(), cells.copy()
-        number = min(NEARBY, len(self.corners))
-        for begin, end in _ranges(len(points), PAIRS):
+        number = min(CANDIDATE_CELLS, len(self.corners))
+        for begin, end in _ranges(len(points), PAIR_BATCH):
             candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
             rows = np.arange(begin, end)
             for candidate in candidates.T:
@@ -74,7 +74,7 @@ class NearestCells:
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""
         result = np.empty(len(points))
-        for begin, end in _ranges(len(points), BLOCK):
+        for begin, end in _ranges(len(points), BLOCK_POINTS):
             result[begin:end] = cell_distances(points[begin:end], self.corners[cells[begin:end]])
         return result
 
@@ -97,7 +97,7 @@ class NearestCells:
         count = len(self._boxes[top][0])
         stack = [
             (top, np.repeat(np.arange(low, high), count), np.tile(np.arange(count), high - low))
-            for low, high in _ranges(len(points), max(1, PAIRS // count))
+            for low, high in _ranges(len(points), max(1, PAIR_BATCH // count))
         ][::-1]
         while stack:
             level, point, node = stack.pop()
@@ -112,7 +112,7 @@ class NearestCells:
                 node = (node[:, None] * BRANCHES + np.arange(BRANCHES)).ravel()
                 inside = node < below
                 point, node = point[inside], node[inside]
-                stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIRS)][::-1]
+                stack += [(level - 1, point[a:b], node[a:b]) for a, b in _ranges(len(point), PAIR_BATCH)][::-1]
                 continue
             cell = self._order[node]
             distance = self.distances(points[point], cell)

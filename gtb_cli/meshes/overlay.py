@@ -10,8 +10,8 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells, middles
 
-PROPER = 1e-9
-"""Part of a piece's size by which it has corners on both sides of a plane that cuts it."""
+CUT_DEPTH = 1e-9
+"""Fraction of a piece's size that its corners must be beyond a plane, on both sides, for the plane to cut it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def _squares(corners: FloatArray) -> FloatArray:
 
 
 def _is_proper(heights: FloatArray, size: FloatArray) -> BoolArray:
-    return np.asarray((heights.max(axis=1) > PROPER * size) & (heights.min(axis=1) < -PROPER * size))
+    return np.asarray((heights.max(axis=1) > CUT_DEPTH * size) & (heights.min(axis=1) < -CUT_DEPTH * size))
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:

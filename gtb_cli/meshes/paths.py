@@ -14,12 +14,12 @@ from gtb_cli.meshes.mesh import Mesh
 SHORTEST_SEGMENT = 1024
 """Roundings of the largest coordinate: shorter segments have no direction of their own, and are passed over."""
 
-LEAST_COSINE = 0.5
-"""Of the angle between a tangent and the segments beside it: if it is less, the mesh is too coarse for the tangent,
-and the segments' directions are taken."""
+MIN_TANGENT_COSINE = 0.5
+"""Least cosine of the angle between a tangent and the segments beside it: if it is less, the mesh is too coarse for the
+tangent, and the segments' directions are used."""
 
 CLOSING_GAP = 1e-9
-"""Part of the extent within which the ends of a closed polyline meet."""
+"""Distance, as a fraction of the extent, within which the ends of a closed polyline meet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
             given = tangents[segments]
             given = np.where(backwards[long, None, None], -given[:, ::-1], given)
             along = np.einsum("sij,sj->si", given, chords)
-            directions = np.where((along > LEAST_COSINE)[:, :, None], given, directions)
+            directions = np.where((along > MIN_TANGENT_COSINE)[:, :, None], given, directions)
         # Two segments that end where they begin are no ring, but the same way there and back.
         closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
         yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)

@@ -6,34 +6,34 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 
-LINES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Of curves, one after the other: those of Okabe and Ito, but for the yellow, which is too light for a line."""
+LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Colours of curves, in turn: those of Okabe and Ito without the yellow, which is too light for a line."""
 
 DASHES = ("-", "--", ":", "-.")
-"""Of curves, when all colours were used."""
+"""Dashes of curves, in turn, once all colours are used."""
 
-PATCHES = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
-"""Of patches and cells: lighter ones of the same family."""
+PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
+"""Colours of patches and cells, in turn: lighter ones of the same family."""
 
-SURFACE = PATCHES[0]
+SURFACE_COLOUR = PATCH_COLOURS[0]
 INK, FAINT, OPEN, NET = "#222222", "#9A9A9A", "#D6001C", "#404A54"
 
 TWO_SIDED = ("PuOr", "RdBu")
-"""Maps that have a middle, which is 0."""
+"""Maps with a middle, which stands for 0."""
 
-TRIMMED = 2.0
-"""Percent of the values at either end that the ends of a scale may leave out: curvature often is infinite."""
+TRIMMED_PERCENT = 2.0
+"""Percentage of the values at either end that a scale may leave out: curvature is often infinite."""
 
 
 def line_style(index: int) -> tuple[str, str]:
     """Colour and dashes of the curve with this number."""
-    turn, place = divmod(index, len(LINES))
-    return LINES[place], DASHES[turn % len(DASHES)]
+    turn, place = divmod(index, len(LINE_COLOURS))
+    return LINE_COLOURS[place], DASHES[turn % len(DASHES)]
 
 
 def patch_colour(index: int) -> str:
     """Colour of the patch with this number."""
-    return PATCHES[index % len(PATCHES)]
+    return PATCH_COLOURS[index % len(PATCH_COLOURS)]
 
 
 def rgb(colour: str) -> FloatArray:
@@ -46,7 +46,7 @@ def scale_of(values: FloatArray, name: str) -> tuple[float, float]:
 
     Numbers that differ by rounding only get a scale around them.
     """
-    low, high = np.percentile(values, [TRIMMED, 100 - TRIMMED]).tolist()
+    low, high = np.percentile(values, [TRIMMED_PERCENT, 100 - TRIMMED_PERCENT]).tolist()
     if name in TWO_SIDED:
         high = max(abs(low), abs(high))
         low = -high

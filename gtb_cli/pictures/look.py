@@ -48,15 +48,16 @@ SETTINGS = {
     "pdf.fonttype": 42,
     "pdf.compression": 9,
 }
-"""Of matplotlib, whatever the user's own: the same figure gives the same bytes. Text stays text in SVG and PDF."""
+"""Settings of matplotlib, whatever the user's own: the same figure gives the same bytes. Text stays text in SVG and
+PDF."""
 
 NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
 """Metadata that would change from day to day, or from one version of matplotlib to the next."""
 
 MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
 
-CROWDED = 30
-"""Points of which more get no numbers unless these are asked for."""
+MAX_NUMBERED_POINTS = 30
+"""Largest number of points that are numbered without being asked."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class Look:
 
     def numbers(self, count: int) -> bool:
         """Whether so many points are numbered."""
-        return count <= CROWDED if self.labels is None else self.labels
+        return count <= MAX_NUMBERED_POINTS if self.labels is None else self.labels
 
 
 def settings() -> AbstractContextManager[None]:

@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
-ALONG = 96
+LINE_SEGMENTS = 96
 """Segments of a line that is drawn along a surface."""
 
 SMOOTH, NEAR_ENDS, CLOSEST = 240, 48, 1e-15
@@ -76,7 +76,7 @@ def edge_path(patch: Patch, edge: int) -> FloatArray:
     """(m, 3) points along an edge, where a mesh has its vertices: spread evenly by the linear parametrisation."""
     curve = patch.boundary(edge)
     low, high = curve.domain.vertices[:, 0].tolist()
-    return curve.evaluate(np.linspace(low, high, ALONG + 1), "linear")
+    return curve.evaluate(np.linspace(low, high, LINE_SEGMENTS + 1), "linear")
 
 
 def curve_path(curve: Patch) -> FloatArray:
@@ -90,7 +90,9 @@ def curve_path(curve: Patch) -> FloatArray:
 def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
     """(m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
     corners = patch.domain.vertices
-    share = (1 - np.cos(np.linspace(0, np.pi, ALONG + 1))) / 2  # closer near the boundary, where a patch may bend
+    share = (
+        1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1))
+    ) / 2  # closer near the boundary, where a patch may bend
     paths = []
     for axis in (0, 1):
         low, high = corners[:, axis].min(), corners[:, axis].max()

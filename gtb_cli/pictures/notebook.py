@@ -57,7 +57,7 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
 
 
 def _plot_mesh(mesh: Mesh, ax: Axes | None, look: Look) -> Axes:
-    from gtb_cli.pictures.colours import INK, LINES
+    from gtb_cli.pictures.colours import INK, LINE_COLOURS
     from gtb_cli.pictures.scene import draw, lines, scene_of, triad
     from gtb_cli.pictures.sequences import with_normals
     from gtb_cli.pictures.solid import surface_of
@@ -67,7 +67,7 @@ def _plot_mesh(mesh: Mesh, ax: Axes | None, look: Look) -> Axes:
     scene = scene_of(look.camera, surface, [mesh.vertices])
     raster = draw(ax, scene)
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
-    lines(ax, scene, raster, list(mesh.vertices[pairs]), colour=LINES[0] if mesh.is_curve else INK, width=1.4)
+    lines(ax, scene, raster, list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
     triad(ax, look.camera)
     return ax
 

@@ -20,8 +20,8 @@ FRAME = (
     '<iframe srcdoc="{page}" style="width:100%;height:{height}px;border:1px solid #8884;border-radius:6px"></iframe>'
 )
 
-DIGITS = 4
-"""Digits of a box's size that its corners are given to."""
+BOX_DIGITS = 4
+"""Digits, relative to a box's size, to which its corners are given."""
 
 
 def page_of(sight: Sight, **more: Any) -> str:
@@ -125,7 +125,7 @@ def _facts(sight: Sight) -> str:
 
 def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:
     """Texts at the ends of the three axes, and at the corner where they start."""
-    step = 10.0 ** (math.floor(math.log10(size)) - DIGITS + 1)
+    step = 10.0 ** (math.floor(math.log10(size)) - BOX_DIGITS + 1)
 
     def text(value: float) -> str:
         return f"{round(value / step) * step:.12g}" if abs(value) < step * 2**52 else f"{value:.6g}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, line_style, patch_colour
+from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, line_style, patch_colour
 from gtb_cli.pictures.look import Look, subscript
 from gtb_cli.pictures.nets import curve_path, net_of
 from gtb_cli.theory.basis import gt_bernstein
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from gtb_cli.knots.decomposition import RegularDecomposition
 
-STEPS = 480
-"""Points at which a basis is evaluated; knots and their neighbours are among them."""
+BASIS_POINTS = 480
+"""Number of points at which a basis is evaluated; knots and their neighbours are among them."""
 
 HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 """Behind a label, so that lines do not run through it."""
@@ -90,7 +90,7 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
     number = 0
     for variant, curve in enumerate(curves):
         low, high = (float(x) for x in curve.domain.vertices[:, 0])
-        even = (1 - np.cos(np.linspace(0, np.pi, STEPS + 1))) / 2
+        even = (1 - np.cos(np.linspace(0, np.pi, BASIS_POINTS + 1))) / 2
         t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
         values = basis_values(curve, t, look.unnormalised)
         for index in indices:
@@ -141,14 +141,14 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
     numbered = look.numbers(len(knots))
     if shape.dimension == 1:
         flat = np.column_stack([knots[:, 0], np.zeros(len(knots))])
-        ax.plot(shape.vertices[:, 0], [0, 0], "-", color=LINES[0], lw=2, zorder=2, solid_capstyle="butt")
+        ax.plot(shape.vertices[:, 0], [0, 0], "-", color=LINE_COLOURS[0], lw=2, zorder=2, solid_capstyle="butt")
         ax.set_yticks([])
         ax.spines["left"].set_visible(False)
         ax.set_xlabel("t")
         ax.set_ylim(-1, 1)
     else:
         flat = knots
-        ax.fill(*shape.vertices.T, facecolor="#EAF2F8", edgecolor=LINES[0], lw=1.6, zorder=1)
+        ax.fill(*shape.vertices.T, facecolor="#EAF2F8", edgecolor=LINE_COLOURS[0], lw=1.6, zorder=1)
         level(ax, shape.vertices)
         ax.set_xlabel("u")
         ax.set_ylabel("v")
@@ -193,7 +193,7 @@ def _number_edges(ax: Axes, corners: FloatArray) -> None:
         along = (b - a) / np.hypot(*(b - a))
         ax.annotate(
             f"edge {edge}", (a + b) / 2, (11 * along[1], -11 * along[0]), textcoords="offset points", ha="center",
-            va="center", fontsize=7.5, color=LINES[0], rotation=_upright(along), zorder=6,
+            va="center", fontsize=7.5, color=LINE_COLOURS[0], rotation=_upright(along), zorder=6,
         )  # fmt: skip
 
 

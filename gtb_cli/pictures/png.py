@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-EFFORT = 6
-"""Of compression; 9 takes twice as long for hundredths of the bytes."""
+COMPRESSION_LEVEL = 6
+"""Level of zlib; 9 takes twice as long to save hundredths of the bytes."""
 
 NONE, SUB, UP = range(3)
 """Filters: pixels as they are, less their left neighbours, less those above."""
@@ -33,7 +33,7 @@ def png(pixels: NDArray[Any]) -> bytes:
     for kind, values in filtered.items():
         lines = np.empty((height, 1 + 3 * width), dtype=np.uint8)
         lines[:, 0], lines[:, 1:] = kind, values.reshape(height, -1)
-        packed.append(zlib.compress(lines.tobytes(), EFFORT))
+        packed.append(zlib.compress(lines.tobytes(), COMPRESSION_LEVEL))
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
     chunks = ((b"IHDR", header), (b"IDAT", min(packed, key=len)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(

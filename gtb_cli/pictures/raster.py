@@ -9,11 +9,11 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 
-FRAGMENTS = 1 << 21
-"""Pixels of triangles' bounding boxes that are tested together."""
+PIXEL_BATCH = 1 << 21
+"""Number of pixels, of the bounding boxes of triangles, that are tested together."""
 
-NOTHING = -1
-"""Triangle of a pixel in which there is none."""
+NO_TRIANGLE = -1
+"""Index at pixels that no triangle covers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Raster:
     Attributes
     ----------
     triangle : (height, width) int
-        The nearest triangle at each pixel's centre, `NOTHING` where there is none. Row 0 is the lowest.
+        The nearest triangle at each pixel's centre, `NO_TRIANGLE` where there is none. Row 0 is the lowest.
     weights : (height, width, 3) float
         Barycentric coordinates of the centre in it.
     nearness : (height, width) float
@@ -71,7 +71,7 @@ def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     np.maximum.at(nearest, pixels, near)
     seen = np.flatnonzero(near == nearest[pixels])
     order = seen[np.argsort(-triangles[seen], kind="stable")]  # the first triangle is written last
-    triangle = np.full(width * height, NOTHING, dtype=np.int64)
+    triangle = np.full(width * height, NO_TRIANGLE, dtype=np.int64)
     weights = np.zeros((width * height, 3))
     triangle[pixels[order]] = triangles[order]
     weights[pixels[order]] = shares[order]
@@ -92,7 +92,7 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     for size in np.unique(side).tolist():
         alike = used[side == size]
         step_y, step_x = np.divmod(np.arange(size * size), size)
-        block = max(FRAGMENTS // (size * size), 1)
+        block = max(PIXEL_BATCH // (size * size), 1)
         for start in range(0, len(alike), block):
             t = alike[start : start + block, None]
             x, y = low[t, 0] + step_x, low[t, 1] + step_y

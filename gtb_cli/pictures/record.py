@@ -13,7 +13,8 @@ from gtb_cli.pictures.sequences import Frames
 
 RECORD = "sequence.json"
 
-MAX_BYTES = 10_000_000
+MAX_RECORD_BYTES = 10_000_000
+"""Largest size of a record in bytes."""
 
 
 def read_frames(path: str) -> Frames:
@@ -29,11 +30,11 @@ def read_frames(path: str) -> Frames:
     record = os.path.join(path, RECORD) if os.path.isdir(path) else path
     try:
         with open(record, "rb") as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(MAX_RECORD_BYTES + 1)
     except OSError as error:
         raise SpecError(f"{record}: {error.strerror or error}") from None
     try:
-        entries = json.loads(data if len(data) <= MAX_BYTES else b"")["meshes"]
+        entries = json.loads(data if len(data) <= MAX_RECORD_BYTES else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])
         values = tuple(_number(entry[key]) for entry in entries)
         measured = [entry["distance_to_limit"] for entry in entries]

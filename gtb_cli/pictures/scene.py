@@ -13,39 +13,39 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.pictures.camera import Camera
-from gtb_cli.pictures.colours import FAINT, INK, SURFACE, rgb
+from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.pictures.planar import label_all
 from gtb_cli.pictures.raster import Raster, rasterised
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FINER = 3
-"""Pixels of the computed image along one of the picture: their mean makes smooth outlines."""
+SUPERSAMPLING = 3
+"""Computed pixels along one of the picture: their mean gives smooth outlines."""
 
-LARGEST_IMAGE = 12_000_000
-"""Pixels that are computed for one image at most."""
+MAX_IMAGE_PIXELS = 12_000_000
+"""Largest number of pixels that are computed for one image."""
 
-BIAS = 0.004
-"""What a line may lie behind a surface and is still on it, as a fraction of the scene's size."""
+LINE_BIAS = 0.004
+"""Depth, as a fraction of the scene's size, that a line may lie behind a surface and still count as on it."""
 
-PIECE = 0.004
-"""Length of the pieces of which each is visible or not, as a fraction of the scene's size."""
+PIECE_LENGTH = 0.004
+"""Length, as a fraction of the scene's size, of the pieces of a line that are visible or hidden as a whole."""
 
-MARGIN = 0.07
+SCENE_MARGIN = 0.07
 """Free border around a scene, as a fraction of its size: room for labels."""
 
 LIGHT = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
-"""Where the light comes from: to the right, upwards, towards the eye."""
+"""Unit vector towards the light: to the right, upwards, towards the eye."""
 
 AMBIENT, GLOSS, SHINE = 0.5, 0.2, 28
 """Least brightness, and strength and sharpness of the highlight."""
 
-AMBIENT_OF_MAPS = 0.68
-"""Least brightness where colours mean numbers, and should be recognised."""
+MAP_BRIGHTNESS = 0.68
+"""Least brightness, from 0 to 1, where colours mean numbers and must be recognised."""
 
-BACK = 0.78
-"""Brightness of the side away from the normals beside the other."""
+BACK_BRIGHTNESS = 0.78
+"""Brightness of the side away from the normals, relative to the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequen
     frame = Scene(camera, low, high, np.zeros((2, 2)))
     flat = np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds])
     ends = np.stack([flat.min(axis=0), flat.max(axis=0)])
-    margin = MARGIN * max(float(np.ptp(ends, axis=0).max()), 1e-3)
+    margin = SCENE_MARGIN * max(float(np.ptp(ends, axis=0).max()), 1e-3)
     window = ends + np.array([[-margin], [margin]])
     return [Scene(camera, low, high, window, surface) for surface in surfaces]
 
@@ -132,9 +132,9 @@ def draw(ax: Axes, scene: Scene) -> Raster | None:
         return None
     ax.apply_aspect()
     box = ax.get_window_extent()
-    width, height = (max(round(length), 8) * FINER for length in (box.width, box.height))
-    shrink = math.sqrt(min(LARGEST_IMAGE / (width * height), 1.0))
-    width, height = (max(int(length * shrink) // FINER, 1) * FINER for length in (width, height))
+    width, height = (max(round(length), 8) * SUPERSAMPLING for length in (box.width, box.height))
+    shrink = math.sqrt(min(MAX_IMAGE_PIXELS / (width * height), 1.0))
+    width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
     pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
     points = scene.seen(scene.surface.vertices)
     placed = np.column_stack([(points[:, :2] - scene.window[0]) * pixels, points[:, 2]])
@@ -168,9 +168,9 @@ def _shaded(scene: Scene, raster: Raster) -> FloatArray:
         normals = np.where(away[:, None], -normals, normals)
         halfway = LIGHT + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
-        ambient = AMBIENT if surface.scalars is None else AMBIENT_OF_MAPS
+        ambient = AMBIENT if surface.scalars is None else MAP_BRIGHTNESS
         bright = ambient + (1 - ambient) * np.clip(normals @ LIGHT, 0, None)
-        bright *= np.where(away, BACK, 1.0)
+        bright *= np.where(away, BACK_BRIGHTNESS, 1.0)
         shine = GLOSS * np.clip(normals @ halfway, 0, None) ** SHINE * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
     image = np.zeros((*raster.triangle.shape, 4))
@@ -180,9 +180,9 @@ def _shaded(scene: Scene, raster: Raster) -> FloatArray:
 
 
 def _smoothed(image: FloatArray) -> FloatArray:
-    """Mean of `FINER` by `FINER` pixels each; colours no longer times opacity."""
-    height, width = image.shape[0] // FINER, image.shape[1] // FINER
-    mean = image.reshape(height, FINER, width, FINER, 4).mean(axis=(1, 3))
+    """Mean of `SUPERSAMPLING` by `SUPERSAMPLING` pixels each; colours no longer times opacity."""
+    height, width = image.shape[0] // SUPERSAMPLING, image.shape[1] // SUPERSAMPLING
+    mean = image.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 4).mean(axis=(1, 3))
     mean[..., :3] /= np.where(mean[..., 3:] > 0, mean[..., 3:], 1)
     # Eight bits, as the file has: rounded here, whatever the last digits of the sums.
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
@@ -225,7 +225,7 @@ def lines(
 def _pieces(points: FloatArray) -> FloatArray:
     """Points of a path, with more between those that are far apart."""
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    counts = np.maximum(np.ceil(gaps / PIECE).astype(np.int64), 1)
+    counts = np.maximum(np.ceil(gaps / PIECE_LENGTH).astype(np.int64), 1)
     place = np.repeat(np.arange(len(gaps)), counts)
     share = (np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[place]
     between = points[place] + share[:, None] * (points[place + 1] - points[place])
@@ -240,7 +240,7 @@ def _is_shown(scene: Scene, raster: Raster | None, points: FloatArray) -> Any:
     share = (points[:, :2] - scene.window[0]) / (scene.window[1] - scene.window[0])
     column = np.clip((share[:, 0] * width).astype(np.int64), 0, width - 1)
     row = np.clip((share[:, 1] * height).astype(np.int64), 0, height - 1)
-    return raster.farthest_around[row, column] <= points[:, 2] + BIAS
+    return raster.farthest_around[row, column] <= points[:, 2] + LINE_BIAS
 
 
 def points(
@@ -289,6 +289,6 @@ def triad(ax: Axes, camera: Camera) -> None:
         )
 
 
-def plain(count: int, colour: str = SURFACE) -> FloatArray:
+def plain(count: int, colour: str = SURFACE_COLOUR) -> FloatArray:
     """(count, 3) times the same colour."""
     return np.tile(rgb(colour), (count, 1))

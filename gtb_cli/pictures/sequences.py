@@ -11,12 +11,12 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.pictures.colours import LINES, NET
+from gtb_cli.pictures.colours import LINE_COLOURS, NET
 from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.planar import level
 from gtb_cli.pictures.scene import Surface, draw, lines, plain, points, scenes_of, triad
-from gtb_cli.pictures.solid import HIDDEN, surface_of
+from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of
 from gtb_cli.tessellation.tessellate import vertex_normals
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 FILM = "#E8894A"
 
-MOST = 24
-"""Panels of one figure."""
+MAX_PANELS = 24
+"""Largest number of panels of one figure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,8 @@ class Frames:
 
 def figure_of_frames(frames: Frames, look: Look) -> Figure:
     """Draw the meshes of a sequence side by side, all with one camera and one scale, and the net of the limit."""
-    if len(frames.meshes) > MOST:
-        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {MOST} panels")
+    if len(frames.meshes) > MAX_PANELS:
+        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {MAX_PANELS} panels")
     with settings():
         figure = empty_figure(look)
         with_net = look.net is not False and frames.net_points is not None
@@ -92,10 +92,10 @@ def _draw_plane(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool
                 ax.plot(*frames.net_points[[a, b], :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
             ax.plot(*frames.net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
         if mesh is not last:
-            _plot_segments(ax, last, LINES[1], "--", 1.2)
-        _plot_segments(ax, mesh, LINES[0], "-", 1.8)
+            _plot_segments(ax, last, LINE_COLOURS[1], "--", 1.2)
+        _plot_segments(ax, mesh, LINE_COLOURS[0], "-", 1.8)
         if mesh is last and frames.film is not None:
-            _plot_segments(ax, frames.film, LINES[1], "--", 1.6)
+            _plot_segments(ax, frames.film, LINE_COLOURS[1], "--", 1.6)
         level(ax, every)
 
 
@@ -115,15 +115,15 @@ def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool
     for k, (ax, scene, mesh) in enumerate(zip(axes, scenes, frames.meshes, strict=True)):
         raster = draw(ax, scene)
         if curves:
-            lines(ax, scene, None, list(mesh.vertices[mesh.cells]), colour=LINES[0], width=1.8)
+            lines(ax, scene, None, list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
         else:
-            lines(ax, scene, raster, list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN)
+            lines(ax, scene, raster, list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
         if with_net and frames.net_points is not None:
             ends = [frames.net_points[list(pair)] for pair in frames.net]
-            lines(ax, scene, raster, ends, colour=NET, width=0.7, hidden=HIDDEN, order=4)
+            lines(ax, scene, raster, ends, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
             points(ax, scene, frames.net_points, edge=NET, size=2.6)
         if frames.film is not None and curves and k == len(axes) - 1:
-            lines(ax, scene, None, list(frames.film.vertices[frames.film.cells]), colour=LINES[1], width=1.4)
+            lines(ax, scene, None, list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
         if k == 0:
             triad(ax, look.camera)
 
@@ -163,8 +163,8 @@ def figure_of_distances(frames: Frames, look: Look) -> Figure:
         kept = across > 0
         drawn = False
         for label, distances, colour, dashes in (
-            ("from the limit", frames.distances, LINES[0], "o-"),
-            ("from the limit with its film", frames.film_distances, LINES[1], "s--"),
+            ("from the limit", frames.distances, LINE_COLOURS[0], "o-"),
+            ("from the limit with its film", frames.film_distances, LINE_COLOURS[1], "s--"),
         ):
             if not distances:
                 continue

@@ -21,8 +21,8 @@ from gtb_cli.theory.patch import Patch
 FINE, FINE_MODEL, FINE_CURVE = 40, 14, 256
 """Segments of each edge of a patch, of each of many patches of a model, and of a curve."""
 
-MANY = 4
-"""Patches of a model that are still as fine as a single one."""
+FULL_DETAIL_PATCHES = 4
+"""Largest number of patches of a model that are drawn as finely as a single one."""
 
 NO_PAIRS = np.empty((0, 2), dtype=np.int64)
 NO_POINTS = np.empty((0, 3))
@@ -88,7 +88,7 @@ def sight_of(shape: Patch | Model, resolution: int | None = None, name: str | No
     """See a spec: its mesh with exact normals, control net, knots and curvature."""
     patches = shape.patches if isinstance(shape, Model) else (shape,)
     surface = patches[0].dimension == 2
-    fine = (FINE if len(patches) <= MANY else FINE_MODEL) if surface else FINE_CURVE
+    fine = (FINE if len(patches) <= FULL_DETAIL_PATCHES else FINE_MODEL) if surface else FINE_CURVE
     mesh = tessellate(shape, resolution or fine, parametrization="linear")
     scalars = {}
     if surface:

@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.pictures.colours import FAINT, INK, LINES, NET, OPEN, line_style, patch_colour, rgb, scale_of
+from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_paths
 from gtb_cli.pictures.planar import basis_values
@@ -30,17 +30,17 @@ if TYPE_CHECKING:
 FINE, FINE_MODEL, FINE_GRAPH = 64, 16, 48
 """Segments of each edge of a patch, of each patch of a model, and of the graph of a basis function."""
 
-HEIGHT = 0.62
-"""Height of a graph beside the width of Δ."""
+GRAPH_HEIGHT = 0.62
+"""Height of a graph relative to the width of Δ."""
 
-GAP = 0.4
-"""How far Δ lies below the lowest lifted knot, beside the width of Δ."""
+DOMAIN_GAP = 0.4
+"""Distance of Δ below the lowest lifted knot, relative to the width of Δ."""
 
-ROOM = 0.9
-"""Inches beside a surface for the scale of its colours."""
+SCALE_INCHES = 0.9
+"""Width in inches of the room beside a surface for the scale of its colours."""
 
-HIDDEN = 0.3
-"""Strength of what is behind a surface."""
+HIDDEN_STRENGTH = 0.3
+"""Opacity of what is behind a surface."""
 
 PARAMETER_LINES = "#1F3A52"
 
@@ -62,9 +62,9 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     shared, free = borders(shape)
     lines(ax, scene, raster, shared, width=0.9)
     if isinstance(shape, Model):
-        lines(ax, scene, raster, free, colour=OPEN, width=2.0, hidden=HIDDEN, order=4)
+        lines(ax, scene, raster, free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
     else:
-        lines(ax, scene, raster, free, width=1.2, hidden=HIDDEN)
+        lines(ax, scene, raster, free, width=1.2, hidden=HIDDEN_STRENGTH)
     if with_net:
         draw_net(ax, scene, raster, patches, look)
     triad(ax, look.camera)
@@ -91,7 +91,7 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
 def draw_net(ax: Axes, scene: Scene, raster: Raster | None, patches: Sequence[Patch], look: Look) -> None:
     """Draw control points, numbered, and the lines between them."""
     for patch in patches:
-        lines(ax, scene, raster, net_paths(patch), colour=NET, width=0.9, hidden=HIDDEN, order=4)
+        lines(ax, scene, raster, net_paths(patch), colour=NET, width=0.9, hidden=HIDDEN_STRENGTH, order=4)
     spots = np.concatenate([patch.control_points for patch in patches])
     texts = [subscript("b", i) for patch in patches for i in range(len(patch.knots))]
     few = len(patches) == 1 and look.numbers(len(spots))
@@ -116,7 +116,7 @@ def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -
     figure = ax.get_figure()
     assert figure is not None
     x, y, width, height = ax.get_position().bounds
-    room = min(ROOM * figure.dpi / figure.bbox.width, 0.5 * width)
+    room = min(SCALE_INCHES * figure.dpi / figure.bbox.width, 0.5 * width)
     ax.set_position((x, y, width - room, height))
     place = figure.add_axes((x + width - 0.92 * room, y + 0.16 * height, 0.13 * room, 0.62 * height))
     bar = figure.colorbar(ScalarMappable(Normalize(low, high), colour_map), cax=place, extend="both")
@@ -159,20 +159,20 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     rim = _rim(patch)
     surfaces = []
     for column in (values / highest).T:
-        vertices = np.column_stack([plane, HEIGHT * column])
+        vertices = np.column_stack([plane, GRAPH_HEIGHT * column])
         missing = np.full_like(vertices, np.nan)
         normals = vertex_normals(missing, vertices, mesh.faces)
         surfaces.append(Surface(vertices, mesh.faces, normals, plain(len(mesh.faces)), column.clip(0, 1), colour_map))
     floor = np.column_stack([corners, np.zeros(len(corners))])
-    box = np.concatenate([floor, floor + np.array([0, 0, HEIGHT])])
+    box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])
     names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
-    rim_heights = HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
+    rim_heights = GRAPH_HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
     scenes = scenes_of(look.camera, surfaces, [box])
     for ax, scene, index, above in zip(panels(figure, names), scenes, indices, rim_heights.T, strict=True):
         raster = draw(ax, scene)
         lines(ax, scene, raster, [np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
         edge = np.column_stack([(rim - patch.domain.center) / patch.domain.size, above])
-        lines(ax, scene, raster, [edge], width=0.8, hidden=HIDDEN)
+        lines(ax, scene, raster, [edge], width=0.8, hidden=HIDDEN_STRENGTH)
         spots = np.column_stack([knots, np.zeros(len(knots))])
         points(ax, scene, np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
         points(ax, scene, spots[[index]], colour=INK, edge="white", size=4.2)
@@ -192,7 +192,7 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     size = float((high - low).max())
     flat = (found.knots - (low + high) / 2) / size
     rise = float(np.ptp(found.lifting)) or 1.0
-    heights = GAP + HEIGHT * (found.lifting - found.lifting.min()) / rise
+    heights = DOMAIN_GAP + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
     fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
     upper = np.array([face for fan in fans for face in fan])
@@ -204,7 +204,7 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     raster = draw(ax, scene)
     for level, strength in ((lifted, 1.2), (ground, 0.9)):
         loops = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
-        lines(ax, scene, raster, loops, width=strength, hidden=HIDDEN)
+        lines(ax, scene, raster, loops, width=strength, hidden=HIDDEN_STRENGTH)
     posts = [np.stack([below, above]) for below, above in zip(ground, lifted, strict=True)]
     lines(ax, scene, raster, posts, colour=FAINT, width=0.8, hidden=0.7)
     absent = list(found.absent)
@@ -220,6 +220,6 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
             above = k < len(flat)
             ax.annotate(
                 text, place, (0, 6 if above else -6), textcoords="offset points", ha="center",
-                va="bottom" if above else "top", fontsize=8, zorder=7, color=INK if above else LINES[0],
+                va="bottom" if above else "top", fontsize=8, zorder=7, color=INK if above else LINE_COLOURS[0],
                 bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
             )  # fmt: skip

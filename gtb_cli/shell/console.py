@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STANDARD = "-"
 """As the name of a file: standard input or output."""
 
-PATIENCE = 2.0
+PROGRESS_DELAY = 2.0
 """Seconds before a progress bar appears."""
 
 SYSTEM_LIMITS = {
@@ -29,13 +29,13 @@ SYSTEM_LIMITS = {
     errno.ENOMEM: "not enough memory for this",
     errno.ENOENT: "the working folder is gone",
 }
-"""Errors of the system that are about no file and no stream."""
+"""Errors of the system that concern neither a file nor a stream."""
 
-BETWEEN = 0.1
-"""Seconds between two pictures of a progress bar."""
+PROGRESS_INTERVAL = 0.1
+"""Seconds between two updates of a progress bar."""
 
-BAR = 30
-"""Characters of a progress bar."""
+BAR_CHARACTERS = 30
+"""Length of a progress bar in characters."""
 
 
 def complain(message: str) -> None:
@@ -123,7 +123,7 @@ class Console:
 
 
 class Progress:
-    """A bar on the last line of a terminal that appears when the work takes longer than `PATIENCE`.
+    """A bar on the last line of a terminal that appears when the work takes longer than `PROGRESS_DELAY`.
 
     Parameters
     ----------
@@ -185,21 +185,22 @@ class Progress:
         import time
 
         start = time.monotonic()
-        if self._over.wait(PATIENCE):
+        if self._over.wait(PROGRESS_DELAY):
             return
         with suppress(OSError, ValueError):  # the terminal has gone
             while True:
                 share = min(self._done / self._total, 0.99)
                 seconds = int(time.monotonic() - start)
-                bar = "#" * int(share * BAR)
-                line = f"[{bar:-<{BAR}}] {share:4.0%} {seconds // 60}:{seconds % 60:02d} {printable(self.label)}"
+                bar = "#" * int(share * BAR_CHARACTERS)
+                clock = f"{seconds // 60}:{seconds % 60:02d}"
+                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {printable(self.label)}"
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 with self._lock:
                     # The last column is left free: writing there makes some terminals start a new line.
                     self._width = width - 1
                     sys.stderr.write("\r" + line[: self._width].ljust(self._width))
                     sys.stderr.flush()
-                if self._over.wait(BETWEEN):
+                if self._over.wait(PROGRESS_INTERVAL):
                     break
             with self._lock:
                 self._clear()

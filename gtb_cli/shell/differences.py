@@ -9,8 +9,8 @@ from gtb_cli.shell.console import Console, printable
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
-EQUAL_DIGITS = 9
-"""Digits of a number in a table; all of them where two that differ would look the same."""
+TABLE_DIGITS = 9
+"""Digits of a number in a table; all of them where two different numbers would look the same."""
 
 
 def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
@@ -85,7 +85,7 @@ def text_about(found: Difference, names: tuple[str, str]) -> str:
 
 def _row(label: str, values: list[float | int | None]) -> str:
     """A line of a table, with a star and the digits that differ, where two numbers do."""
-    first, second = (_number(value, EQUAL_DIGITS) for value in values)
+    first, second = (_number(value, TABLE_DIGITS) for value in values)
     if values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"
     if first == second:

@@ -27,7 +27,7 @@ PACKAGES = ("numpy", "trimesh")
 """Packages whose versions may change bytes."""
 
 
-RENEWAL = 2.0
+RENEWAL_SECONDS = 2.0
 """Seconds between two versions of a manifest that grows."""
 
 
@@ -195,7 +195,7 @@ class OneByOne:
 
         with StagedFiles(self._folder) as files:
             files.add(name, blocks)
-        if time.monotonic() - self._last > RENEWAL:
+        if time.monotonic() - self._last > RENEWAL_SECONDS:
             self._replace()
             self._last = time.monotonic()
 

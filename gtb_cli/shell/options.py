@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 Function: TypeAlias = Callable[..., object]
 
-MOST_THREADS = 256
+MAX_THREADS = 256
+"""Largest number of threads."""
 
 MAX_RESOLUTION = 10**8
-"""Its square still is a 64-bit number."""
+"""Largest number of segments along an edge: its square still is a 64-bit integer."""
 
 
 def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -172,7 +173,7 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int) -> No
 
 threads_option = click.option(
     "--threads",
-    type=WholeNumber(0, MOST_THREADS),
+    type=WholeNumber(0, MAX_THREADS),
     metavar="N",
     default=0,
     expose_value=False,

@@ -21,11 +21,12 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 MAX_JOBS = 64
+"""Largest number of worker processes."""
 
-BEAT = 1.0
+HEARTBEAT_SECONDS = 1.0
 """Seconds between two signs of life of a worker."""
 
-SILENCE = 60
+MISSED_HEARTBEATS = 60
 """Signs of life that a worker may miss while its result is waited for. Some libraries try for ever, and let no other
 thread run meanwhile, when there is too little memory for them to be imported."""
 
@@ -98,13 +99,13 @@ def _awaited(result: Future[R], life: Connection) -> R:
     from multiprocessing import active_children
 
     missed: dict[int | None, int] = {}
-    while not wait([result], BEAT).done:
+    while not wait([result], HEARTBEAT_SECONDS).done:
         heard = set()
         while life.poll():
             heard.add(int.from_bytes(life.recv_bytes(), "little"))
         for process in active_children():
             missed[process.pid] = 0 if process.pid in heard else missed.get(process.pid, 0) + 1
-        if max(missed.values(), default=0) > SILENCE:
+        if max(missed.values(), default=0) > MISSED_HEARTBEATS:
             raise GtbError("a process says nothing any more (is there too little memory? -j 1 needs less)")
     return result.result()
 
@@ -151,5 +152,5 @@ def _live(sign: Connection) -> None:
     while parent is not None and parent.is_alive():
         with suppress(OSError):  # nobody listens
             sign.send_bytes(os.getpid().to_bytes(8, "little"))
-        parent.join(BEAT)
+        parent.join(HEARTBEAT_SECONDS)
     os._exit(1)

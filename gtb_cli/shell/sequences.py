@@ -29,11 +29,11 @@ ANIMATED = "glb"
 LIMIT = "limit"
 """What the last mesh of a sequence is called."""
 
-SHORT = 6
-"""Digits of numbers in names of files; more where a number has more."""
+NAME_DIGITS = 6
+"""Digits of numbers in file names; more where a number has more."""
 
-WRITTEN = 0.1
-"""Part of a step's work, for progress, that is the writing of its file."""
+WRITING_SHARE = 0.1
+"""Fraction of a step's work, for the progress bar, that is the writing of its file."""
 
 distance_option = click.option(
     "--no-distance",
@@ -113,7 +113,7 @@ def number_text(value: float) -> str:
     """
     value += 0.0  # not -0
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
-    mantissa, e, exponent = f"{value:.{max(digits, SHORT)}g}".partition("e")
+    mantissa, e, exponent = f"{value:.{max(digits, NAME_DIGITS)}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")
 
 
@@ -159,7 +159,7 @@ def _write_folder(
     with StagedFiles(folder, RECORD) as files, console.progress(len(names)) as progress:
         for name, member in zip(names, _members(sequence, names, progress, source), strict=True):
             place, mesh = os.path.join(folder, name), member.mesh
-            files.add(name, progress.over(options.encoded(mesh, kind), WRITTEN, expected_bytes(mesh)))
+            files.add(name, progress.over(options.encoded(mesh, kind), WRITING_SHARE, expected_bytes(mesh)))
             entries.append(sequence.entry(member, name))
             _say(place, sequence, member, options.warnings(mesh, kind), console)
         files.add(RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
@@ -193,7 +193,7 @@ def _members(sequence: MeshSequence, names: list[str], progress: Progress, sourc
         progress.label = name
         with about(source):
             member = next(members)
-        progress.advance(1 - WRITTEN)
+        progress.advance(1 - WRITING_SHARE)
         yield member
 
 

@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-BLOCK = 1 << 20
+READ_BYTES = 1 << 20
 """Bytes that are read at a time."""
 
 
@@ -51,7 +51,7 @@ def _sum_of(path: str) -> str | None:
     found = hashlib.sha256()
     try:
         with open(path, "rb") as file:
-            while block := file.read(BLOCK):
+            while block := file.read(READ_BYTES):
                 found.update(block)
     except OSError:
         return None

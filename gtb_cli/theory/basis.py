@@ -18,8 +18,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
 
-BLOCK = 1 << 18
-"""Numbers per work array: knots times parameters of a block, two megabytes, so that it stays in the cache."""
+BLOCK_NUMBERS = 1 << 18
+"""Numbers per work array (knots times parameters of a block): two megabytes, which stay in the cache."""
 
 UNDERFLOW = -700.0
 """Exponents below this are cut off: exp would be subnormal, a hundred times slower, and 1e-304 of the sum."""
@@ -60,7 +60,7 @@ class Location(NamedTuple):
 
 def block_length(knots: int) -> int:
     """Number of parameters handled at once for a number of knots."""
-    return max(256, BLOCK // knots)
+    return max(256, BLOCK_NUMBERS // knots)
 
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:

@@ -18,15 +18,15 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.hull import KNOT_TOLERANCE
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.theory.elevation import MAX_KNOTS, ORDINARY
+from gtb_cli.theory.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 DEGREE = 25
 """Highest degree of a piece, where nothing else is asked for."""
 
-SEARCHED = 2000
-"""Highest degree that is looked for, and named where it is higher than what is allowed."""
+MAX_SEARCHED_DEGREE = 2000
+"""Highest degree that is searched for, to be named where it exceeds what is allowed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +141,13 @@ def split_curve(curve: Patch, at: float, max_degree: int = DEGREE) -> Model:
 
 
 def bezier_degree(values: FloatArray, rounding: float) -> int | None:
-    """Find the least D for which D v / max(v) are whole numbers, for (n,) numbers v ≥ 0; None beyond `SEARCHED`.
+    """Return the least D for which D v / max(v) are whole numbers, for (n,) numbers v ≥ 0.
 
-    `rounding` is that of each number.
+    None where D exceeds `MAX_SEARCHED_DEGREE`. `rounding` is that of each number.
     """
     shares = values / values.max()
     error = rounding / float(values.max()) + 4 * EPS
-    for degree in range(1, SEARCHED + 1):
+    for degree in range(1, MAX_SEARCHED_DEGREE + 1):
         scaled = degree * shares
         if np.abs(scaled - np.rint(scaled)).max() <= degree * error:
             return degree
@@ -165,7 +165,7 @@ def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
         if degree is None:
             raise DomainError(
                 f"has no Bézier pieces: the distances of the knots{where} have no common step, or one that makes "
-                f"degrees above {SEARCHED}. What can be had is a mesh within --tolerance"
+                f"degrees above {MAX_SEARCHED_DEGREE}. What can be had is a mesh within --tolerance"
             )
         if degree > max_degree:
             raise DomainError(
@@ -176,8 +176,10 @@ def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
         degrees.append(degree)
     if patch.dimension == 2:
         most = max((degrees[j - 1] + 1) * (degrees[j] + 1) for j in range(len(degrees)))
-        if most > MAX_KNOTS:
-            raise DomainError(f"has Bézier pieces of {most} control points each, at most {MAX_KNOTS} are allowed")
+        if most > MAX_ELEVATED_KNOTS:
+            raise DomainError(
+                f"has Bézier pieces of {most} control points each, at most {MAX_ELEVATED_KNOTS} are allowed"
+            )
     steps = shape.heights.max(axis=0) / degrees
     return np.rint(shape.heights / steps).astype(np.int64), steps
 
@@ -208,7 +210,7 @@ def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) 
 
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
-    ordinary = np.abs(logs).max() < math.log(ORDINARY)
+    ordinary = np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT)
     name = f"{patch.name or 'patch'}-{suffix}"
     piece = Patch(knots, points, coefficients=binomial_coefficients(domain(knots)), name=name)
     return piece.replace(weights=np.exp(logs)) if ordinary else piece.replace(log_weights=logs)

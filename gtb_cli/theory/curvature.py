@@ -19,15 +19,15 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents
-from gtb_cli.theory.frame import LAYER, PARALLEL, Frame, cleared, coordinate_rounding, frame
+from gtb_cli.theory.frame import LAYER, PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
-ROUNDINGS = 8
+PLANE_ROUNDINGS = 8
 """Roundings of a point's distance from its control point below which it is in the tangent plane."""
 
-ARRAYS = 12
-"""Arrays as large as T that are alive at once."""
+WORK_ARRAYS = 12
+"""Number of arrays as large as T that are alive at once."""
 
 
 class Curvature(NamedTuple):
@@ -139,7 +139,7 @@ class _CurvatureField:
             knots = shape.along(face.index, shape.knots)[:, None]
         count = location.heights.shape[1]
         gaussian, mean = np.empty(count), np.empty(count)
-        step = max(64, block_length(n) // ARRAYS)
+        step = max(64, block_length(n) // WORK_ARRAYS)
         for begin in range(0, count, step):
             block = slice(begin, begin + step)
             e = exponents(knots, self.log_weights, location.s[:, block])
@@ -187,7 +187,7 @@ class _CurvatureField:
         )
         cross = np.cross(first, second, axis=0)
         lengths = [np.sqrt((v**2).sum(axis=0)) for v in (first, second, cross)]
-        regular = lengths[2] > PARALLEL * lengths[0] * lengths[1]
+        regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
         d = self._depths(deltas, p, np.where(regular, cross / lengths[2] * turn, np.nan))
         xi_xi, xi_eta, eta_eta = (
             total * (_weighted(e, members, shift, factor) * d).sum(axis=0)
@@ -207,7 +207,7 @@ class _CurvatureField:
         """(n, m) distances of control points from the tangent planes, 0 for what may be rounding."""
         d = deltas @ normal - (normal * p).sum(axis=0)
         # The leading knot's and its likes are as near as p is.
-        near = ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
+        near = PLANE_ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
         d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
         return np.asarray(d)
 

@@ -13,8 +13,9 @@ from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposit
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-LARGEST_LOG = 700.0
-"""Weights between exp(-700) and exp(700) are ordinary floats, and so are their products with knots and points."""
+MAX_WEIGHT_LOG = 700.0
+"""Largest natural logarithm of a weight, in size: exp(±700), and products with knots and points, are ordinary
+floats."""
 
 
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
@@ -50,7 +51,7 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     if not np.isfinite(exponents).all():
         raise DomainError("lifting: λ log x is beyond the largest float")
     logs = exponents + patch.log_weights
-    if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= LARGEST_LOG:
+    if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= MAX_WEIGHT_LOG:
         # Powers, as 5³ is 125, and exp(3 log 5) nearly.
         return patch.replace(weights=patch.weights * np.power(float(x), lifting_of(patch, lifting)))
     return patch.replace(log_weights=logs)

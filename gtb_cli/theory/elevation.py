@@ -12,14 +12,14 @@ from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.theory.patch import Patch
 
-MAX_KNOTS = 10_000
-"""Most knots of a result: as many as a spec may have."""
+MAX_ELEVATED_KNOTS = 10_000
+"""Largest number of knots of a result."""
 
 MAX_SUMS = 2_000_000
-"""Most sums of knots before equal ones are merged: the arrays for them need 100 MB."""
+"""Largest number of sums of knots before equal ones are merged: their arrays need 100 MB."""
 
-ORDINARY = 1e150
-"""Weights up to this, and down to its inverse, are multiplied and added as they are; others as logarithms."""
+MAX_PLAIN_WEIGHT = 1e150
+"""Largest weight, and inverse of the smallest, that is multiplied and added as it is; others are logarithms."""
 
 
 def elevate(patch: Patch, by: int = 1) -> Patch:
@@ -42,7 +42,7 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
     Raises
     ------
     DomainError
-        `by` is no whole number from 0, or the result would have more than `MAX_KNOTS` knots.
+        `by` is no whole number from 0, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
 
     Notes
     -----
@@ -115,7 +115,7 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
     Raises
     ------
     DomainError
-        Shapes that do not fit, or a result of more than `MAX_KNOTS` knots.
+        Shapes that do not fit, or a result of more than `MAX_ELEVATED_KNOTS` knots.
 
     Notes
     -----
@@ -133,15 +133,17 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
         raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {MAX_SUMS} are allowed")
     sums = (patch.knots[:, None] + places).reshape(-1, patch.dimension)
     first, group = _equal(sums)
-    if len(first) > MAX_KNOTS:
-        raise DomainError(f"knots: the elevated patch would have {len(first)}, at most {MAX_KNOTS} are allowed")
+    if len(first) > MAX_ELEVATED_KNOTS:
+        raise DomainError(
+            f"knots: the elevated patch would have {len(first)}, at most {MAX_ELEVATED_KNOTS} are allowed"
+        )
     logs = (patch.log_products[:, None] + np.log(factors)).ravel()
     top = np.full(len(first), -np.inf)
     np.maximum.at(top, group, logs)
     terms = np.exp(logs - top[group])
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         plain = ((patch.coefficients * patch.weights)[:, None] * factors).ravel()
-    ordinary = bool(np.isfinite(plain).all() and plain.min() > 1 / ORDINARY and plain.max() < ORDINARY)
+    ordinary = bool(np.isfinite(plain).all() and plain.min() > 1 / MAX_PLAIN_WEIGHT and plain.max() < MAX_PLAIN_WEIGHT)
     if ordinary:
         terms = plain  # so that whole numbers stay whole
     totals = np.bincount(group, terms)

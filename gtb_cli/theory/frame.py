@@ -15,7 +15,7 @@ from gtb_cli.theory.basis import UNDERFLOW
 LAYER = 1e-9
 """Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
 
-PARALLEL = 1e-12
+PARALLEL_SINE = 1e-12
 """Sine of the angle below which two unit vectors give no normal: a few thousand roundings."""
 
 COINCIDENT_ULPS = 8

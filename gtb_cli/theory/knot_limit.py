@@ -16,10 +16,10 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face
 from gtb_cli.theory.patch import Patch
 
-PARALLEL = 1e-9
-"""Speeds whose second singular value is below this fraction of the first are parallel: knots typed on one line."""
+PARALLEL_RATIO = 1e-9
+"""Ratio of the singular values of speeds below which they are parallel: knots typed on one line."""
 
-SMALLEST_NORMAL = float(np.finfo(np.float64).tiny)
+MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)
 """Smallest weight that is a float with all its digits."""
 
 
@@ -57,7 +57,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     stays = targets == np.arange(len(targets))
     with np.errstate(over="ignore", under="ignore"):
         products = patch.coefficients * patch.weights
-        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= SMALLEST_NORMAL)
+        ordinary = bool(np.isfinite(np.bincount(targets, products)).all() and products.min() >= MIN_NORMAL_WEIGHT)
     points, weights, logarithms = (np.array(x) for x in (patch.control_points, patch.weights, patch.log_weights))
     for q in np.unique(targets[~stays]).tolist():
         members = np.flatnonzero(targets == q)
@@ -296,8 +296,8 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
             along = shape.along(face.index, patch.knots[targets[members]])
         elif shape.dimension == 2:
             # Where all come on one line, the film of the corner is a border of its edges' films.
-            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=SMALLEST_NORMAL), compute_uv=False)
-            if len(values) < 2 or values[1] <= PARALLEL * values[0]:
+            values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
+            if len(values) < 2 or values[1] <= PARALLEL_RATIO * values[0]:
                 continue
         units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
         films.append(

@@ -18,13 +18,13 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.theory.basis import Location, exponents
-from gtb_cli.theory.frame import LAYER, PARALLEL, cleared, coordinate_rounding, covariance, frame, layers, shares
+from gtb_cli.theory.frame import LAYER, PARALLEL_SINE, cleared, coordinate_rounding, covariance, frame, layers, shares
 
-DOUBT = 1e-3
-"""Where a derivative or the angle between the two is smaller than this fraction of what was summed, three digits are
-lost, and coordinates about the two leading knots are used: these keep all digits, in four times the time."""
+CANCELLATION = 1e-3
+"""Fraction of what was summed below which a derivative, or the angle between the two, has lost three digits, and
+coordinates about the two leading knots are used: these keep all digits, in four times the time."""
 
-FAR = 1e6
+CORNER_COORDINATE = 1e6
 """Torus coordinate on an edge of length 1 at which a corner has taken all."""
 
 CUT_OFF_SUM = 1e-280
@@ -104,9 +104,9 @@ class NormalField:
             mean, middle = points.T @ part, eta.T @ part
             first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
             result[here], sine = _unit_cross(first, second)
-            doubtful[here] = ~((sine > DOUBT) & (middle > CUT_OFF_SUM).all(axis=0))
+            doubtful[here] = ~((sine > CANCELLATION) & (middle > CUT_OFF_SUM).all(axis=0))
             for derivative, summed in zip((first, second), middle, strict=True):
-                doubtful[here] |= np.abs(derivative).max(axis=0) < DOUBT * extent * summed
+                doubtful[here] |= np.abs(derivative).max(axis=0) < CANCELLATION * extent * summed
         return result, doubtful
 
     def _about_leaders(self, e: FloatArray) -> FloatArray:
@@ -173,7 +173,7 @@ class NormalField:
         j, k = np.triu_indices(n, 1)
         lengths = np.sqrt((deltas**2).sum(axis=1))
         crosses = np.cross(deltas[j], deltas[k])
-        kept = np.abs(crosses).max(axis=1) > PARALLEL * lengths[j] * lengths[k]
+        kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
         i = np.repeat(on_edge, kept.sum())
         j, k, crosses = (np.tile(x[kept], (len(on_edge), *(1,) * (x.ndim - 1))) for x in (j, k, crosses))
         areas = (along[j] - along[i]) * height[k] - (along[k] - along[i]) * height[j]
@@ -188,7 +188,7 @@ class NormalField:
             terms = crosses[group] * areas[group, None]
             total = terms.T @ weights
             size = np.sqrt((total**2).sum(axis=0))
-            good = size > PARALLEL * (np.sqrt((terms**2).sum(axis=1)) @ weights)
+            good = size > PARALLEL_SINE * (np.sqrt((terms**2).sum(axis=1)) @ weights)
             result[todo[good]] = (total[:, good] / size[good]).T
             todo = todo[~good]
             if not len(todo):
@@ -215,7 +215,7 @@ class NormalField:
             # From along an edge that is one point: the normal where only its knots in the corner are left.
             on_edge = np.flatnonzero(shape.incidence[:, edge])
             if np.isnan(normal[0, 0]) and len(on_edge) > len(at_corner) and self._is_point(on_edge):
-                normal = self._about_point(edge, np.array([sign * FAR / shape.size]))
+                normal = self._about_point(edge, np.array([sign * CORNER_COORDINATE / shape.size]))
         return normal
 
 
@@ -225,7 +225,7 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
         first, second = (_unit(_unit_size(v)) for v in (first, second))
         normal = np.cross(first, second, axis=0)
         sine = np.sqrt((normal**2).sum(axis=0))
-        return np.where(sine > PARALLEL, normal / sine, np.nan).T, sine
+        return np.where(sine > PARALLEL_SINE, normal / sine, np.nan).T, sine
 
 
 def _unit_size(v: FloatArray) -> FloatArray:

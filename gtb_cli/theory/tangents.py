@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.theory.basis import Location, exponents
-from gtb_cli.theory.frame import PARALLEL, cleared, coordinate_rounding, covariance, layers, shares
+from gtb_cli.theory.frame import PARALLEL_SINE, cleared, coordinate_rounding, covariance, layers, shares
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
@@ -70,7 +70,7 @@ def _inside(patch: Patch, location: Location) -> FloatArray:
         step[np.abs(step) <= knot_tolerance(patch.knots)] = 0.0
         part = e[:, rows]
         derivative = covariance(part, step[:, None], deltas, deltas.T @ shares(part)).T
-        result[rows] = _unit(derivative, PARALLEL * float(np.abs(step).max() * np.abs(deltas).max()))
+        result[rows] = _unit(derivative, PARALLEL_SINE * float(np.abs(step).max() * np.abs(deltas).max()))
     return result
 
 

@@ -9,7 +9,7 @@ from trimesh.exchange.obj import export_obj
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
-from gtb_cli.formats.digits import ROWS, decimals
+from gtb_cli.formats.digits import BLOCK_ROWS, decimals
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.meshes.mesh import Mesh
 from tests.benchmarks import Row, paired
@@ -28,8 +28,8 @@ def percent_blocks(mesh: Mesh) -> Iterator[bytes]:
     """The plain way to fast text: one `%` for each block of rows."""
     digits = decimals(mesh.vertices)
     for line, rows in ((f"v %.{digits}f %.{digits}f %.{digits}f\n", mesh.vertices), ("f %d %d %d\n", mesh.cells + 1)):
-        for start in range(0, len(rows), ROWS):
-            block = rows[start : start + ROWS]
+        for start in range(0, len(rows), BLOCK_ROWS):
+            block = rows[start : start + BLOCK_ROWS]
             yield (line * len(block) % tuple(block.ravel().tolist())).encode()
 
 

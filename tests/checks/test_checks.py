@@ -17,7 +17,7 @@ from gtb_cli.checks.report import Outcome
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.degeneration import LARGEST_LOG, degenerate, regular_control_surface
+from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
@@ -404,7 +404,7 @@ def test_every_property_with_a_verdict_is_broken_here():
 def wrong_in_logarithms(patch, x, lifting=None):
     """Weights beyond floats get the inverse of their factors."""
     right = degenerate(patch, x, lifting)
-    if np.abs(right.log_weights).max() <= LARGEST_LOG:
+    if np.abs(right.log_weights).max() <= MAX_WEIGHT_LOG:
         return right
     return patch.replace(log_weights=2 * patch.log_weights - right.log_weights)
 
@@ -412,7 +412,7 @@ def wrong_in_logarithms(patch, x, lifting=None):
 def wrong_in_floats(patch, x, lifting=None):
     """Weights within floats get the inverse of their factors."""
     right = degenerate(patch, x, lifting)
-    if np.abs(right.log_weights).max() > LARGEST_LOG:
+    if np.abs(right.log_weights).max() > MAX_WEIGHT_LOG:
         return right
     return patch.replace(log_weights=2 * patch.log_weights - right.log_weights)
 

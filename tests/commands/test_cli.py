@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import gtb_cli
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
-from gtb_cli.commands.evaluate import CHUNK, LINES, MAX_LINE
+from gtb_cli.commands.evaluate import BATCH_LINES, MAX_LINE_BYTES, READ_BYTES
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.shell import console, streams
@@ -509,9 +509,9 @@ def test_eval_linearly_has_linear_precision():
         (b"1 1\n1 \xff\n", "<stdin>:2: '\\\\xff' is not a number"),
         (b"1 1\n1 nan\n", "<stdin>:2: must be finite, got (1.0, nan)"),
         (b"1 1\n\n5 5\n6 6\n", "<stdin>:3: (5.0, 5.0) is outside the domain, by up to "),
-        (b"1 1\n" * (LINES + 5) + b"\n0 -1\n", f"<stdin>:{LINES + 7}: (0.0, -1.0) is outside the domain"),
-        (b"1 " * MAX_LINE + b"\n", "<stdin>:1: expected two numbers"),
-        (b"1 1\n" + b"1 " * CHUNK, f"<stdin>:2: a line of more than {MAX_LINE} characters"),
+        (b"1 1\n" * (BATCH_LINES + 5) + b"\n0 -1\n", f"<stdin>:{BATCH_LINES + 7}: (0.0, -1.0) is outside the domain"),
+        (b"1 " * MAX_LINE_BYTES + b"\n", "<stdin>:1: expected two numbers"),
+        (b"1 1\n" + b"1 " * READ_BYTES, f"<stdin>:2: a line of more than {MAX_LINE_BYTES} characters"),
     ],
 )
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])
@@ -523,7 +523,7 @@ def test_eval_names_the_wrong_line(text, message, parametrization):
 
 
 def test_eval_of_many_lines():
-    u = np.random.default_rng(5).uniform(0, 3, (2 * LINES + 3, 2))
+    u = np.random.default_rng(5).uniform(0, 3, (2 * BATCH_LINES + 3, 2))
     text = b"".join(b"%r %r\n" % tuple(row) for row in u.tolist())
     np.testing.assert_allclose(
         rows(gtb("eval", BICUBIC, stdin=text).out), gtb_cli.load(BICUBIC).evaluate(u), rtol=0, atol=1e-14
@@ -533,12 +533,12 @@ def test_eval_of_many_lines():
 def test_eval_writes_a_file_whole_or_not_at_all(tmp_path):
     path = tmp_path / "points.txt"
     path.write_text("old", encoding="utf-8")
-    text = b"1 1\n" * LINES
+    text = b"1 1\n" * BATCH_LINES
     assert gtb("eval", PENTAGON, "-o", path, stdin=text + b"9 9\n").status == 2
     assert path.read_text(encoding="utf-8") == "old"
     assert names(tmp_path) == ["points.txt"]
     assert gtb("eval", PENTAGON, "-o", path, stdin=text).status == 0
-    assert path.read_bytes().count(b"\n") == LINES
+    assert path.read_bytes().count(b"\n") == BATCH_LINES
 
 
 def test_eval_is_for_one_patch():

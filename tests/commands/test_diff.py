@@ -119,7 +119,7 @@ def test_what_has_no_end_is_not_read_to_it(source, tmp_path):
 
 
 def test_a_mesh_without_end_is_not_read_to_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.formats.meshfiles.MAX_STREAM", 1 << 20)
+    monkeypatch.setattr("gtb_cli.formats.meshfiles.MAX_STREAM_BYTES", 1 << 20)
     pipe = tmp_path / "pipe.obj"
     os.mkfifo(pipe)
 

@@ -12,8 +12,8 @@ from gtb_cli.shell.processes import in_processes
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
-    monkeypatch.setattr(processes, "BEAT", 0.05)
-    monkeypatch.setattr(processes, "SILENCE", 6)
+    monkeypatch.setattr(processes, "HEARTBEAT_SECONDS", 0.05)
+    monkeypatch.setattr(processes, "MISSED_HEARTBEATS", 6)
 
 
 def held(seconds):

@@ -12,7 +12,7 @@ from trimesh.exchange.gltf import get_schema
 
 import gtb_cli.shell.console as console_room
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.morph import MOST, animated_glb
+from gtb_cli.formats.morph import MAX_MESHES, animated_glb
 from gtb_cli.meshes.mesh import Mesh
 from tests.marks import long
 from tests.shell import SPECS, gtb, process
@@ -179,8 +179,8 @@ def test_meshes_that_cannot_be_morphed():
             animation(bare, bare, **options)
     with pytest.raises(ExportError, match="normals: the mesh has none"):
         animation(surface(), bare, normals=True)
-    with pytest.raises(ExportError, match=f"an animation of {MOST + 1} meshes, more than {MOST}"):
-        animated_glb([surface(1)] * (MOST + 1), [""] * (MOST + 1))
+    with pytest.raises(ExportError, match=f"an animation of {MAX_MESHES + 1} meshes, more than {MAX_MESHES}"):
+        animated_glb([surface(1)] * (MAX_MESHES + 1), [""] * (MAX_MESHES + 1))
 
 
 # --- the commands

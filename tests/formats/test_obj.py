@@ -15,7 +15,7 @@ from trimesh.exchange.obj import export_obj
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
-from gtb_cli.formats.digits import ROWS, decimals
+from gtb_cli.formats.digits import BLOCK_ROWS, decimals
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.formats.obj import obj_blocks
 from gtb_cli.meshes.mesh import Mesh
@@ -44,7 +44,7 @@ def test_obj_lines_are_those_of_trimesh(normals, uv, scale, shift):
 
 def test_obj_lines_are_those_of_trimesh_across_blocks_and_growing_indices():
     mesh = surface(110)  # 12321 vertices, 24200 triangles: more than a block of each
-    assert len(mesh.vertices) > ROWS
+    assert len(mesh.vertices) > BLOCK_ROWS
     assert encoded(mesh, "obj").decode() == "".join(
         f"{line}\n" for line in lines(trimesh_obj(mesh, normals=False, uv=False), "v", "f")
     )

@@ -11,7 +11,7 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.lattice import MAX_DEGREE, binomial_coefficients
+from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""
@@ -73,11 +73,11 @@ def test_parallelograms(degrees: tuple[int, int], matrix: np.ndarray, shift: np.
 
 def test_largest_degree() -> None:
     middle = Fraction(1)
-    for k in range(MAX_DEGREE // 2):
-        middle *= Fraction(MAX_DEGREE - k, k + 1)
-    assert binomial_coefficients(domain(np.arange(MAX_DEGREE + 1.0))).max() == float(middle)
+    for k in range(MAX_BINOMIAL_DEGREE // 2):
+        middle *= Fraction(MAX_BINOMIAL_DEGREE - k, k + 1)
+    assert binomial_coefficients(domain(np.arange(MAX_BINOMIAL_DEGREE + 1.0))).max() == float(middle)
     with pytest.raises(DomainError, match=r"coefficients: binomial goes up to degree 1029, got 1030"):
-        binomial_coefficients(domain(np.arange(MAX_DEGREE + 2.0)))
+        binomial_coefficients(domain(np.arange(MAX_BINOMIAL_DEGREE + 2.0)))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from trimesh.triangles import closest_point
 
-from gtb_cli.meshes.distance import BLOCK, to_segments, to_triangles
+from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
 from gtb_cli.meshes.nearest import NearestCells, cell_distances, middles
 from tests.tiny_meshes import surface
 
@@ -20,7 +20,7 @@ def triangles(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     return rng.normal(size=(count, 3)), rng.normal(size=(count, 3, 3)) * rng.choice([0.01, 1, 3], (count, 1, 1))
 
 
-@pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK + 17])
+@pytest.mark.parametrize("count", [0, 1, BLOCK_POINTS - 1, BLOCK_POINTS, BLOCK_POINTS + 1, 2 * BLOCK_POINTS + 17])
 def test_distances_from_triangles_as_trimesh_finds_them(count):
     points, corners = triangles(count)
     expected = np.linalg.norm(closest_point(corners, points) - points, axis=1) if count else np.empty(0)

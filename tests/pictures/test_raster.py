@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gtb_cli.pictures.raster import NOTHING, rasterised
+from gtb_cli.pictures.raster import NO_TRIANGLE, rasterised
 
 
 def test_pixels_whose_centres_a_triangle_covers():
     seen = rasterised(np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]]), 4, 4)
-    assert (seen.triangle == NOTHING).tolist() == [
+    assert (seen.triangle == NO_TRIANGLE).tolist() == [
         [False, False, False, False],
         [False, False, False, True],
         [False, False, True, True],
@@ -52,4 +52,4 @@ def test_two_triangles_leave_no_gap_between_them():
 
 def test_what_is_outside_or_a_line_is_not_seen():
     points = np.array([[20.0, 20, 0], [30, 20, 0], [20, 30, 0], [0, 0, 0], [5, 5, 0]])
-    assert (rasterised(points, np.array([[0, 1, 2], [3, 4, 3]]), 8, 8).triangle == NOTHING).all()
+    assert (rasterised(points, np.array([[0, 1, 2], [3, 4, 3]]), 8, 8).triangle == NO_TRIANGLE).all()

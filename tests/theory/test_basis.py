@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.basis import BLOCK, gt_bernstein, partition_of_unity_coefficients
+from gtb_cli.theory.basis import BLOCK_NUMBERS, gt_bernstein, partition_of_unity_coefficients
 from gtb_cli.theory.patch import Patch
 from tests.laws import inner_parameters
 from tests.patches import NAMES, bezier_triangle, bicubic, cubic_curve, named
@@ -85,21 +85,21 @@ def test_no_entry_of_the_rational_basis_is_subnormal():
 
 def test_blocks_join_without_a_seam():
     patch = named("pentagon")
-    count = 2 * BLOCK // 8 + 100
+    count = 2 * BLOCK_NUMBERS // 8 + 100
     u = np.random.default_rng(1).dirichlet(np.ones(5), count) @ patch.domain.vertices
     u[::1000] = patch.domain.vertices[2]
     u[::777] = [0.7, 0]
     points = patch.evaluate(u)
-    some = np.r_[:50, BLOCK // 8 - 50 : BLOCK // 8 + 50, count - 50 : count]
+    some = np.r_[:50, BLOCK_NUMBERS // 8 - 50 : BLOCK_NUMBERS // 8 + 50, count - 50 : count]
     assert np.abs(points[some] - np.concatenate([patch.evaluate(u[i][None]) for i in some])).max() < 1e-13
     assert patch.evaluate(u).tobytes() == points.tobytes()
 
 
 def test_a_parameter_outside_is_named_by_its_index_in_any_block():
     patch = named("pentagon")
-    u = np.full((2 * BLOCK // 8, 2), 0.5)
-    u[BLOCK // 8 + 17] = [9, 9]
-    with pytest.raises(DomainError, match=rf"parameters\[{BLOCK // 8 + 17}\]: \(9.0, 9.0\) is outside"):
+    u = np.full((2 * BLOCK_NUMBERS // 8, 2), 0.5)
+    u[BLOCK_NUMBERS // 8 + 17] = [9, 9]
+    with pytest.raises(DomainError, match=rf"parameters\[{BLOCK_NUMBERS // 8 + 17}\]: \(9.0, 9.0\) is outside"):
         patch.evaluate(u)
 
 

@@ -14,7 +14,7 @@ from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.probe import points_at_torus
 from gtb_cli.errors import DomainError
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.elevation import MAX_KNOTS, elevate, multiplier, product
+from gtb_cli.theory.elevation import MAX_ELEVATED_KNOTS, elevate, multiplier, product
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS
@@ -222,7 +222,10 @@ def test_new_edges_are_one_point():
         (lambda: product(spec("example-3.1"), [0, 1], [1]), "weights: expected 2 values, got shape"),
         (lambda: product(spec("example-3.1"), [0, 1], [1, 0]), r"weights\[1\]: must be positive"),
         # 0 + 2 is 1 + 1.
-        (lambda: product(spec("example-3.1"), np.geomspace(1, 2, 5000)), f"24999, at most {MAX_KNOTS} are allowed"),
+        (
+            lambda: product(spec("example-3.1"), np.geomspace(1, 2, 5000)),
+            f"24999, at most {MAX_ELEVATED_KNOTS} are allowed",
+        ),
         (lambda: product(spec("example-3.1"), np.arange(1e6)), "at most 2000000 are allowed"),
     ],
 )
