@@ -53,6 +53,9 @@ CAD_FORMATS = ("step", "iges", "brep")
 
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
 
+CELL_FORMATS = ("vtu",)
+"""Formats of curved cells, which ParaView reads; also the suffixes of their files."""
+
 UNITS = ("mm", "cm", "m", "in", "ft")
 """Units of length that CAD files may have, the default first."""
 

@@ -26,7 +26,7 @@ from gtb_cli.shell.options import (
 )
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 from gtb_cli.shell.several import inputs_of
-from gtb_cli.shell.solids import cad_format, write_cad
+from gtb_cli.shell.solids import surface_format, write_surfaces
 from gtb_cli.shell.streams import (
     about,
     file_stem,
@@ -37,7 +37,7 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
-from gtb_cli.vocabulary import CAD_FORMATS, FORMATS, UNITS
+from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.measures import Measures
@@ -53,7 +53,7 @@ MAX_TERMINAL_LINES = 1000
 @click.command
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 @output_option
-@mesh_options_of((*FORMATS, *CAD_FORMATS))
+@mesh_options_of((*FORMATS, *CAD_FORMATS, *CELL_FORMATS))
 @click.option(
     "-j",
     "--jobs",
@@ -112,12 +112,13 @@ def mesh(
     status is 2.
 
     STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: exact rational Bézier pieces where every patch
-    has them, else surfaces fitted within --tolerance; sewn, and a solid where closed.
+    has them, else surfaces fitted within --tolerance; sewn, and a solid where closed. VTU files hold exact curved cells
+    for ParaView, or are refused.
     """
-    if (surfaces := cad_format(options.format, output)) is not None:
+    if (surfaces := surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
             raise click.UsageError(f"--manifest and --deps are for meshes, and {surfaces.upper()} holds surfaces")
-        write_cad(specs, surfaces, unit, options, spec_format, output, console)
+        write_surfaces(specs, surfaces, unit, options, spec_format, output, console)
         return
     into_folder = is_folder(output) or (output != STANDARD and any(map(os.path.isdir, specs)))
     specs = inputs_of(specs, output)

@@ -102,21 +102,23 @@ def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
     if lattice is not None and len(lattice) == 2 and max(direction.degree for direction in lattice) <= DEGREE:
         first, second = lattice
         net = np.empty((first.degree + 1, second.degree + 1, 4))
-        net[first.places[:, 1], second.places[:, 1]] = _homogeneous(patch)
+        net[first.places[:, 1], second.places[:, 1]] = homogeneous_points(patch)
         return [_bezier(name, net)]
     sheets = []
     for chart in bezier_charts(patch, DEGREE):
         along, across = (int(degree) + 1 for degree in chart.patch.knots.max(axis=0))
-        sheets.append(_bezier(name, _homogeneous(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
+        sheets.append(_bezier(name, homogeneous_points(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
     return sheets
 
 
-def _homogeneous(patch: Patch) -> FloatArray:
+def homogeneous_points(patch: Patch) -> FloatArray:
     """(n, 4) control points and Bézier weights: the products, over the binomials."""
     logs = patch.log_products - np.log(binomial_coefficients(patch.domain))
     weights = np.exp(logs - logs.max())
     if weights.min() < SMALLEST_WEIGHT:
-        raise DomainError(f"has weights in a range beyond {1 / SMALLEST_WEIGHT:g}, which CAD kernels do not take")
+        raise DomainError(
+            f"has weights in a range beyond {1 / SMALLEST_WEIGHT:g}, which programs for such surfaces do not take"
+        )
     return np.column_stack([patch.control_points, weights])
 
 

@@ -1,24 +1,31 @@
-"""`gtb mesh` where the format is one of CAD: surfaces instead of triangles."""
+"""`gtb mesh` where the format is one of CAD, or of curved cells: surfaces instead of triangles."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import RequirementError
+from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import about, is_folder, read_spec, shown_input, write_blocks
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS
+
+if TYPE_CHECKING:
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
+
+EXACT_SUFFIXES = CAD_SUFFIXES | {name: name for name in CELL_FORMATS}
 
 
-def cad_format(format: str | None, output: str) -> str | None:
-    """Format of CAD that -f names, or the suffix of the output; None for meshes."""
+def surface_format(format: str | None, output: str) -> str | None:
+    """Format of surfaces that -f names, or the suffix of the output; None for meshes."""
     if format is not None:
-        return format if format in CAD_FORMATS else None
-    return CAD_SUFFIXES.get(os.path.splitext(output)[1][1:].lower())
+        return format if format in (*CAD_FORMATS, *CELL_FORMATS) else None
+    return EXACT_SUFFIXES.get(os.path.splitext(output)[1][1:].lower())
 
 
 def _short(reason: str) -> str:
@@ -26,7 +33,7 @@ def _short(reason: str) -> str:
     return reason.partition(". What")[0].replace(" (--max-degree)", "")
 
 
-def write_cad(
+def write_surfaces(
     specs: Sequence[str],
     kind: str,
     unit: str,
@@ -35,16 +42,15 @@ def write_cad(
     output: str,
     console: Console,
 ) -> None:
-    """Write the surfaces of one spec as STEP, IGES or BREP, and say what is exact.
+    """Write the surfaces of one spec as STEP, IGES, BREP or VTU, and say what is exact.
 
     Raises
     ------
     RequirementError
         A closed solid is required, and does not come of it.
+    DomainError
+        The format holds exact pieces only, and there are none.
     """
-    from gtb_cli.formats.cad import encode_cad
-    from gtb_cli.formats.sheets import sheets_of
-
     recipe = options.recipe
     if len(specs) > 1 or is_folder(output) or os.path.isdir(specs[0]):
         raise click.UsageError(f"{kind.upper()} is written of one spec, to a file or standard output")
@@ -59,8 +65,35 @@ def write_cad(
     for name, value in given.items():
         if value:
             raise click.UsageError(f"{name} is for meshes, and {kind.upper()} holds surfaces")
+    if kind in CELL_FORMATS and recipe.require:
+        raise click.UsageError(f"--require is for meshes, and cells of {kind.upper()} share no vertices")
     spec = read_spec(specs[0], spec_format)
-    with about(shown_input(specs[0])):
+    if kind in CELL_FORMATS:
+        _write_cells(spec, specs[0], options, output, console)
+    else:
+        _write_cad(spec, specs[0], kind, unit, options, output, console)
+
+
+def _write_cells(spec: Patch | Model, path: str, options: MeshOptions, output: str, console: Console) -> None:
+    from gtb_cli.formats.vtu import encode_vtu
+
+    with about(shown_input(path)):
+        try:
+            data, cells = encode_vtu(spec, y_up=options.up == "y")
+        except DomainError as fault:
+            raise DomainError(f"{_short(str(fault))}. VTU files hold exact cells; PLY files, a mesh") from None
+    write_blocks(output, [data])
+    console.note(f"{'' if output == STANDARD else f'{output}: '}{cells} exact {'cell' if cells == 1 else 'cells'}")
+
+
+def _write_cad(
+    spec: Patch | Model, path: str, kind: str, unit: str, options: MeshOptions, output: str, console: Console
+) -> None:
+    from gtb_cli.formats.cad import encode_cad
+    from gtb_cli.formats.sheets import sheets_of
+
+    recipe = options.recipe
+    with about(shown_input(path)):
         found = sheets_of(spec, recipe.tolerance_for(spec))
         body = encode_cad(found.sheets, kind, unit, spec.name or "patch")
         if recipe.require and body.shells:

@@ -141,7 +141,7 @@ def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path
     assert len(parts(shape, "SOLID")) == 1
     expected = measure(tessellate(box(), 96)).volume
     assert expected is not None
-    assert volume(shape) == pytest.approx(abs(expected), rel=10 * VOLUME)
+    assert volume(shape) == pytest.approx(abs(expected), rel=VOLUME)
     assert volume(shape) > 0
 
 
@@ -176,7 +176,7 @@ def test_a_closed_model_of_real_knots_is_a_fitted_solid(tmp_path: Path) -> None:
     assert is_valid(shape)
     assert len(parts(shape, "SOLID")) == 1
     expected = measure(tessellate(spec, 64)).volume
-    assert volume(shape) == pytest.approx(expected, rel=10 * VOLUME)
+    assert volume(shape) == pytest.approx(expected, rel=VOLUME)
 
 
 def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:

@@ -1,0 +1,171 @@
+"""VTU files, as ParaView reads them, of exact rational Bézier cells: no triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.errors import DomainError
+from gtb_cli.formats.sheets import exact_sheets, homogeneous_points
+from gtb_cli.knots.lattice import Direction, lattice_of
+from gtb_cli.theory.bezier_pieces import bezier_charts
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+CURVE, TRIANGLE, QUADRILATERAL = 75, 76, 77
+"""VTK's numbers of its Bézier cells."""
+
+
+class Cell(NamedTuple):
+    """A rational Bézier cell of VTK.
+
+    Attributes
+    ----------
+    kind : int
+        `CURVE`, `TRIANGLE` or `QUADRILATERAL`.
+    degrees : tuple of three int
+        0 in directions that there are not.
+    points : (n, 4) float
+        Control points x, y, z and weights, in VTK's order: corners, edges, interior.
+    """
+
+    kind: int
+    degrees: tuple[int, int, int]
+    points: FloatArray
+
+
+def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
+    """Return the exact cells of a patch: itself, if it is a Bézier patch, or its charts.
+
+    Parameters
+    ----------
+    patch : Patch
+    index : int
+        In its model.
+
+    Raises
+    ------
+    DomainError
+        It has none: says why.
+    """
+    lattice = lattice_of(patch.domain)
+    if patch.dimension == 1:
+        curves = [(patch, lattice[0])] if lattice else [(c.patch, _line(c.patch)) for c in bezier_charts(patch)]
+        return [_curve(homogeneous_points(curve)[_ascending(line)]) for curve, line in curves]
+    if lattice is not None and len(lattice) == 1:
+        return [_triangle(homogeneous_points(patch), lattice[0])]
+    return [_quadrilateral(sheet.net) for sheet in exact_sheets(patch, index)]
+
+
+def encode_vtu(spec: Patch | Model, *, y_up: bool = False) -> tuple[bytes, int]:
+    """Return a VTU file of the exact cells of a patch or model, and their number.
+
+    Points have `RationalWeights`; cells have `HigherOrderDegrees`, and the number of their patch as `patch`. Numbers
+    have the fewest digits that read back exactly. Cells have their own points: what neighbours agree on is the ratio of
+    weights along an edge, not the weights.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+    y_up : bool
+        Whether y is up in the file where z is in the spec.
+
+    Raises
+    ------
+    DomainError
+        As `cells_of`, with the name of the patch.
+    """
+    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    cells: list[tuple[int, Cell]] = []
+    for index, patch in enumerate(patches):
+        try:
+            cells += ((index, cell) for cell in cells_of(patch, index))
+        except DomainError as fault:
+            if isinstance(spec, Patch):
+                raise
+            raise DomainError(f"{patch.name or f'patches[{index}]'}: {fault}") from None
+    return "".join(f"{line}\n" for line in _lines(cells, y_up)).encode("ascii"), len(cells)
+
+
+def _lines(cells: Sequence[tuple[int, Cell]], y_up: bool) -> Iterator[str]:
+    table = np.concatenate([cell.points for _, cell in cells])
+    points, weights = table[:, :3] + 0.0, table[:, 3:]  # no minus zeros
+    if y_up:
+        points = points[:, [0, 2, 1]] * [1, 1, -1] + 0.0
+    numbers = np.arange(len(table))
+    offsets = np.cumsum([len(cell.points) for _, cell in cells])
+    yield '<?xml version="1.0"?>'
+    yield '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+    yield "<UnstructuredGrid>"
+    yield f'<Piece NumberOfPoints="{len(table)}" NumberOfCells="{len(cells)}">'
+    yield '<PointData RationalWeights="RationalWeights">'
+    yield from _array("Float64", "RationalWeights", weights)
+    yield '</PointData>\n<CellData HigherOrderDegrees="HigherOrderDegrees">'
+    yield from _array("Float64", "HigherOrderDegrees", np.array([cell.degrees for _, cell in cells]))
+    yield from _array("Int32", "patch", np.array([[index] for index, _ in cells]))
+    yield "</CellData>\n<Points>"
+    yield from _array("Float64", "Points", points)
+    yield "</Points>\n<Cells>"
+    yield from _array("Int64", "connectivity", numbers[:, None])
+    yield from _array("Int64", "offsets", offsets[:, None])
+    yield from _array("UInt8", "types", np.array([[cell.kind] for _, cell in cells]))
+    yield "</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>"
+
+
+def _array(kind: str, name: str, rows: FloatArray | IntArray) -> Iterator[str]:
+    components = f' NumberOfComponents="{rows.shape[1]}"' if rows.shape[1] > 1 else ""
+    yield f'<DataArray type="{kind}" Name="{name}"{components} format="ascii">'
+    yield from (" ".join(map(repr, row)) for row in rows.tolist())
+    yield "</DataArray>"
+
+
+def _line(curve: Patch) -> Direction:
+    lattice = lattice_of(curve.domain)
+    assert lattice is not None, "a piece has the knots 0, 1, … D"
+    return lattice[0]
+
+
+def _ascending(line: Direction) -> IntArray:
+    """Places of the control points from end to end."""
+    return np.argsort(line.places[:, 1])
+
+
+def _curve(points: FloatArray) -> Cell:
+    """The ends come first."""
+    degree = len(points) - 1
+    return Cell(CURVE, (degree, 0, 0), points[[0, degree, *range(1, degree)]])
+
+
+def _triangle(points: FloatArray, lattice: Direction) -> Cell:
+    """A Bézier triangle: its boundary from the first corner on, and so on inwards."""
+    degree = lattice.degree
+    place = {tuple(row): number for number, row in enumerate(lattice.places.tolist())}
+    order = [place[row] for row in _triangle_places(degree)]
+    return Cell(TRIANGLE, (degree, degree, 0), points[order])
+
+
+def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
+    """Barycentric places (of first, second, third corner) in VTK's order."""
+    for inset in range(degree // 3 + 1):
+        side = degree - 3 * inset
+        ring = [(side, 0, 0), (0, side, 0), (0, 0, side)][: 3 if side else 1]
+        for k in range(1, side):
+            ring.append((side - k, k, 0))
+        for k in range(1, side):
+            ring.append((0, side - k, k))
+        for k in range(1, side):
+            ring.append((k, 0, side - k))
+        yield from (tuple(share + inset for share in place) for place in ring)
+
+
+def _quadrilateral(net: FloatArray) -> Cell:
+    """A tensor product: edges run along the first direction, then along the second, each away from the first corner."""
+    m, n = net.shape[0] - 1, net.shape[1] - 1
+    corners = [(0, 0), (m, 0), (m, n), (0, n)]
+    first, second = range(1, m), range(1, n)
+    edges = [(i, 0) for i in first] + [(m, j) for j in second] + [(i, n) for i in first] + [(0, j) for j in second]
+    order = np.array(corners + edges + [(i, j) for j in second for i in first])
+    return Cell(QUADRILATERAL, (m, n, 0), net[order[:, 0], order[:, 1]])

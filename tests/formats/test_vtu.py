@@ -1,0 +1,177 @@
+"""VTU files: parsed here, cells evaluated by Bernstein's formula are the patch, and in VTK's order."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import DomainError
+from gtb_cli.formats.vtu import CURVE, QUADRILATERAL, TRIANGLE, encode_vtu
+from gtb_cli.spec.loading import load
+from gtb_cli.theory.bezier_pieces import bezier_pieces
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
+from tests.shell import PENTAGON, SPECS, gtb
+
+PLACE = 1e-13
+"""Largest distance of a point of a cell from the patch, of its size."""
+
+PLACES = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.2), (0.1, 0.7), (0.55, 0.4), (0.0, 0.25)]
+"""Parameters s, t of cells; in triangles, shares of the second and third corner."""
+
+
+def arrays(data: bytes) -> dict[str, np.ndarray]:
+    found = {}
+    for element in ElementTree.fromstring(data).iter("DataArray"):
+        width = int(element.get("NumberOfComponents", 1))
+        found[str(element.get("Name"))] = np.array((element.text or "").split(), dtype=float).reshape(-1, width)
+    return found
+
+
+def bernstein(degree: int, k: int, t: float) -> float:
+    return float(math.comb(degree, k) * t**k * (1 - t) ** (degree - k))
+
+
+def quadrilateral_place(i: int, j: int, m: int, n: int) -> int:
+    """Where VTK has the control point i, j: corners counterclockwise, edges, interior."""
+    if i in (0, m) and j in (0, n):
+        return {(0, 0): 0, (m, 0): 1, (m, n): 2, (0, n): 3}[i, j]
+    if j in (0, n):
+        return 4 + i - 1 + (m - 1 + n - 1 if j else 0)
+    if i in (0, m):
+        return 4 + j - 1 + (m - 1 if i else 2 * (m - 1) + n - 1)
+    return 4 + 2 * (m - 1 + n - 1) + i - 1 + (m - 1) * (j - 1)
+
+
+def triangle_place(place: list[int], degree: int) -> int:
+    """Where VTK has a control point, by its shares: corners, edges 01, 12, 20, and so on inwards."""
+    inset = min(place)
+    side = degree - 3 * inset
+    before = sum(3 * (degree - 3 * ring) for ring in range(inset))
+    inner = [share - inset for share in place]
+    if side in inner:
+        return before + (inner.index(side) if side else 0)
+    edge = (inner.index(0) + 1) % 3
+    return before + 3 + edge * (side - 1) + inner[(edge + 1) % 3] - 1
+
+
+def value(kind: int, degrees: np.ndarray, table: np.ndarray, s: float, t: float) -> np.ndarray:
+    """The point of a cell at s, t, of its homogeneous control points."""
+    m, n, _ = (int(degree) for degree in degrees)
+    total = np.zeros(4)
+    if kind == CURVE:
+        for k in range(m + 1):
+            total += bernstein(m, k, s) * table[{0: 0, m: 1}.get(k, k + 1)]
+    elif kind == QUADRILATERAL:
+        for i in range(m + 1):
+            for j in range(n + 1):
+                total += bernstein(m, i, s) * bernstein(n, j, t) * table[quadrilateral_place(i, j, m, n)]
+    else:
+        for i in range(m + 1):
+            for j in range(m + 1 - i):
+                k = m - i - j
+                share = math.factorial(m) / (math.factorial(i) * math.factorial(j) * math.factorial(k))
+                share *= (1 - s - t) ** i * s**j * t**k
+                total += share * table[triangle_place([i, j, k], m)]
+    return np.asarray(total[:3] / total[3])
+
+
+def cells(data: bytes) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """Kind, degrees and homogeneous control points of each cell."""
+    found = arrays(data)
+    table = np.concatenate([found["Points"] * found["RationalWeights"], found["RationalWeights"]], axis=1)
+    assert found["connectivity"].ravel().tolist() == list(range(len(table)))
+    ends = found["offsets"].ravel().astype(int)
+    parts = np.split(table, ends[:-1])
+    assert ends[-1] == len(table)
+    return list(zip(found["types"].ravel().astype(int).tolist(), found["HigherOrderDegrees"], parts, strict=True))
+
+
+def corners(patch: Patch) -> np.ndarray:
+    """Knots at the corners of a Bézier patch, the first of which is nearest to the axes' origin, counterclockwise."""
+    v = patch.domain.vertices
+    return np.asarray(np.roll(v, -int(np.argmin(v.sum(axis=1))), axis=0))
+
+
+def compare(found: list[tuple[int, np.ndarray, np.ndarray]], pieces: Model | tuple[Patch, ...]) -> None:
+    for (kind, degrees, table), piece in zip(found, pieces, strict=True):
+        v, size = corners(piece), float(np.ptp(piece.control_points, axis=0).max())
+        for s, t in PLACES:
+            if kind == CURVE:
+                u = v[0] + s * (v[1] - v[0])
+            else:
+                u = v[0] + s * (v[1] - v[0]) + t * (v[-1] - v[0])
+            if kind == TRIANGLE and s + t > 1:
+                continue
+            assert np.abs(value(kind, degrees, table, s, t) - piece.evaluate([u])[0]).max() <= PLACE * size
+
+
+@pytest.mark.parametrize("patch", [cubic_curve(), bezier_triangle(), bicubic()])
+def test_a_bezier_patch_is_one_cell(patch: Patch) -> None:
+    data, count = encode_vtu(patch)
+    assert count == 1
+    compare(cells(data), (patch,))
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4, 5, 6, 7])
+def test_triangles_of_other_degrees_have_vtks_order(degree: int) -> None:
+    knots = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)], dtype=float)
+    heights = np.random.default_rng(degree).random(len(knots))
+    patch = Patch(knots, np.column_stack([knots, heights]), weights=1 + heights)
+    binomial = np.array([math.factorial(degree) / math.prod(map(math.factorial, row)) for row in
+                         np.column_stack([knots, degree - knots.sum(axis=1)]).astype(int).tolist()])  # fmt: skip
+    patch = patch.replace(coefficients=binomial)
+    compare(cells(encode_vtu(patch)[0]), (patch,))
+
+
+def test_a_pentagon_is_its_five_charts() -> None:
+    data, count = encode_vtu(integer_pentagon())
+    assert count == 5
+    assert {kind for kind, _, _ in cells(data)} == {QUADRILATERAL}
+    compare(cells(data), bezier_pieces(integer_pentagon()))
+
+
+def test_a_model_says_whose_its_cells_are() -> None:
+    spec = load(SPECS / "teapot.toml")
+    assert isinstance(spec, Model)
+    data, count = encode_vtu(spec)
+    assert count == 32
+    assert arrays(data)["patch"].ravel().tolist() == list(range(32))
+    compare(cells(data), spec)
+
+
+def test_y_up_turns_the_points() -> None:
+    z, y = (arrays(encode_vtu(bicubic(), y_up=up)[0])["Points"] for up in (False, True))
+    assert (y == z[:, [0, 2, 1]] * [1, 1, -1]).all()
+
+
+def test_attributes_are_declared() -> None:
+    root = ElementTree.fromstring(encode_vtu(bicubic())[0])
+    assert root.find(".//PointData").attrib == {"RationalWeights": "RationalWeights"}  # type: ignore[union-attr]
+    assert root.find(".//CellData").attrib == {"HigherOrderDegrees": "HigherOrderDegrees"}  # type: ignore[union-attr]
+
+
+def test_a_model_with_a_patch_without_pieces_names_it() -> None:
+    with pytest.raises(DomainError, match=r"^odd: has Bézier pieces of degree 70 only"):
+        encode_vtu(Model((bicubic(), pentagon().replace(name="odd"))))
+
+
+def test_on_the_command_line(tmp_path: Path) -> None:
+    result = gtb("mesh", SPECS / "bicubic.toml", "-o", tmp_path / "x.vtu")
+    assert result.status == 0, result.err
+    assert result.err.endswith("x.vtu: 1 exact cell\n")
+    assert gtb("mesh", SPECS / "bicubic.toml", "-f", "vtu").out == (tmp_path / "x.vtu").read_bytes()
+    for arguments, message in [
+        ([PENTAGON, "-o", tmp_path / "y.vtu"], "at most 25 is allowed. VTU files hold exact cells; PLY files, a mesh"),
+        ([PENTAGON, "-f", "vtu", "--normals"], "--normals is for meshes, and VTU holds surfaces"),
+        ([PENTAGON, "-f", "vtu", "--require", "watertight"], "cells of VTU share no vertices"),
+    ]:
+        result = gtb("mesh", *arguments)
+        assert result.status == 2
+        assert message in result.err
+    assert not (tmp_path / "y.vtu").exists()
