@@ -96,7 +96,11 @@ def normal(patch: Patch, u: Sequence[Any]) -> NDArray[np.float64]:
     Σ_{i<j<k} T_i T_j T_k det(a_j − a_i, a_k − a_i) (b_j − b_i) × (b_k − b_i), in which nothing cancels by itself.
     Three knots on one edge have determinant 0, though rounding may have put them a little beside it.
     """
-    t = basis(patch, u)
+    return normal_of(patch, basis(patch, u))
+
+
+def normal_of(patch: Patch, t: Vector) -> NDArray[np.float64]:
+    """(3,) `normal` at T_i, or at multiples of them."""
     knots = [numbers(a) for a in patch.knots.tolist()]
     points = [numbers(b) for b in patch.control_points.tolist()]
     total = [Number(0)] * 3

@@ -14,8 +14,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.torus import starts, torus_of
-from gtb_cli.theory.basis import exponents
-from gtb_cli.theory.frame import shares
+from gtb_cli.theory.basis import exponents, shares
 
 NARROWEST = 0.4
 """Shortest side of the domain, of the mean: a hole may be longer, its inner knots would crowd."""

@@ -11,9 +11,9 @@ from gtb_cli.arrays import BoolArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.layers import LAYER
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folds
-from gtb_cli.theory.frame import LAYER
 from gtb_cli.theory.patch import Patch
 
 Keep: TypeAlias = Literal["boundary", "tangents"]

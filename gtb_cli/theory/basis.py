@@ -196,3 +196,32 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
         values = ", ".join(f"{x:.6g}" if abs(y) > d else "0" for x, y, d in zip(c, solution, doubt, strict=True))
         raise DomainError(f"coefficients: partition of unity would need ({values}), which are not all positive")
     return np.asarray(c)
+
+
+def shares(e: FloatArray) -> FloatArray:
+    """(n, m) softmax of each column of exponents."""
+    t = e - e.max(axis=0)
+    np.maximum(t, UNDERFLOW, out=t)
+    np.exp(t, out=t)
+    t /= t.sum(axis=0)
+    return np.asarray(t)
+
+
+def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
+    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor for each column.
+
+    Parameters
+    ----------
+    e : (n, m) float
+        Logarithms of T, up to an addend for each column.
+    eta : (n, m) or (n, 1) float
+        Coordinates of the knots. Those with an exact 0 do not count, however large their T.
+    deltas : (n, 3) float
+    mean : (3, m) float
+        Σ_i T_i δ_i.
+    """
+    x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
+    np.clip(x, UNDERFLOW, 0.0, out=x)
+    np.exp(x, out=x)
+    x *= eta
+    return np.asarray(deltas.T @ x - mean * x.sum(axis=0))

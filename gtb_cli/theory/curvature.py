@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, groups
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.frame import PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
+from gtb_cli.knots.layers import LAYER
 from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents
-from gtb_cli.theory.frame import LAYER, PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 

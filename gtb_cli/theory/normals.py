@@ -16,16 +16,17 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.theory.basis import Location, exponents
-from gtb_cli.theory.frame import LAYER, PARALLEL_SINE, cleared, coordinate_rounding, covariance, frame, layers, shares
+from gtb_cli.knots.layers import LAYER, layers, ranks
+from gtb_cli.theory.basis import Location, covariance, exponents, shares
 
 CANCELLATION = 1e-3
 """Fraction of what was summed below which a derivative, or the angle between the two, has lost three digits, and
 coordinates about the two leading knots are used: these keep all digits, in four times the time."""
 
-CORNER_COORDINATE = 1e6
-"""Torus coordinate on an edge of length 1 at which a corner has taken all."""
+SAME_DIRECTION = 1e-6
+"""Distance of unit vectors below which two ways to a corner have one limit."""
 
 CUT_OFF_SUM = 1e-280
 """Sums below this may consist of exponents that were cut off at `UNDERFLOW`."""
@@ -160,40 +161,43 @@ class NormalField:
         return not self._deltas(int(knots[0]))[knots].any()
 
     def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
-        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point.
+        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point."""
+        along = self.domain.along(edge, self.domain.knots)
+        triples, terms = self._triples([edge])
+        sums, places = (values[triples].sum(axis=0) for values in (self.domain.heights[:, edge], along))
+        result = np.full((len(s), 3), np.nan)
+        todo = np.arange(len(s))
+        for group in layers(sums) if len(sums) else ():
+            weights = shares(np.outer(places[group], s[todo]) + self._logarithms(triples[:, group])[:, None])
+            result[todo] = _total(terms[group], weights)
+            todo = todo[np.isnan(result[todo, 0])]
+            if not len(todo):
+                break
+        return result
+
+    def _logarithms(self, triples: IntArray) -> FloatArray:
+        return np.asarray(self.log_weights[triples].sum(axis=0))
+
+    def _triples(self, edges: list[int]) -> tuple[IntArray, FloatArray]:
+        """(3, m) knots and (m, 3) vectors, whose sum is the normal next to neighbouring edges that are one point.
 
         Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. With
-        knot i on the edge, on which the control points are the same, pairs of others remain; of these, those whose
-        heights over the edge have the smallest sum. What is zero to rounding is left out, however large its T.
+        knot i on the edge, on which the control points are the same, pairs of others remain: they lead wherever T does
+        not cancel. What is zero to rounding is left out, however large its T.
         """
-        shape, n = self.domain, len(self.domain.knots)
-        on_edge = np.flatnonzero(shape.incidence[:, edge])
-        along, height = shape.along(edge, shape.knots) / shape.size, shape.heights[:, edge]
+        shape = self.domain
+        on_edge = np.flatnonzero(shape.incidence[:, edges].any(axis=1))
+        along, height = shape.along(edges[0], shape.knots) / shape.size, shape.heights[:, edges[0]]
         deltas = self._deltas(int(on_edge[0]))
-        j, k = np.triu_indices(n, 1)
+        j, k = np.triu_indices(len(deltas), 1)
         lengths = np.sqrt((deltas**2).sum(axis=1))
         crosses = np.cross(deltas[j], deltas[k])
         kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
         i = np.repeat(on_edge, kept.sum())
         j, k, crosses = (np.tile(x[kept], (len(on_edge), *(1,) * (x.ndim - 1))) for x in (j, k, crosses))
-        areas = (along[j] - along[i]) * height[k] - (along[k] - along[i]) * height[j]
-        areas[np.abs(areas) <= LAYER * height.max()] = 0.0
-        sums = np.where(areas != 0, height[j] + height[k], 0.0)
-        result = np.full((len(s), 3), np.nan)
-        todo = np.arange(len(s))
-        for group in layers(sums) if sums.any() else ():
-            places = (along[i] + along[j] + along[k])[group] * shape.size
-            logarithms = (self.log_weights[i] + self.log_weights[j] + self.log_weights[k])[group]
-            weights = shares(np.outer(places, s[todo]) + logarithms[:, None])
-            terms = crosses[group] * areas[group, None]
-            total = terms.T @ weights
-            size = np.sqrt((total**2).sum(axis=0))
-            good = size > PARALLEL_SINE * (np.sqrt((terms**2).sum(axis=1)) @ weights)
-            result[todo[good]] = (total[:, good] / size[good]).T
-            todo = todo[~good]
-            if not len(todo):
-                break
-        return result
+        areas = (along[j] - along[i]) * (height[k] - height[i]) - (along[k] - along[i]) * (height[j] - height[i])
+        kept = np.abs(areas) > LAYER * height.max()
+        return np.array([i, j, k])[:, kept], (crosses * areas[:, None])[kept]
 
     def _at_corner(self, corner: int) -> FloatArray:
         shape = self.domain
@@ -211,12 +215,37 @@ class NormalField:
             for edge, other in ((after, before), (before, after))
         )
         normal = _unit_cross(first, second)[0]
-        for edge, sign in ((after, -1.0), (before, 1.0)):
-            # From along an edge that is one point: the normal where only its knots in the corner are left.
-            on_edge = np.flatnonzero(shape.incidence[:, edge])
-            if np.isnan(normal[0, 0]) and len(on_edge) > len(at_corner) and self._is_point(on_edge):
-                normal = self._about_point(edge, np.array([sign * CORNER_COORDINATE / shape.size]))
-        return normal
+        points = [e for e in (before, after) if self._is_point(np.flatnonzero(shape.incidence[:, e]))]
+        return self._beside_point(points, before, after) if np.isnan(normal[0, 0]) and points else normal
+
+    def _beside_point(self, points: list[int], before: int, after: int) -> FloatArray:
+        """(1, 3) limit at a corner of edges that are one point; NaN where it depends on the way there.
+
+        Each triple's T is a product of powers of the distances from both edges. On some way to the corner leads
+        each triple (or sum of those with its powers) unless another has both powers no larger.
+        """
+        triples, terms = self._triples(points)
+        nothing = np.full((1, 3), np.nan)
+        if not len(terms):
+            return nothing
+        first, second = (ranks(self.domain.heights[:, edge][triples].sum(axis=0)) for edge in (before, after))
+        lowest = np.full(first.max() + 1, second.max() + 1)
+        np.minimum.at(lowest, first, second)
+        earlier = np.minimum.accumulate(np.concatenate([[second.max() + 1], lowest[:-1]]))
+        leading = (second == lowest[first]) & (second < earlier[first])
+        found = []
+        for rank in np.unique(first[leading]):
+            group = np.flatnonzero(leading & (first == rank))
+            found.append(_total(terms[group], shares(self._logarithms(triples[:, group])[:, None])))
+        return found[0] if np.ptp(found, axis=0).max() < SAME_DIRECTION else nothing
+
+
+def _total(terms: FloatArray, weights: FloatArray) -> FloatArray:
+    """(m, 3) unit vectors along sums of (n, 3) terms with (n, m) weights; NaN where they cancel."""
+    total = terms.T @ weights
+    size = np.sqrt((total**2).sum(axis=0))
+    good = size > PARALLEL_SINE * (np.sqrt((terms**2).sum(axis=1)) @ weights)
+    return np.asarray(np.where(good, total / np.where(good, size, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -201,6 +201,58 @@ def test_an_edge_that_is_a_point_has_limits_where_the_next_layer_is_in_line_with
     assert np.abs(found - patch.normals(u + beside, "linear")).max() < 1e-5
 
 
+def collapsed(kind, mode, seed):
+    """A patch whose knots 0 to 3 are on one edge and have one control point, and the number of that edge.
+
+    Mode 1: the next knots' control points are on a line with it; mode 2: two of them are that point too.
+    """
+    rng = np.random.default_rng(seed)
+    if kind == "real":
+        inner = rng.random((5, 2)) * 3 + [0, 0.05]
+        knots = np.concatenate([[[0, 0], [0.8 + rng.random(), 0], [2.1 + rng.random(), 0], [3.3, 0]], inner])
+    else:
+        knots = np.array([(i, j) for j in range(3) for i in range(4 - j * (kind == "triangle"))], dtype=float)
+    points = rng.integers(-9, 10, size=(len(knots), 3)).astype(float)
+    points[:4] = points[0]
+    following = np.argsort(knots[:, 1], kind="stable")[4:6]
+    if mode == 1:
+        points[following] = points[0] + np.outer([1, 3], rng.integers(1, 5, size=3))
+    if mode == 2:
+        points[following] = points[0]
+    patch = Patch(knots, points, np.exp(rng.normal(size=len(knots))))
+    return patch, int(patch.domain.incidence[:4].all(axis=0).argmax())
+
+
+def next_to(patch, edges, slopes):
+    """Normal where log h_j of `edges` is as in `slopes`: nearer than floats come."""
+    domain, mp = patch.domain, exact.CONTEXT
+    s = [sum(mp.mpf(float(domain.normals[e, axis])) * y for e, y in zip(edges, slopes, strict=True)) for axis in (0, 1)]
+    knots = [exact.numbers(a) for a in patch.knots.tolist()]
+    logs = [mp.mpf(float(w)) + a[0] * s[0] + a[1] * s[1] for a, w in zip(knots, patch.log_products, strict=True)]
+    return exact.normal_of(patch, [mp.exp(e) for e in logs])
+
+
+@pytest.mark.parametrize("mode", range(3))
+@pytest.mark.parametrize("kind", ["lattice", "triangle", "real"])
+def test_an_edge_that_is_a_point_has_the_limits_of_sums_in_many_digits(kind, mode):
+    for seed in range(2):
+        patch, edge = collapsed(kind, mode, seed)
+        domain, ways = patch.domain, exact.numbers([0.03, 0.6, 1.7, 30])
+        corner = (edge + 1) % len(domain.vertices)
+        u = domain.vertices[edge] * 0.4 + domain.vertices[corner] * 0.6
+        others = [j for j in range(len(domain.vertices)) if j != edge]
+        logs = [exact.CONTEXT.log(exact.height(domain, j, u.tolist())) for j in others]
+        expected = next_to(patch, [edge, *others], [exact.Number(-100_000), *logs])
+        assert np.abs(patch.normals(u[None])[0] - expected).max() < LIMIT_ERROR
+        for k in (edge, corner):
+            found = patch.normals(domain.vertices[k][None])[0]
+            limits = np.array([next_to(patch, [k - 1, k], [-100_000 * way, -100_000 / way]) for way in ways])
+            if np.ptp(limits, axis=0).max() > LIMIT_ERROR:
+                assert np.isnan(found).all()
+            else:
+                assert np.abs(found - limits[0]).max() < LIMIT_ERROR
+
+
 def test_a_second_layer_of_knots_serves_where_the_first_is_parallel():
     # The rows v = 0 and v = 1 have the same control points: tangent planes come from the row v = 2.
     patch = bicubic()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +9,6 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.theory.basis import UNDERFLOW
-
-LAYER = 1e-9
-"""Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
 
 PARALLEL_SINE = 1e-12
 """Sine of the angle below which two unit vectors give no normal: a few thousand roundings."""
@@ -57,13 +52,6 @@ def frame(shape: Domain, k: int) -> Frame:
     return Frame(along, across, lengths, np.flatnonzero(lengths > tolerance))
 
 
-def layers(heights: FloatArray) -> Iterator[IntArray]:
-    """Yield the indices of the knots of equal positive height over an edge, lowest first."""
-    order = np.argsort(heights, kind="stable")
-    order = order[heights[order] > 0]
-    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1)
-
-
 def coordinate_rounding(points: FloatArray) -> float:
     """Distance within which points are meant to be equal."""
     return COINCIDENT_ULPS * EPS * float(np.abs(points).max())
@@ -72,32 +60,3 @@ def coordinate_rounding(points: FloatArray) -> float:
 def cleared(differences: FloatArray, rounding: float) -> FloatArray:
     """Differences of points, with exact zeros for what may be rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)
-
-
-def shares(e: FloatArray) -> FloatArray:
-    """(n, m) softmax of each column of exponents."""
-    t = e - e.max(axis=0)
-    np.maximum(t, UNDERFLOW, out=t)
-    np.exp(t, out=t)
-    t /= t.sum(axis=0)
-    return np.asarray(t)
-
-
-def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor for each column.
-
-    Parameters
-    ----------
-    e : (n, m) float
-        Logarithms of T, up to an addend for each column.
-    eta : (n, m) or (n, 1) float
-        Coordinates of the knots. Those with an exact 0 do not count, however large their T.
-    deltas : (n, 3) float
-    mean : (3, m) float
-        Σ_i T_i δ_i.
-    """
-    x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
-    np.clip(x, UNDERFLOW, 0.0, out=x)
-    np.exp(x, out=x)
-    x *= eta
-    return np.asarray(deltas.T @ x - mean * x.sum(axis=0))

@@ -1,0 +1,27 @@
+"""Layers of knots: those equally far from an edge, whose shares vanish together towards it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+
+LAYER = 1e-9
+"""Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
+
+
+def layers(heights: FloatArray) -> Iterator[IntArray]:
+    """Yield the indices of the knots of equal positive height over an edge, lowest first."""
+    order = np.argsort(heights, kind="stable")
+    order = order[heights[order] > 0]
+    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1)
+
+
+def ranks(values: FloatArray) -> IntArray:
+    """Numbers of layers, lowest first: equal where values are."""
+    order = np.argsort(values, kind="stable")
+    result = np.empty(len(values), dtype=np.int64)
+    result[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > LAYER * values.max())])
+    return result
