@@ -13,8 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.knots.domain import domain
+from gtb_cli.knots.hulls import CellStarts, Hull, cells_with_gradients, extents_of, hull_of, origin_of
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.basis import (
     NOTHING,
@@ -24,7 +23,7 @@ from gtb_cli.theory.basis import (
     weighted_sums,
 )
 from gtb_cli.theory.newton import State, dot, plain_step, regularised_step, size
-from gtb_cli.theory.starts import Corrections, LayerStarts
+from gtb_cli.theory.starts import Corrections
 
 RESIDUAL = 1e-12
 """Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
@@ -121,7 +120,7 @@ class MomentMap:
         if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
             unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
         unit = unit.T
-        safe = self._layer_starts(unit)
+        safe = self._hull.starts(unit)
         if self._bezier_shift is not None:
             return np.asarray((safe + self._bezier_shift) / self._extents[:, None])
         s = safe.copy()
@@ -147,7 +146,7 @@ class MomentMap:
 
         There p has the parameters of Bernstein polynomials, and is found by logarithms alone.
         """
-        shape = domain(self._unit_knots, "unit")
+        shape = self._hull.shape
         if lattice_of(shape) is None:
             return None
         try:
@@ -158,19 +157,19 @@ class MomentMap:
         shift = np.asarray(-np.linalg.lstsq(affine, rest)[0][:-1, None], dtype=np.float64)
         # Any points inside will do to see whether that is exact: the knots drawn to the middle.
         p = (0.7 * self._unit_knots + 0.3 * self._unit_knots.mean(axis=0)).T
-        _, mu, _ = self._evaluate(self._layer_starts(p) + shift)
+        _, mu, _ = self._evaluate(self._hull.starts(p) + shift)
         return shift if np.abs(mu - p).max() <= 10 * TARGET else None
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
         """Remember what was added to the starts of some points that were solved."""
         _, _, (xx, yy, xy) = self._evaluate(solution)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._layer_starts.slopes(unit)
+            slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._hull.starts.slopes(unit)
         self._corrections.learn(part, unit, solution - start, slopes)
 
     @cached_property
-    def _layer_starts(self) -> LayerStarts:
-        return LayerStarts(domain(self._unit_knots, "unit"))
+    def _hull(self) -> Hull:
+        return hull_of(self._unit_knots)
 
     @cached_property
     def _corrections(self) -> Corrections:
@@ -179,14 +178,12 @@ class MomentMap:
     @cached_property
     def _extents(self) -> FloatArray:
         """(d,): the unit of each coordinate, so that thin hulls are solved like others."""
-        return np.asarray(np.ptp(self.knots, axis=0))
+        return extents_of(self.knots)
 
     @cached_property
     def _origin(self) -> FloatArray:
         """(d,): 0 in coordinates where zeros are exact, as over an edge; else the middle of the hull."""
-        low, high = self.knots.min(axis=0), self.knots.max(axis=0)
-        far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
-        return np.where(far, (low + high) / 2, 0.0)
+        return origin_of(self.knots)
 
     @cached_property
     def _unit_knots(self) -> FloatArray:
@@ -209,18 +206,13 @@ class MomentMap:
         return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
 
     @cached_property
-    def _cells(self) -> tuple[tuple[MomentMap, FloatArray], ...]:
+    def _cells(self) -> tuple[tuple[CellStarts, FloatArray], ...]:
         """Each cell of the regular decomposition that log(c_i ω_i) induces, with its gradient; none where tame."""
-        w = self.log_weights
-        affine = np.column_stack([self._unit_knots, np.ones(len(w))])
+        w, affine = self.log_weights, np.column_stack([self._unit_knots, np.ones(len(self.knots))])
         extreme = EXTREME * (len(w) / CROWD if len(w) > 4 * CROWD else 1)
         if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < extreme:
             return ()
-        parts = regular_decomposition(self._unit_knots, w)
-        return tuple(
-            (MomentMap(self._unit_knots[list(cell)], w[list(cell)]), gradient)
-            for cell, gradient in zip(parts.cells, parts.gradients, strict=True)
-        )
+        return cells_with_gradients(self._hull, self._unit_knots, w)
 
     def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
@@ -236,8 +228,7 @@ class MomentMap:
         np.exp(e, out=e)
         sums = self._summed @ e
         moments = sums[1:] / sums[0]
-        mu = moments[:d]
-        hessian = moments[d:]
+        mu, hessian = moments[:d], moments[d:]
         hessian[:d] -= CANCELLED * mu**2
         hessian[d:] -= mu[:1] * mu[1:]
         return np.log(sums[0]) + shift, mu, hessian
@@ -292,8 +283,7 @@ class MomentMap:
         Returns the columns, and (m,) residuals of those that did not come near enough, 0 of the others.
         """
         at = self._drawn_in(p, self._better_start(p, self._state(p, start.copy())))
-        solution = at.s.copy()
-        active = np.arange(len(at.value))
+        solution, active = at.s.copy(), np.arange(len(at.value))
         sigma = np.full(len(active), FIRST)
         refusals = np.zeros(len(active), dtype=np.int64)
         for _ in range(ITERATIONS):
@@ -332,8 +322,7 @@ class MomentMap:
         """Go over to a cell's limit where the objective is lower there."""
         poor = np.flatnonzero(size(at.gradient) > POOR) if self._cells else NOTHING
         for cell, gradient in self._cells if len(poor) else ():
-            limit = cell._layer_starts(((p[:, poor].T - cell._origin) / cell._extents).T, CELL_FLOOR)
-            other = self._state(p[:, poor], limit / cell._extents[:, None] - gradient[:, None])
+            other = self._state(p[:, poor], cell(p[:, poor], CELL_FLOOR) - gradient[:, None])
             better = np.flatnonzero(other.value < at.value[poor])
             at.put(poor[better], other.columns(better))
         return at

@@ -5,10 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.knots.domain import Domain
-
-START_FLOOR = 1e-17
-"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
 
 PARTS = 64
 """The box around Δ is cut into this many parts each way."""
@@ -18,33 +14,6 @@ COARSE = 8
 
 FARTHEST = 1.0
 """Largest exponent by which the slope of a correction may move a start: beyond, it does not guide."""
-
-
-class LayerStarts:
-    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: torus coordinates of p as if only the nearest layers of knots counted.
-
-    Parameters
-    ----------
-    shape : Domain
-        The hull; δ_j is the distance of the knots nearest to edge j, but not on it.
-    """
-
-    def __init__(self, shape: Domain) -> None:
-        self.layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
-        self.normals = shape.normals
-        self.offsets = np.einsum("jk,jk->j", shape.normals, shape.vertices)
-
-    def __call__(self, p: FloatArray, floor: float = START_FLOOR) -> FloatArray:
-        """(d, m) starts of (d, m) points."""
-        heights = self.normals @ p - self.offsets[:, None]
-        logs = np.log(np.maximum(heights / self.layer[:, None], floor))
-        return np.asarray((self.normals / self.layer[:, None]).T @ logs)
-
-    def slopes(self, p: FloatArray) -> FloatArray:
-        """(d, d, m) derivatives of the starts of (d, m) points; inf or NaN on edges."""
-        heights = self.normals @ p - self.offsets[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.asarray(np.einsum("jk,jl,jm->klm", self.normals, self.normals / self.layer[:, None], 1 / heights))
 
 
 class Corrections:

@@ -1,0 +1,159 @@
+"""What the moment maps of one set of knots share, whatever their weights: the hull, and the last cells.
+
+The patches of a family, and the parts of each, differ in their weights only, mostly with the same regular
+decomposition: to find it anew for each took half the time of a sequence of coarse meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
+from gtb_cli.knots.domain import Domain, domain
+
+START_FLOOR = 1e-17
+"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
+
+HULLS = 1024
+"""Sets of knots of which the hull and the last cells are kept: the patches of a family differ in their weights only."""
+
+COMPARED = 1_000_000
+"""Pairs of a cell and a knot up to which it is asked whether the last cells are those of other weights, too."""
+
+ON_PLANE = 1e-13
+"""How far a cell's lifted knots may be from its plane, as a fraction of its values, and be the cell's without doubt."""
+
+CLEARLY_BELOW = 1e-9
+"""How far all others must be below it, so that no rounding can make them the cell's: what was solved before must not
+change any digit."""
+
+
+class LayerStarts:
+    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: torus coordinates of p as if only the nearest layers of knots counted.
+
+    Parameters
+    ----------
+    shape : Domain
+        The hull; δ_j is the distance of the knots nearest to edge j, but not on it.
+    """
+
+    def __init__(self, shape: Domain) -> None:
+        self.layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
+        self.normals = shape.normals
+        self.offsets = np.einsum("jk,jk->j", shape.normals, shape.vertices)
+
+    def __call__(self, p: FloatArray, floor: float = START_FLOOR) -> FloatArray:
+        """(d, m) starts of (d, m) points."""
+        heights = self.normals @ p - self.offsets[:, None]
+        logs = np.log(np.maximum(heights / self.layer[:, None], floor))
+        return np.asarray((self.normals / self.layer[:, None]).T @ logs)
+
+    def slopes(self, p: FloatArray) -> FloatArray:
+        """(d, d, m) derivatives of the starts of (d, m) points; inf or NaN on edges."""
+        heights = self.normals @ p - self.offsets[:, None]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return np.asarray(np.einsum("jk,jl,jm->klm", self.normals, self.normals / self.layer[:, None], 1 / heights))
+
+
+class Hull:
+    """The hull of unit knots, and the cells of the weights that were asked for last."""
+
+    def __init__(self, shape: Domain) -> None:
+        self.shape, self.starts = shape, LayerStarts(shape)
+        self.cells: _Cells | None = None
+
+
+class CellStarts:
+    """Starts as of `LayerStarts` in a cell with (n, d) knots, in their coordinates."""
+
+    def __init__(self, knots: FloatArray) -> None:
+        self.knots, self.extents, self.origin = knots, extents_of(knots), origin_of(knots)
+
+    @cached_property
+    def _starts(self) -> LayerStarts:
+        return hull_of((self.knots - self.origin) / self.extents).starts
+
+    def __call__(self, p: FloatArray, floor: float) -> FloatArray:
+        """(d, m) starts of (d, m) points."""
+        unit = ((p.T - self.origin) / self.extents).T
+        return np.asarray(self._starts(unit, floor) / self.extents[:, None])
+
+
+def hull_of(knots: FloatArray) -> Hull:
+    """The hull of (n, d) unit knots."""
+    return _hull(np.ascontiguousarray(knots).tobytes(), knots.shape[1])
+
+
+@lru_cache(HULLS)
+def _hull(knots: bytes, dimension: int) -> Hull:
+    return Hull(domain(np.frombuffer(knots).reshape(-1, dimension), "unit"))
+
+
+def extents_of(knots: FloatArray) -> FloatArray:
+    """(d,) extents of (n, d) knots."""
+    return np.asarray(np.ptp(knots, axis=0))
+
+
+def origin_of(knots: FloatArray) -> FloatArray:
+    """(d,): 0 in coordinates of (n, d) knots where zeros are exact, as over an edge; else the middle of the hull."""
+    low, high = knots.min(axis=0), knots.max(axis=0)
+    far = np.maximum(np.abs(low), np.abs(high)) > 4 * extents_of(knots)
+    return np.where(far, (low + high) / 2, 0.0)
+
+
+def cells_with_gradients(hull: Hull, knots: FloatArray, w: FloatArray) -> tuple[tuple[CellStarts, FloatArray], ...]:
+    """The cells of the regular decomposition of unit knots that (n,) values induce, with their gradients."""
+    cells = hull.cells  # other threads may change it
+    planes = None if cells is None else cells.gradients(w)
+    if cells is None or planes is None:
+        parts = regular_decomposition(knots, w)
+        hull.cells = cells = _Cells.of(knots, parts)
+        planes = cells.gradients(w)
+        if planes is None:
+            planes = parts.gradients[cells.order]
+    return tuple(zip(cells.starts, planes, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """The cells of a regular decomposition, in the order of their knots."""
+
+    knots: FloatArray
+    cells: list[tuple[int, ...]]
+    corners: IntArray  # (c, d + 1) knots that span each cell
+    order: list[int]
+    starts: list[CellStarts]
+
+    @staticmethod
+    def of(knots: FloatArray, parts: RegularDecomposition) -> _Cells:
+        order = sorted(range(len(parts.cells)), key=lambda k: sorted(parts.cells[k]))
+        cells = [parts.cells[k] for k in order]
+        corners = np.array([_spanning(parts.polygons[k]) for k in order])
+        return _Cells(knots, cells, corners, order, [CellStarts(knots[list(cell)]) for cell in cells])
+
+    def gradients(self, w: FloatArray) -> FloatArray | None:
+        """(c, d) gradients of the lifted cells, if (n,) values have clearly the same cells; else None."""
+        if len(self.cells) * len(w) > COMPARED:
+            return None
+        affine = np.column_stack([self.knots, np.ones(len(w))])
+        try:
+            planes = np.linalg.solve(affine[self.corners], w[self.corners][..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            return None
+        below = planes @ affine.T - w
+        scale = float(np.abs(planes).max() + np.abs(w).max())
+        for row, cell in zip(below, self.cells, strict=True):
+            own = list(cell)
+            if np.abs(row[own]).max() > ON_PLANE * scale:
+                return None
+            row[own] = np.inf
+        return np.asarray(planes[:, :-1]) if below.min() > CLEARLY_BELOW * scale else None
+
+
+def _spanning(polygon: tuple[int, ...]) -> tuple[int, ...]:
+    """Corners of a cell that are not on a line: of a polygon, three that are far apart."""
+    return polygon if len(polygon) == 2 else (polygon[0], polygon[len(polygon) // 3], polygon[2 * len(polygon) // 3])
