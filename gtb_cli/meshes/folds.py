@@ -4,18 +4,35 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross
+
+FLAT_SINE = 64 * EPS
+"""Sine of the angle between two sides of a triangle below which it is a line, and has no side of its own to look to."""
 
 
 def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
-    """(k,) triangles, consistently oriented, at a side of which the surface turns by more than a right angle."""
+    """(k,) triangles, consistently oriented, at a side of which the surface turns by more than a right angle.
+
+    A triangle that is a line looks where a neighbour does, so that a fold along a row of them is found, too.
+    """
     a, b, c = (vertices[cells[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = cross(b - a, c - a)
     sides = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(sides.T)
     ordered = sides[order]
     first = np.flatnonzero((ordered[1:] == ordered[:-1]).all(axis=1))
-    one, other = order[first] // 3, order[first + 1] // 3
+    pairs = np.stack([order[first] // 3, order[first + 1] // 3], axis=1)
+    lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+    looks = np.linalg.norm(normals, axis=1) > FLAT_SINE * lengths
+    normals[~looks] = 0.0
+    while True:
+        rows = pairs[looks[pairs].sum(axis=1) == 1]
+        if not len(rows):
+            break
+        rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from one that looks to one that does not
+        normals[rows[:, 1]] = normals[rows[:, 0]]
+        looks[rows[:, 1]] = True
+    one, other = pairs.T
     return np.asarray(one[(normals[one] * normals[other]).sum(axis=1) < 0])
 
 

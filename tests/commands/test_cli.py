@@ -113,7 +113,7 @@ def test_help_opens_with_an_example(name):
         (["mesh", PENTAGON, "-n", "-3"], "-3 is not in the range"),
         (["mesh", PENTAGON, "-n", "1.5"], "expected a whole number from 1 to 100000000, got '1.5'"),
         (["mesh", PENTAGON, "-n", "9" * 5000], "expected a whole number from 1 to 100000000, got '999"),
-        (["mesh", PENTAGON, "-j", "0"], "0 is not in the range"),
+        (["mesh", PENTAGON, "-j", "-1"], "-1 is not in the range"),
         (["mesh", PENTAGON, "--max-faces", "0"], "0 is not in the range"),
         (["mesh", PENTAGON, "-n", "3", "--tolerance", "1"], "-n and --tolerance exclude each other"),
         (["mesh", PENTAGON, "--parametrization", "cubic"], "'cubic' is not one of 'linear', 'toric'"),
@@ -128,11 +128,11 @@ def test_help_opens_with_an_example(name):
         (["mesh", CURVE, "-f", "stl"], "cubic-bezier.toml: STL holds triangles, and a curve has none"),
         (["mesh", PENTAGON, "-f", "glb", "--ascii"], "pentagon.toml: GLB has no text form"),
         (["mesh", "/nothing/there.toml"], "/nothing/there.toml: No such file or directory"),
-        (["mesh", str(SPECS)], "specs: Is a directory"),
+        (["elevate", str(SPECS)], "specs: Is a directory"),
         (["mesh", ""], "'': No such file or directory"),
         (["eval", PENTAGON, ""], "'': No such file or directory"),
         (["mesh", "\x1b[2J\u2028.toml"], "\\x1b[2J\\u2028.toml: No such file or directory"),
-        (["info", PENTAGON, PENTAGON], "unexpected extra argument"),
+        (["elevate", PENTAGON, PENTAGON], "unexpected extra argument"),
         (["eval", "-", "-"], "cannot both be standard input"),
         (["eval", PENTAGON, "/nothing/there"], "/nothing/there: No such file or directory"),
         (["eval", PENTAGON, str(SPECS)], "specs: Is a directory"),
@@ -164,9 +164,9 @@ def test_unexpected_errors_are_reported_without_traceback(monkeypatch):
 
     monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
-    assert one_line(gtb("info", PENTAGON)).startswith("internal error, please report it: RuntimeError: surprise")
+    assert one_line(gtb("elevate", PENTAGON)).startswith("internal error, please report it: RuntimeError: surprise")
     monkeypatch.setenv("GTB_TRACEBACK", "1")
-    assert "Traceback" in gtb("info", PENTAGON).err
+    assert "Traceback" in gtb("elevate", PENTAGON).err
 
 
 def test_too_little_memory_is_an_error(monkeypatch):

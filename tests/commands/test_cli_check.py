@@ -173,7 +173,7 @@ def test_colours_are_for_terminals(monkeypatch):
         (["info", "nothing.toml", "--json"], ["nothing.toml: No such file or directory"]),
         (["--json", "mesh", "nothing.toml"], ["nothing.toml: No such file or directory"]),
         (["--json", "mehs"], ["No such command: mehs. Did you mean mesh?"]),
-        (["check", "--json"], ["Missing argument 'SPEC'. Try 'gtb check --help'."]),
+        (["check", "--json"], ["Missing argument 'SPEC...'. Try 'gtb check --help'."]),
         (["check", PENTAGON, "--json", "-o", "/nothing/x"], None),
         (["schema", "--json"], None),
     ],
@@ -200,7 +200,7 @@ def test_all_errors_of_a_spec_are_in_the_object():
 def test_unexpected_errors_are_an_object_too(monkeypatch):
     monkeypatch.setattr("gtb_cli.spec.loading.load", lambda path: 1 / 0)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
-    (error,) = json.loads(gtb("info", PENTAGON, "--json").err)["errors"]
+    (error,) = json.loads(gtb("--json", "elevate", PENTAGON).err)["errors"]
     assert error.startswith("internal error, please report it: ZeroDivisionError")
 
 

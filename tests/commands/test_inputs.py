@@ -146,7 +146,7 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
 
     monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
     monkeypatch.setattr("gtb_cli.commands.cli.abandon", lambda stream: None)
-    result = gtb("info", PENTAGON)
+    result = gtb("elevate", PENTAGON)
     assert result.status == 2
     assert result.err.startswith(f"gtb: error: {words}")
 
