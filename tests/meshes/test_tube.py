@@ -494,7 +494,7 @@ def test_the_radius_may_be_an_expression_and_the_bend_is_warned_of():
         ((CURVE, "--radius", "wide"), "unknown name 'wide'"),
         ((CURVE, "--radius", 1, "--thickness", 1), "exclude each other"),
         ((CURVE, "--radius", 1, "--uv"), "a tube, which has no parameters for --uv"),
-        ((CURVE, "--radius", 1, "--tolerance", 1e-7), "more than 5000000"),
+        ((CURVE, "--radius", 1, "--tolerance", 1e-7), "faces around each segment"),
         ((CURVE, "--radius", 1, "-n", 1000000), "more than 5000000"),
     ],
 )
