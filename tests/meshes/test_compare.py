@@ -110,7 +110,7 @@ def pairs() -> dict[str, tuple[Mesh, Mesh]]:
     return {
         "bent": (surface(6), surface(7)),
         "pentagon": (tessellate(pentagon, 5), tessellate(pentagon, 6)),
-        "parametrizations": (tessellate(pentagon, 6), tessellate(pentagon, 6, parametrization="linear")),
+        "parametrizations": (tessellate(pentagon, 6, parametrization="toric"), tessellate(pentagon, 6)),
         "hole": (surface(6), Mesh(surface(6).vertices, np.delete(surface(6).cells, [20, 21], axis=0))),
         "different": (tessellate(pentagon, 3), tessellate(hexagon, 3)),
         "soup": (Mesh(rng.normal(size=(30, 3)), cells), Mesh(rng.normal(size=(30, 3)), cells)),
