@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -15,10 +14,6 @@ from gtb_cli.formats.content import Content, joined, segments, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS, cell_lines, decimals, number_lines
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
-from gtb_cli.threads import in_threads
-
-THREADED_LINES = 100_000
-"""Number of lines from which threads are started."""
 
 IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
 """Keywords of what is not geometry, and of single points."""
@@ -68,11 +63,10 @@ def obj_blocks(
     string; memory is that of one block.
     """
     digits = decimals(vertices)
-    worth = len(vertices) + len(cells) > THREADED_LINES
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
         if values is not None:
-            blocks = (values[start : start + BLOCK_ROWS] for start in range(0, len(values), BLOCK_ROWS))
-            yield from in_threads(partial(number_lines, prefix, digits=digits), blocks, worth=worth)
+            for start in range(0, len(values), BLOCK_ROWS):
+                yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
     prefix = "f" if cells.shape[1] == 3 else "l"
     # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
     leads = [b" "]
@@ -83,8 +77,8 @@ def obj_blocks(
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()
-        rows = (cells[start : min(start + BLOCK_ROWS, last)] for start in range(first, last, BLOCK_ROWS))
-        yield from in_threads(partial(cell_lines, prefix, leads), rows, worth=worth)
+        for start in range(first, last, BLOCK_ROWS):
+            yield cell_lines(prefix, leads, cells[start : min(start + BLOCK_ROWS, last)])
 
 
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
