@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
+MAX_PATCHES_SHOWN = 4
+"""Patches of a model up to which all of them are described without --long."""
+
+MAX_JOINTS_SHOWN = 6
+"""Joints of a larger model that are listed then: those with the largest angles."""
+
 
 @click.command
 @specs_argument
@@ -46,7 +52,9 @@ def info(
     elif several and not in_full:
         text = "".join(f"{printable(name)}: {_line(found)}\n" for name, found in rows)
     else:
-        text = "\n".join((f"{printable(name)}\n" if several else "") + _text(found) for name, found in rows)
+        text = "\n".join(
+            (f"{printable(name)}\n" if several else "") + _text(found, in_full=in_full) for name, found in rows
+        )
     write_text(output, text)
     if errors:
         raise GtbError("\n".join(errors))
@@ -143,8 +151,11 @@ def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
     return [[min(column) for column in zip(*lows, strict=True)], [max(column) for column in zip(*highs, strict=True)]]
 
 
-def _text(found: dict[str, Any], indent: str = "") -> str:
-    """Write a report as a table of two columns."""
+def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
+    """Write a report as a table of two columns; of many patches and joints, unless in full, what fits on a screen."""
+    patches, joints = found.get("patches", []), found.get("joints", [])
+    if not in_full and len(patches) > MAX_PATCHES_SHOWN:
+        patches, joints = [], sorted(joints, key=lambda joint: -(joint["angle"] or 0.0))[:MAX_JOINTS_SHOWN]
     lines = [("name", found["name"] or "(none)"), ("kind", _kind(found))]
     if "patches" in found:
         lines += [
@@ -160,7 +171,9 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
             lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
-        lines += [("joint", _joint_text(joint)) for joint in found["joints"]]
+        lines += [("joint", _joint_text(joint)) for joint in joints]
+        if len(joints) < len(found["joints"]) or not patches:
+            lines.append(("and more", f"{len(found['joints'])} joints in all, and each patch: with --long"))
     else:
         error = found["linear_precision_error"]
         corners, edges = found["hull_vertices"], found["edges"]
@@ -177,7 +190,7 @@ def _text(found: dict[str, Any], indent: str = "") -> str:
         lines.append(("linear precision", f"off by up to {error:.3g}"))
     lines += [("lowest", _row(found["bounding_box"][0])), ("highest", _row(found["bounding_box"][1]))]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
-    return text + "".join("\n" + _text(patch, indent + "  ") for patch in found.get("patches", ()))
+    return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
 
 
 def _joint_text(joint: dict[str, Any]) -> str:

@@ -15,7 +15,12 @@ from gtb_cli.shell.streams import refuse_overwriting, shown_input
 
 Found = TypeVar("Found")
 
-long_option = click.option("--long", "in_full", is_flag=True, help="Say all, not a line for each of several specs.")
+long_option = click.option(
+    "--long",
+    "in_full",
+    is_flag=True,
+    help="Say all: not a line for each of several specs, nor an extract of a large model.",
+)
 
 
 def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.shell import BICUBIC, CURVE, SPECS, gtb
+from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
 BOX = str(SPECS / "box-corner.toml")
 
@@ -79,3 +79,9 @@ def test_a_spec_in_a_folder_is_not_overwritten(folder):
     before = (folder / "bicubic.toml").read_bytes()
     assert gtb("info", folder, "-o", folder / "bicubic.toml").status == 2
     assert (folder / "bicubic.toml").read_bytes() == before
+
+
+def test_a_large_model_fits_on_a_screen_and_long_says_all():
+    teapot = PENTAGON.replace("pentagon", "teapot") if isinstance(PENTAGON, str) else PENTAGON.with_name("teapot.toml")
+    assert len(gtb("info", teapot).text.splitlines()) <= 24
+    assert gtb("info", teapot, "--long").text.count("linear precision") == 32
