@@ -8,26 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.options import (
-    WholeNumber,
-    console_option,
-    mesh_options,
-    numbers_of,
-    spec_argument,
-    spec_format_option,
-)
-from gtb_cli.shell.sequences import (
-    NAME_DIGITS,
-    check_kind,
-    check_length,
-    distance_option,
-    is_animation,
-    output_option,
-    write_sequence,
-)
-from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
+from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
+from gtb_cli.shell.streams import about, read_patch, shown_input
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
@@ -93,12 +76,7 @@ def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) ->
     metavar="L,…",
     help="A lifting value λ for each knot, in place of the spec's; or knot:K, for a weight of knot K that grows alone.",
 )
-@click.option("--emit-spec", is_flag=True, help="Print the spec with the weights of one -x; no -o is needed then.")
-@distance_option
-@output_option
-@mesh_options
-@spec_format_option
-@console_option
+@sequence_options("Print the spec with the weights of one -x; no -o is needed then.")
 def degenerate(
     spec: str,
     values: tuple[float, ...],
@@ -106,12 +84,8 @@ def degenerate(
     last: float | None,
     count: int | None,
     lifting: tuple[float, ...] | int | None,
-    emit_spec: bool,
-    no_distance: bool,
-    output: str | None,
-    options: MeshOptions,
     spec_format: str | None,
-    console: Console,
+    out: SequenceOutput,
 ) -> None:
     """\b
     Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
@@ -125,40 +99,19 @@ def degenerate(
     With -o FILE.glb there is one file instead, which Blender and other programs play: its mesh is the first one, the
     others are morph targets, and an animation goes through them, a second for each.
     """
-    if output == STANDARD and emit_spec:
-        raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
-    meshes = output is not None or not emit_spec
-    output = output or STANDARD
-    animation = meshes and is_animation(options, output)
     xs = (*values, *_sweep(first, last, count))
-    if emit_spec and len(set(xs)) != 1:
+    if out.emits_spec and len(set(xs)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
-    check_length(animation, xs)
+    out.check_length(xs)
     patch = read_patch(spec, spec_format)
-    text = ""
     with about(shown_input(spec)):
-        exponents = _values(patch, lifting)
-        if meshes:
-            from gtb_cli.sequences.sequence import degeneration_sequence
+        from gtb_cli.sequences.sequence import degeneration_sequence
 
-            check_kind(options, patch)
-            sequence = degeneration_sequence(
-                patch,
-                xs,
-                exponents,
-                options.recipe.resolution,
-                options.recipe.tolerance_for(patch),
-                normals=options.recipe.normals,
-                max_faces=options.recipe.max_faces,
-                distances=not no_distance,
-            )
-        if emit_spec:
-            text = _spec(patch, xs[0], exponents)
+        exponents = _values(patch, lifting)
+        sequence = out.made(degeneration_sequence, patch, xs, exponents)
+        text = _spec(patch, xs[0], exponents) if out.emits_spec else ""
     # What cannot be written is not the spec's fault.
-    if meshes:
-        write_sequence(sequence, "x", output, options, console, shown_input(spec), animation=animation)
-    if emit_spec:
-        write_text(STANDARD, text)
+    out.write(sequence, "x", shown_input(spec), text)
 
 
 def _spec(patch: Patch, x: float, exponents: FloatArray | tuple[float, ...] | None) -> str:

@@ -7,18 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.options import console_option, mesh_options, numbers_of, spec_argument, spec_format_option
-from gtb_cli.shell.sequences import (
-    check_kind,
-    check_length,
-    distance_option,
-    is_animation,
-    output_option,
-    write_sequence,
-)
-from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
+from gtb_cli.shell.options import numbers_of, spec_argument
+from gtb_cli.shell.sequences import SequenceOutput, sequence_options
+from gtb_cli.shell.streams import about, read_patch, shown_input
 
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit
@@ -61,22 +52,13 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     metavar="S,…",
     help="Write a mesh for each of these fractions of the way.",
 )
-@click.option("--emit-spec", is_flag=True, help="Print the spec of the merged patch; -o may be left out then.")
-@distance_option
-@output_option
-@mesh_options
-@spec_format_option
-@console_option
+@sequence_options("Print the spec of the merged patch; -o may be left out then.")
 def knot_limit(
     spec: str,
     moves: dict[int, int],
     steps: tuple[float, ...],
-    emit_spec: bool,
-    no_distance: bool,
-    output: str | None,
-    options: MeshOptions,
     spec_format: str | None,
-    console: Console,
+    out: SequenceOutput,
 ) -> None:
     """\b
     Example: gtb knot-limit specs/example-4.2.toml --merge 3:1 -o out/
@@ -89,43 +71,20 @@ def knot_limit(
 
     With -o FILE.glb there is one file instead, an animation; see gtb degenerate --help.
     """
-    if output == STANDARD and emit_spec:
-        raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
-    meshes = output is not None or not emit_spec
-    output = output or STANDARD
-    animation = meshes and is_animation(options, output)
-    check_length(animation, steps)
+    out.check_length(steps)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
+        from gtb_cli.sequences.sequence import knot_sequence
+        from gtb_cli.spec.writer import dump
         from gtb_cli.theory.knot_limit import knot_limit as limit_of
 
         limit = limit_of(patch, moves)
-        if meshes:
-            from gtb_cli.sequences.sequence import knot_sequence
-
-            check_kind(options, patch)
-            sequence = knot_sequence(
-                patch,
-                moves,
-                steps,
-                options.recipe.resolution,
-                options.recipe.tolerance_for(patch),
-                normals=options.recipe.normals,
-                max_faces=options.recipe.max_faces,
-                distances=not no_distance,
-            )
-        text = ""
-        if emit_spec:
-            from gtb_cli.spec.writer import dump
-
-            text = dump(limit.merged)
+        sequence = out.made(knot_sequence, patch, moves, steps)
+        text = dump(limit.merged) if out.emits_spec else ""
     # What cannot be written is not the spec's fault.
-    if meshes:
-        write_sequence(sequence, "step", output, options, console, shown_input(spec), animation=animation)
     for message in _pointwise(limit):
-        console.warn(message)
-    if emit_spec:
-        write_text(STANDARD, text)
+        out.console.warn(message)
+    out.write(sequence, "step", shown_input(spec), text)
 
 
 def _pointwise(limit: KnotLimit) -> list[str]:

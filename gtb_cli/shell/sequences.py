@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,8 +14,8 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD, Console, Progress
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
-from gtb_cli.shell.options import OUTPUT, check_outputs
-from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks
+from gtb_cli.shell.options import OUTPUT, Function, check_outputs, console_option, mesh_options, spec_format_option
+from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
 from gtb_cli.vocabulary import FORMATS
 
 if TYPE_CHECKING:
@@ -35,22 +37,108 @@ NAME_DIGITS = 6
 WRITING_SHARE = 0.1
 """Fraction of a step's work, for the progress bar, that is the writing of its file."""
 
-distance_option = click.option(
-    "--no-distance",
-    is_flag=True,
-    help="Do not measure how far the meshes are from the limit, which takes longer than making them.",
-)
 
-output_option = click.option(
-    "-o",
-    "--output",
-    metavar="DIR|FILE.glb",
-    type=OUTPUT,
-    help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
-)
+@dataclass(frozen=True)
+class SequenceOutput:
+    """What the options of a sequence ask for: its meshes, a spec on standard output, or both.
+
+    Attributes
+    ----------
+    place : str
+        A folder, a file with an animation, or standard output.
+    meshes, emits_spec, animated : bool
+        Whether meshes are written, a spec is printed, and the meshes are one file that plays.
+    distances : bool
+        Whether distances to the limit are measured.
+    options : MeshOptions
+    console : Console
+    """
+
+    place: str
+    meshes: bool
+    emits_spec: bool
+    animated: bool
+    distances: bool
+    options: MeshOptions
+    console: Console
+
+    def check_length(self, values: Iterable[float]) -> None:
+        """Refuse an animation of too many meshes before they are made: there is one for each value at least."""
+        if self.animated:
+            from gtb_cli.formats.morph import check_count
+
+            check_count(len(set(values)))
+
+    def made(self, maker: Callable[..., MeshSequence], patch: Patch, *arguments: object) -> MeshSequence | None:
+        """The sequence that a function of `gtb_cli.sequences.sequence` makes; None where no meshes are asked for."""
+        if not self.meshes:
+            return None
+        _check_kind(self.options, patch)
+        recipe = self.options.recipe
+        return maker(
+            patch,
+            *arguments,
+            resolution=recipe.resolution,
+            tolerance=recipe.tolerance_for(patch),
+            normals=recipe.normals,
+            max_faces=recipe.max_faces,
+            distances=self.distances,
+        )
+
+    def write(self, sequence: MeshSequence | None, prefix: str, source: str, spec_text: str) -> None:
+        """Write the meshes and print the spec.
+
+        `prefix` is that of values in file names, `source` the name of the spec in errors.
+        """
+        if sequence is not None:
+            _write_sequence(sequence, prefix, self, source)
+        if self.emits_spec:
+            write_text(STANDARD, spec_text)
 
 
-def is_animation(options: MeshOptions, output: str) -> bool:
+def sequence_options(spec_help: str) -> Callable[[Function], Function]:
+    """Add the options of a sequence, ``--emit-spec`` with this help among them; the command gets a `SequenceOutput`."""
+
+    def decorator(function: Function) -> Function:
+        @click.option("--emit-spec", is_flag=True, help=spec_help)
+        @click.option(
+            "--no-distance",
+            is_flag=True,
+            help="Do not measure how far the meshes are from the limit, which takes longer than making them.",
+        )
+        @click.option(
+            "-o",
+            "--output",
+            metavar="DIR|FILE.glb",
+            type=OUTPUT,
+            help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
+        )
+        @mesh_options
+        @spec_format_option
+        @console_option
+        @functools.wraps(function)
+        def command(
+            *args: Any,
+            emit_spec: bool,
+            no_distance: bool,
+            output: str | None,
+            options: MeshOptions,
+            console: Console,
+            **values: Any,
+        ) -> object:
+            if output == STANDARD and emit_spec:
+                raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
+            meshes, place = output is not None or not emit_spec, output or STANDARD
+            animated = meshes and _is_animation(options, place)
+            out = SequenceOutput(place, meshes, emit_spec, animated, not no_distance, options, console)
+            return function(*args, out=out, **values)
+
+        return command
+
+    return decorator
+
+
+def _is_animation(options: MeshOptions, output: str) -> bool:
     """Tell whether an output is one file with an animation, not a folder; refuse what a sequence cannot be."""
     animation = not is_folder(output) and _is_animated_file(options, output)
     if animation:
@@ -90,15 +178,7 @@ def _is_animated_file(options: MeshOptions, output: str) -> bool:
     return suffix == ANIMATED
 
 
-def check_length(animation: bool, values: Iterable[float]) -> None:
-    """Refuse an animation of too many meshes before they are made: there is one for each value at least."""
-    if animation:
-        from gtb_cli.formats.morph import check_count
-
-        check_count(len(set(values)))
-
-
-def check_kind(options: MeshOptions, patch: Patch) -> None:
+def _check_kind(options: MeshOptions, patch: Patch) -> None:
     """Refuse a format that cannot hold the meshes before they are made."""
     if options.format == "stl" and patch.dimension == 1:
         raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
@@ -117,71 +197,50 @@ def number_text(value: float) -> str:
     return mantissa + (f"e{int(exponent)}" if e else "")
 
 
-def write_sequence(
-    sequence: MeshSequence,
-    prefix: str,
-    output: str,
-    options: MeshOptions,
-    console: Console,
-    source: str,
-    *,
-    animation: bool,
-) -> None:
-    """Make and write the meshes and `sequence.json`, or an animation, and say of each mesh when it is made.
-
-    `prefix` is that of values in file names, `source` the name of the spec in errors.
-    """
+def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, source: str) -> None:
+    """Make and write the meshes and `sequence.json`, or an animation, and say of each mesh when it is made."""
     texts = [number_text(value) for value in sequence.values[:-1]]
-    if animation:
+    if out.animated:
         labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT]
         # Meshes are made when the file is open, so that one that cannot be written is an error at once.
-        write_blocks(output, _animation(sequence, labels, output, options, console, source))
+        write_blocks(out.place, _animation(sequence, labels, out, source))
         return
-    stem, kind = file_stem(sequence.name), options.format or "obj"
+    stem, kind = file_stem(sequence.name), out.options.format or "obj"
     names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
-    check_outputs(*(os.path.join(output, name) for name in [*names, RECORD]))
-    _write_folder(sequence, names, kind, output, options, console, source)
+    check_outputs(*(os.path.join(out.place, name) for name in [*names, RECORD]))
+    _write_folder(sequence, names, kind, out, source)
 
 
-def _write_folder(
-    sequence: MeshSequence,
-    names: list[str],
-    kind: str,
-    folder: str,
-    options: MeshOptions,
-    console: Console,
-    source: str,
-) -> None:
+def _write_folder(sequence: MeshSequence, names: list[str], kind: str, out: SequenceOutput, source: str) -> None:
     """Write a file for each mesh."""
     from gtb_cli.files import StagedFiles
 
     entries = []
-    with StagedFiles(folder, RECORD) as files, console.progress(len(names)) as progress:
+    with StagedFiles(out.place, RECORD) as files, out.console.progress(len(names)) as progress:
         for name, member in zip(names, _members(sequence, names, progress, source), strict=True):
-            place, mesh = os.path.join(folder, name), member.mesh
-            files.add(name, progress.over(options.encoded(mesh, kind), WRITING_SHARE, expected_bytes(mesh)))
+            place, mesh = os.path.join(out.place, name), member.mesh
+            files.add(name, progress.over(out.options.encoded(mesh, kind), WRITING_SHARE, expected_bytes(mesh)))
             entries.append(sequence.entry(member, name))
-            _say(place, sequence, member, options.warnings(mesh, kind), console)
+            _say(place, sequence, member, out.options.warnings(mesh, kind), out.console)
         files.add(RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
 
 
-def _animation(
-    sequence: MeshSequence, labels: list[str], output: str, options: MeshOptions, console: Console, source: str
-) -> Iterator[bytes]:
+def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> Iterator[bytes]:
     """Make the meshes and one file of them all; what is unusual of several is said once."""
     from gtb_cli.formats.morph import animated_glb
 
+    options = out.options
     meshes: list[Mesh] = []
     entries: list[dict[str, Any]] = []
     said: set[str] = set()
-    file = "" if output == STANDARD else f"{output}: "
-    with console.progress(len(labels)) as progress:
+    file = "" if out.place == STANDARD else f"{out.place}: "
+    with out.console.progress(len(labels)) as progress:
         for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
             meshes.append(options.placed(member.mesh))
             entries.append(sequence.entry(member, label, "label"))
             warnings = [text for text in options.warnings(member.mesh, ANIMATED) if text not in said]
             said.update(warnings)
-            _say(f"{file}{label}", sequence, member, warnings, console)
+            _say(f"{file}{label}", sequence, member, warnings, out.console)
     extras = {"sequence": sequence.record(entries)}
     yield from animated_glb(meshes, labels, normals=options.recipe.normals, uv=options.uv, extras=extras)
 
