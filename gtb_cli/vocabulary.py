@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+COMPLETION_VARIABLE = "_GTB_COMPLETE"
+"""Environment variable by which a shell asks `gtb` for completions."""
+
+SEQUENCE_RECORD = "sequence.json"
+"""File of a sequence's folder that says what its meshes are."""
+
 LFS_POINTER = b"version https://git-lfs"
 """How a file begins that Git LFS keeps elsewhere."""
 

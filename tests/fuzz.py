@@ -24,7 +24,7 @@ from pathlib import Path
 
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.meshfiles import read_mesh
-from gtb_cli.shell.sequences import RECORD
+from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests.generators import mesh_file, model, overwriting_line
 from tests.mutations import mutation
 from tests.shell import SPECS, command, environment, gtb
@@ -245,7 +245,7 @@ def state_of(found: dict[str, bytes], old: dict[str, bytes], new: dict[str, byte
     if found == new:
         return "new"
     mixture = set(found.items()) <= {*old.items(), *new.items()}
-    return "unfinished" if mixture and RECORD in new and RECORD not in found else None
+    return "unfinished" if mixture and SEQUENCE_RECORD in new and SEQUENCE_RECORD not in found else None
 
 
 def remove(place: Path) -> None:

@@ -12,12 +12,10 @@ import click
 from gtb_cli import __version__
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import abandon, complain, lines_about, say
+from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
 AS_JSON = "gtb_cli.as_json"
 """Key of what the context of `gtb` knows: whether --json is among its own options."""
-
-COMPLETE = "_GTB_COMPLETE"
-"""Variable of the environment by which a shell asks for completions."""
 
 DONE, REFUSED, FAILED = 0, 1, 2
 """Exit statuses; a comparison that says no ends with `click.exceptions.Exit`, a requirement with its error."""
@@ -144,7 +142,7 @@ def run(arguments: Sequence[str]) -> int:
     errors: list[str] = []
     status = FAILED
     try:
-        if COMPLETE in os.environ:
+        if COMPLETION_VARIABLE in os.environ:
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
             gtb.invoke(context)
@@ -180,9 +178,10 @@ def run(arguments: Sequence[str]) -> int:
 def _complete(arguments: Sequence[str]) -> None:
     """Answer the shell, which asks by variables of the environment."""
     try:
-        gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETE, standalone_mode=False)
+        gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETION_VARIABLE, standalone_mode=False)
     except (KeyError, ValueError):
-        raise click.UsageError(f"{COMPLETE} is for shells, which set COMP_WORDS and COMP_CWORD, too") from None
+        message = f"{COMPLETION_VARIABLE} is for shells, which set COMP_WORDS and COMP_CWORD, too"
+        raise click.UsageError(message) from None
 
 
 def _usage_text(error: click.UsageError) -> str:

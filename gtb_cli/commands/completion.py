@@ -7,13 +7,10 @@ import click
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import console_option, output_option
 from gtb_cli.shell.streams import write_text
-from gtb_cli.vocabulary import SHELLS
+from gtb_cli.vocabulary import COMPLETION_VARIABLE, SHELLS
 
 MANUAL = "man"
 """In place of a shell: the manual page."""
-
-VARIABLE = "_GTB_COMPLETE"
-"""Environment variable by which the shell asks `gtb` for completions."""
 
 
 @click.command
@@ -45,6 +42,6 @@ def completion(shell: str, output: str, console: Console) -> None:
         return
     kind = get_completion_class(shell)
     assert kind is not None
-    script = kind(gtb, {}, "gtb", VARIABLE)
+    script = kind(gtb, {}, "gtb", COMPLETION_VARIABLE)
     # Its method source() would first run the shell, to ask for its version.
     write_text(output, script.source_template % script.source_vars())

@@ -14,18 +14,18 @@ from gtb_cli.shell.differences import record, say_limits, text_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
-    MAX_RESOLUTION,
-    WholeNumber,
     console_option,
     json_option,
+    max_faces_option,
     output_option,
     parametrization_option,
+    resolution_option,
     spec_format_option,
     tolerance_of,
 )
 from gtb_cli.shell.streams import is_regular, opened, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
+from gtb_cli.vocabulary import RESOLUTION
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference
@@ -59,13 +59,7 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
     help="Largest distance that counts as none, in model units, or as 1% of the size. 1e-9 of the size without it; "
     "0: what the numbers in the files can hold.",
 )
-@click.option(
-    "-n",
-    "--resolution",
-    type=WholeNumber(1, MAX_RESOLUTION),
-    metavar="N",
-    help=f"Mesh a spec with N segments along each edge of the domain; {RESOLUTION} without this option.",
-)
+@resolution_option
 @click.option(
     "--mesh-tolerance",
     callback=tolerance_of,
@@ -73,13 +67,7 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
     help="In place of -n: mesh a spec with this tolerance, as gtb mesh --tolerance does.",
 )
 @parametrization_option
-@click.option(
-    "--max-faces",
-    type=WholeNumber(min=1),
-    metavar="N",
-    default=MAX_FACES,
-    help=f"Refuse to make more faces than this of a spec; {MAX_FACES} without this option.",
-)
+@max_faces_option
 @json_option
 @output_option
 @spec_format_option
@@ -100,7 +88,7 @@ def diff(
     """\b
     Example: gtb mesh specs/pentagon.toml -o x.obj && gtb diff x.obj specs/pentagon.toml
 
-    Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed.
+    Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
     a point of one from the other, both ways. Normals and texture coordinates do not count; where faces are the same but

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.known import largest_coordinates
 
+STL_HEADER_BYTES = 84
+"""Bytes before the facets of a binary STL file, the last four their number."""
+
 SINGLE = np.dtype("<f4")
 """Numbers of binary files."""
 

@@ -12,7 +12,7 @@ from codecs import BOM_UTF8
 import numpy as np
 
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content
+from gtb_cli.formats.content import STL_HEADER_BYTES, Content
 from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
@@ -23,9 +23,6 @@ MAX_FILE_BYTES = 1 << 31
 MAX_STREAM_BYTES = 1 << 28
 """Largest number of bytes read from a stream, which may have no end. Five million faces, the most that are made unless
 asked otherwise, are 200 MB of OBJ."""
-
-STL_HEADER = 84
-"""Bytes before the facets of a binary STL file, the last four their number."""
 
 TEXT = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
 """Bytes of text."""
@@ -97,9 +94,9 @@ def size_limit(start: bytes, otherwise: int) -> int:
     A mesh is read to `MAX_FILE_BYTES`, or to the size that its beginning states; all else only to `otherwise`, as
     a device or a pipe may have no end.
     """
-    if format_of(start) is not None or len(start) < STL_HEADER:
+    if format_of(start) is not None or len(start) < STL_HEADER_BYTES:
         return MAX_FILE_BYTES
-    said = STL_HEADER + 50 * int.from_bytes(start[STL_HEADER - 4 : STL_HEADER], "little")
+    said = STL_HEADER_BYTES + 50 * int.from_bytes(start[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
     is_text = not start.translate(None, TEXT)
     return max(otherwise, 0 if is_text else min(said, MAX_FILE_BYTES))
 

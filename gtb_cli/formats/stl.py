@@ -10,15 +10,12 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import SINGLE, Content, single_half_steps
+from gtb_cli.formats.content import SINGLE, STL_HEADER_BYTES, Content, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
-
-HEADER = 84
-"""Bytes before the facets of a binary file."""
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -104,16 +101,16 @@ def read_stl(data: bytes) -> Content:
     GtbError
         It is neither a whole binary file nor text with whole facets.
     """
-    number = int.from_bytes(data[HEADER - 4 : HEADER], "little")
-    if len(data) >= HEADER and len(data) == HEADER + number * FACET.itemsize:
-        facets = np.frombuffer(data, dtype=FACET, offset=HEADER)
+    number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
+    if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET.itemsize:
+        facets = np.frombuffer(data, dtype=FACET, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
         return _content(corners, single_half_steps(corners))
-    if data[:5].lower() == b"solid" and b"\0" not in data[:HEADER]:
+    if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
-    if len(data) < HEADER:
+    if len(data) < STL_HEADER_BYTES:
         raise GtbError(f"is not an STL file: {len(data)} bytes, and not text that begins with solid")
-    held = (len(data) - HEADER) / FACET.itemsize
+    held = (len(data) - STL_HEADER_BYTES) / FACET.itemsize
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 

@@ -10,8 +10,7 @@ from typing import Any
 from gtb_cli.errors import SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.pictures.sequences import Frames
-
-RECORD = "sequence.json"
+from gtb_cli.vocabulary import SEQUENCE_RECORD
 
 MAX_RECORD_BYTES = 10_000_000
 """Largest size of a record in bytes."""
@@ -27,7 +26,7 @@ def read_frames(path: str) -> Frames:
     GtbError
         A mesh cannot be read.
     """
-    record = os.path.join(path, RECORD) if os.path.isdir(path) else path
+    record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
     try:
         with open(record, "rb") as file:
             data = file.read(MAX_RECORD_BYTES + 1)

@@ -182,6 +182,22 @@ threads_option = click.option(
     "process may use. Any number makes the same bytes.",
 )
 
+resolution_option = click.option(
+    "-n",
+    "--resolution",
+    type=WholeNumber(1, MAX_RESOLUTION),
+    metavar="N",
+    help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
+)
+
+max_faces_option = click.option(
+    "--max-faces",
+    type=WholeNumber(min=1),
+    metavar="N",
+    default=MAX_FACES,
+    help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
+)
+
 lifting_option = click.option(
     "--lifting",
     callback=numbers_of,
@@ -213,13 +229,7 @@ def mesh_options_of(formats: tuple[str, ...]) -> Callable[[Function], Function]:
 
 
 def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
-    @click.option(
-        "-n",
-        "--resolution",
-        type=WholeNumber(1, MAX_RESOLUTION),
-        metavar="N",
-        help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
-    )
+    @resolution_option
     @click.option(
         "--tolerance",
         callback=tolerance_of,
@@ -244,13 +254,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         "take GLB and OBJ.",
     )
     @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
-    @click.option(
-        "--max-faces",
-        type=WholeNumber(min=1),
-        metavar="N",
-        default=MAX_FACES,
-        help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
-    )
+    @max_faces_option
     @click.option(
         "--radius",
         callback=length_of,

@@ -16,14 +16,12 @@ from gtb_cli.shell.console import STANDARD, Console, Progress
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import OUTPUT, Function, check_outputs, console_option, mesh_options, spec_format_option
 from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
-
-RECORD = "sequence.json"
 
 ANIMATED = "glb"
 """The format that holds an animation."""
@@ -207,7 +205,7 @@ def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, so
         return
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
     names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
-    check_outputs(*(os.path.join(out.place, name) for name in [*names, RECORD]))
+    check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
     _write_folder(sequence, names, kind, out, source)
 
 
@@ -216,13 +214,13 @@ def _write_folder(sequence: MeshSequence, names: list[str], kind: str, out: Sequ
     from gtb_cli.files import StagedFiles
 
     entries = []
-    with StagedFiles(out.place, RECORD) as files, out.console.progress(len(names)) as progress:
+    with StagedFiles(out.place, SEQUENCE_RECORD) as files, out.console.progress(len(names)) as progress:
         for name, member in zip(names, _members(sequence, names, progress, source), strict=True):
             place, mesh = os.path.join(out.place, name), member.mesh
             files.add(name, progress.over(out.options.encoded(mesh, kind), WRITING_SHARE, expected_bytes(mesh)))
             entries.append(sequence.entry(member, name))
             _say(place, sequence, member, out.options.warnings(mesh, kind), out.console)
-        files.add(RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
+        files.add(SEQUENCE_RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
 
 
 def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> Iterator[bytes]:
