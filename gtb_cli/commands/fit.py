@@ -1,4 +1,4 @@
-"""`gtb fit`: a curve through points, or a surface near them."""
+"""`gtb fit`: a curve through points, or a surface through them or near them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from gtb_cli.shell.streams import about, file_stem, read_bytes, read_patch, show
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MAX_POINT_FILE_BYTES = 1_000_000
-"""Size of the largest file of points, in bytes; a hundred lines are far less."""
+MAX_POINT_FILE_BYTES = 10_000_000
+"""Size of the largest file of points, in bytes: the most points near which a surface is found, with every digit."""
 
 
 @click.command
@@ -27,7 +27,7 @@ MAX_POINT_FILE_BYTES = 1_000_000
     metavar="A,…",
     help="An ascending knot for each point. Without it, the length of the polygon up to the point.",
 )
-@click.option("--patch", metavar="SPEC", type=INPUT, help="Fit the surface with this one's knots and weights.")
+@click.option("--patch", metavar="SPEC", type=INPUT, help="Fit a surface with this one's knots and weights.")
 @output_option
 @spec_format_option
 @console_option
@@ -42,51 +42,37 @@ def fit(
     """\b
     Example: printf '0 0\\n1 2\\n3 1\\n4 3\\n' | gtb fit
 
-    Print the spec of a curve through points, found by progressive iterative approximation.
+    Print the spec of a curve through points, found by progressive iterative approximation, or of a surface.
 
     POINTS is a file, or standard input: on each line a point, "x y" or "x y z", separated by blanks, tabs or a comma,
     2 to 100 of them. Empty lines and what follows a # are skipped. The curve begins in the first point and ends in the
     last, and misses none by more than 1e-12 of the largest coordinate.
 
-    With --patch SPEC it is the surface near the points, "x y z" or "u v x y z" with linear parameters: by least squares
-    with a little of the thin-plate energy, and parameters, where they are not given, by projection.
+    With --patch SPEC it is a surface, and points are "x y z" or "u v x y z" with linear parameters. As many points as
+    SPEC has knots, in their order, are met in the same way, each at its knot without u v. Else it is the surface near
+    the points, by least squares with a little of the thin-plate energy, and parameters, where they are not given, are
+    found by projection.
     """
-    if patch is not None:
-        if knots is not None:
-            raise click.UsageError("--knots is for curves, and --patch has its own")
-        if patch == points == STANDARD:
-            raise click.UsageError("standard input can be read once only")
-        _fit_surface(points, patch, output, spec_format, console)
-        return
+    if patch is not None and knots is not None:
+        raise click.UsageError("--knots is for curves, and --patch has its own")
+    if patch == points == STANDARD:
+        raise click.UsageError("standard input can be read once only")
     from gtb_cli.design.fit import fit as fitted
-
-    places = _points(points)
-    with about(shown_input(points)):
-        found = fitted(places, knots)
-    name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
     from gtb_cli.spec.writer import dump
 
-    write_text(output, dump(found.curve.replace(name=name)))
-    console.note(f"{len(places)} points, {found.rounds} rounds, {found.distance:.2g} left")
-
-
-def _fit_surface(points: str, patch: str, output: str, spec_format: str | None, console: Console) -> None:
-    from gtb_cli.design.surface_fit import fit_surface
-    from gtb_cli.spec.writer import dump
-
-    surface = read_patch(patch, spec_format)
-    rows = _points(points, (3, 5))
+    surface = None if patch is None else read_patch(patch, spec_format)
+    rows = _points(points, (2, 3) if surface is None else (3, 5))
     with about(shown_input(points)):
         parameters = [row[:2] for row in rows] if len(rows[0]) == 5 else None
-        found = fit_surface([row[-3:] for row in rows], surface, parameters)
-    write_text(output, dump(found.patch))
-    console.note(
-        f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} from the farthest, "
-        f"{found.mean:.3g} in the root of the mean square"
-    )
+        found = fitted([row[-3:] for row in rows], knots, patch=surface, parameters=parameters)
+    name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
+    write_text(output, dump(found.patch.replace(name=name) if surface is None else found.patch))
+    is_met = len(rows) == len(found.patch.knots)
+    left = "left" if is_met else f"from the farthest, {found.mean:.3g} in the root of the mean square"
+    console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} {left}")
 
 
-def _points(path: str, sizes: tuple[int, ...] = (2, 3)) -> Sequence[Sequence[float]]:
+def _points(path: str, sizes: tuple[int, int]) -> Sequence[Sequence[float]]:
     """Read points, a line each."""
     source = shown_input(path)
     data = read_bytes(path, MAX_POINT_FILE_BYTES + 1)

@@ -1,14 +1,14 @@
-"""Surfaces near given points: knots and weights of a patch, and control points by least squares with a regulariser."""
+"""Surfaces with the knots and weights of a patch: through given points, one for each knot, or near any number."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.design.curve_fit import Fit, passed
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy_matrix
 from gtb_cli.knots.triangulation import central_triangulation
@@ -36,33 +36,46 @@ INSIDE = 1e-9
 """Corrected parameters stay within this fraction of Δ, drawn to its middle."""
 
 
-@dataclass(frozen=True, eq=False)
-class SurfaceFit:
-    """A surface near points. Made by `fit_surface`.
+def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None) -> Fit:
+    """Find the surface through points, one for each knot, by progressive iterative approximation.
 
-    Attributes
+    Parameters
     ----------
+    points : (n, 3) float
+        In the order of the knots.
     patch : Patch
-    parameters : (m, 2) float
-        Where it is nearest to the points, in its linear parametrisation.
-    distance : float
-        Largest distance of a point from the surface at its parameter, in model units.
-    mean : float
-        Root of the mean square of these distances.
-    rounds : int
-        Of corrections of the parameters.
+        A surface with n knots, which stay, as do its weights.
+    parameters : (n, 2) float, optional
+        Of the points, in the linear parametrisation. Default: the knots.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    DomainError
+        The patch is a curve, or shapes do not fit.
+    ToleranceError
+        The surface cannot pass the points: basis functions are the same, as those of knots that coincide, or vanish at
+        all parameters.
+
+    Notes
+    -----
+    The basis of a surface need not be totally positive, so that no theorem promises convergence. At the knots it was
+    found in all patches that were tried; where it is slow or fails, the equations are solved, as for curves.
     """
+    places = _checked(points, patch)
+    n = len(patch.knots)
+    if len(places) != n:
+        raise DomainError(f"points: expected {n}, one for each knot, got {len(places)}")
+    p = patch.knots if parameters is None else _parameters(parameters, n)
+    return passed(patch, p, patch.basis(p, "linear"), places)
 
-    patch: Patch
-    parameters: FloatArray
-    distance: float
-    mean: float
-    rounds: int
 
-
-def fit_surface(
+def surface_near(
     points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING
-) -> SurfaceFit:
+) -> Fit:
     """Find control points with which a patch is near to points.
 
     Parameters
@@ -77,25 +90,19 @@ def fit_surface(
 
     Returns
     -------
-    SurfaceFit
+    Fit
 
     Raises
     ------
     DomainError
         The patch is a curve, shapes do not fit, or parameters lie outside Δ.
     """
-    if patch.dimension == 1:
-        raise DomainError("patch: a surface is fitted to points, this is a curve (which gtb fit finds without --patch)")
-    places = finite("points", points)
-    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MOST_POINTS:
-        raise DomainError(f"points: expected shape (m, 3) with m up to {MOST_POINTS}, got {places.shape}")
+    places = _checked(points, patch)
     if not (math.isfinite(smoothing) and smoothing >= 0):
         raise DomainError(f"smoothing: must not be negative, got {smoothing!r}")
     plate = energy_matrix(patch.domain, patch.log_products, "thin-plate")
     if parameters is not None:
-        p = finite("parameters", parameters)
-        if p.shape != (len(places), 2):
-            raise DomainError(f"parameters: expected shape ({len(places)}, 2), got {p.shape}")
+        p = _parameters(parameters, len(places))
         fitted = _solved(patch, places, p, plate, smoothing)
         return _measured(fitted, places, p, 0)
     p = _nearest(patch, places)
@@ -109,6 +116,22 @@ def fit_surface(
     return best
 
 
+def _checked(points: ArrayLike, patch: Patch) -> FloatArray:
+    if patch.dimension == 1:
+        raise DomainError("patch: a surface is fitted to points, this is a curve (which gtb fit finds without --patch)")
+    places = finite("points", points)
+    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MOST_POINTS:
+        raise DomainError(f"points: expected shape (m, 3) with m up to {MOST_POINTS}, got {places.shape}")
+    return places
+
+
+def _parameters(parameters: ArrayLike, count: int) -> FloatArray:
+    p = finite("parameters", parameters)
+    if p.shape != (count, 2):
+        raise DomainError(f"parameters: expected shape ({count}, 2), got {p.shape}")
+    return p
+
+
 def _solved(patch: Patch, points: FloatArray, p: FloatArray, plate: FloatArray, smoothing: float) -> Patch:
     """The patch with the control points of least squares, relative to the middle of the points."""
     t = patch.basis(p, "linear")
@@ -119,9 +142,9 @@ def _solved(patch: Patch, points: FloatArray, p: FloatArray, plate: FloatArray, 
     return patch.replace(control_points=control)
 
 
-def _measured(patch: Patch, points: FloatArray, p: FloatArray, rounds: int) -> SurfaceFit:
+def _measured(patch: Patch, points: FloatArray, p: FloatArray, rounds: int) -> Fit:
     distances = np.linalg.norm(patch.evaluate(p, "linear") - points, axis=1)
-    return SurfaceFit(patch, p, float(distances.max()), float(np.sqrt((distances**2).mean())), rounds)
+    return Fit(patch, p, rounds, float(distances.max()), float(np.sqrt((distances**2).mean())))
 
 
 def _nearest(patch: Patch, points: FloatArray) -> FloatArray:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.check import check_patch
-from gtb_cli.design.fit import MAX_POINTS, REACHED, fit
+from gtb_cli.design.curve_fit import MAX_POINTS, REACHED
+from gtb_cli.design.fit import fit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.spec.loading import from_dict, parse
 from gtb_cli.spec.writer import to_dict
+from gtb_cli.tessellation.shape import tessellate
 from tests.shell import gtb
 
 
@@ -86,6 +88,15 @@ def test_points_may_be_uneven(seed):
     assert from_dict(to_dict(found.curve)) == found.curve
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_curves_through_very_uneven_points_can_be_meshed(seed):
+    """Chords from a billionth to 1: with knots as uneven, rounding of the weights was more than meshes bear."""
+    rng = np.random.default_rng(seed)
+    chords = 10.0 ** rng.uniform(-9, 0, 12)[:, None] * [[0.6, 0.8]] * rng.choice([-1, 1], (12, 2))
+    curve = fit(np.cumsum(chords, axis=0)).curve
+    assert len(tessellate(curve, resolution=200).vertices) == 201
+
+
 def test_knots_a_millionth_of_a_millionth_apart():
     found = fit([[0, 0], [1, 1], [2, 1], [3, 0]], [0, 1e-12, 1, 2])
     np.testing.assert_allclose(found.curve.evaluate(found.parameters)[1, :2], [1, 1], rtol=1e-11)
@@ -117,7 +128,7 @@ def test_what_has_no_curve(points, knots, message):
 
 
 def test_an_iteration_that_does_not_end_is_an_error(monkeypatch):
-    monkeypatch.setattr("gtb_cli.design.fit.MAX_ROUNDS", 5)
+    monkeypatch.setattr("gtb_cli.design.curve_fit.MAX_ROUNDS", 5)
     with pytest.raises(ToleranceError, match=r"still misses a point by .* after 5 rounds"):
         fit(helix(9))
 
@@ -155,7 +166,7 @@ def test_fit_takes_knots():
         (b"1 2\n1 \xff\n", "is not a number"),
         (b"1 2\n1 inf\n", "<stdin>: points[1][1]: must be finite"),
         (b"1 2\n", "<stdin>: points: expected 2 to 100, got 1"),
-        (b"1 2\n" * 400_000, "<stdin>: more than 1000000 bytes"),
+        (b"1 2\n" * 2_600_000, "<stdin>: more than 10000000 bytes"),
     ],
 )
 def test_points_that_are_none(text, message):

@@ -1,12 +1,16 @@
-"""Surfaces near points: those of the same patch are found again, others nearly."""
+"""Surfaces through points, and near them: those of the same patch are found again, others nearly."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 
-from gtb_cli.design.surface_fit import fit_surface
-from gtb_cli.errors import DomainError
+from gtb_cli.design.curve_fit import REACHED
+from gtb_cli.design.fit import fit
+from gtb_cli.design.surface_fit import surface_near, surface_through
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.spec.loading import load, parse
 from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
 
@@ -21,10 +25,10 @@ def test_points_of_a_patch_with_their_parameters_give_it_back():
     p = inner_parameters(patch, 200)
     points = patch.evaluate(p, "linear")
     flat = patch.replace(control_points=np.zeros((len(patch.knots), 3)))
-    found = fit_surface(points, flat, p, smoothing=0)
+    found = surface_near(points, flat, p, smoothing=0)
     np.testing.assert_allclose(found.patch.control_points, patch.control_points, atol=1e-6)
     assert found.distance < 1e-9
-    assert fit_surface(points, flat, p).distance < 1e-2
+    assert surface_near(points, flat, p).distance < 1e-2
 
 
 def test_points_without_parameters_are_projected():
@@ -35,18 +39,52 @@ def test_points_without_parameters_are_projected():
     plane = patch.replace(control_points=np.column_stack([share, np.zeros(len(share))]))
     xy = np.random.default_rng(5).random((300, 2))
     points = np.column_stack([xy, 0.2 * xy[:, 0] * (1 - xy[:, 0]) + 0.1 * xy[:, 1] ** 2])
-    found = fit_surface(points, plane)
+    found = surface_near(points, plane)
     assert found.distance < 2e-3
     assert found.mean <= found.distance
     again = found.patch.evaluate(found.parameters, "linear")
     assert np.linalg.norm(again - points, axis=1).max() == pytest.approx(found.distance)
 
 
-def test_as_many_points_as_knots_are_met():
+@pytest.mark.parametrize("name", [BICUBIC, PENTAGON, "specs/hexagon.toml"])
+def test_as_many_points_as_knots_are_met(name):
+    """At the knots without parameters: there the linear parametrisation gives the net of knots itself."""
+    patch = load(name)
+    points = np.random.default_rng(6).normal(size=(len(patch.knots), 3))
+    found = surface_through(points, patch)
+    np.testing.assert_allclose(found.patch.evaluate(patch.knots, "linear"), points, atol=1e-10)
+    inside = patch.domain.center + 0.9 * (patch.knots - patch.domain.center)
+    other = surface_through(points, patch, inside)
+    np.testing.assert_allclose(other.patch.evaluate(inside, "linear"), points, atol=1e-10)
+
+
+def test_rounds_of_a_cubic_triangle_are_what_bernsteins_operator_says():
+    """Its least eigenvalue at the lattice is 3! / 3³ = 2/9, and each round leaves 7/9 of what is missed."""
+    patch = load("specs/bezier-triangle.toml").replace(weights=np.ones(10))
+    points = np.random.default_rng(7).normal(size=(10, 3))
+    expected = math.log(REACHED) / math.log(7 / 9)
+    assert surface_through(points, patch).rounds == pytest.approx(expected, rel=0.1)
+
+
+def test_knots_that_coincide_cannot_meet_two_points():
     patch = load(BICUBIC)
-    p = patch.domain.center + 0.9 * (patch.knots - patch.domain.center)
-    points = np.random.default_rng(6).normal(size=(len(p), 3))
-    assert fit_surface(points, patch, p, smoothing=0).distance < 1e-6
+    knots = patch.knots.copy()
+    knots[5] = knots[6]
+    points = np.random.default_rng(6).normal(size=(len(knots), 3))
+    with pytest.raises(ToleranceError, match="the surface still misses a point"):
+        surface_through(points, patch.replace(knots=knots, coefficients=None))
+
+
+def test_fit_takes_surfaces_by_what_is_given():
+    patch = load(BICUBIC)
+    through = fit(patch.control_points, patch=patch)
+    np.testing.assert_array_equal(through.patch.evaluate(patch.domain.vertices), patch.control_points[[0, 3, 15, 12]])
+    near = fit(patch.evaluate(inner_parameters(patch, 20)), patch=patch)
+    assert near.distance < 0.01
+    with pytest.raises(DomainError, match="knots: are for curves"):
+        fit([[0, 0, 0]], [1], patch=patch)
+    with pytest.raises(DomainError, match="parameters: are those of a surface"):
+        fit([[0, 0, 0]], parameters=[[0, 0]])
 
 
 @pytest.mark.parametrize(
@@ -61,7 +99,12 @@ def test_as_many_points_as_knots_are_met():
 )
 def test_what_cannot_be_fitted(arguments, message):
     with pytest.raises(DomainError, match=message):
-        fit_surface(*arguments)
+        surface_near(*arguments)
+
+
+def test_a_surface_through_points_needs_one_for_each_knot():
+    with pytest.raises(DomainError, match="points: expected 16, one for each knot, got 1"):
+        surface_through([[0, 0, 0]], load(BICUBIC))
 
 
 def test_the_command_fits_a_surface():
@@ -73,6 +116,8 @@ def test_the_command_fits_a_surface():
     assert result.status == 0
     assert "60 points, 0 rounds" in result.err
     assert len(parse(result.text).knots) == len(patch.knots)
+    net = "\n".join(" ".join(map(repr, row)) for row in patch.control_points.tolist()).encode()
+    assert "16 points, " in gtb("fit", "-", "--patch", BICUBIC, stdin=net).err
     assert "three or five coordinates, got 2" in gtb("fit", "-", "--patch", BICUBIC, stdin=b"0 0\n").err
     assert gtb("fit", "-", "--patch", "-", stdin=b"").status == 2
     assert gtb("fit", "-", "--patch", BICUBIC, "--knots", "0,1", stdin=b"").status == 2
