@@ -31,10 +31,17 @@ class Origin:
         The patch in whose domain each vertex has its parameters: of those that share it, the first.
     turned : (p,) bool
         The patches whose orientation the mesh reverses.
+    shared : (q, 2) int
+        Vertices that have several places in the domains, and the patch of each further place; only where normals were
+        asked for.
+    places : (q, d) float
+        The parameters there.
     """
 
     patch: IntArray
     turned: BoolArray
+    shared: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @by_value

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, dot, unit
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
@@ -20,11 +21,14 @@ SMOOTH = math.cos(math.radians(15))
 """Cosine of the largest angle between a vertex' normal and the facets of a patch around it at which it is theirs. On an
 edge between patches at this angle the solid is 3 % too thin."""
 
+SAME = 1 - 1e-9
+"""Cosine of two normals that are one, a few seconds of arc apart."""
+
 MITRE = 2.0
 """Largest offset at a sharp edge or corner, in units of the thickness: that of an edge of 60°."""
 
 
-def thicken(mesh: Mesh, thickness: float) -> Mesh:
+def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> Mesh:
     """Close a surface with its offset: a solid between both.
 
     Parameters
@@ -34,6 +38,9 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     thickness : float
         How far the offset is, in model units: along the normals if positive, against them if negative. The surface
         itself stays, as one side of the solid.
+    beside : (q, 3) float, optional
+        The surface's unit normals at `Origin.shared`, NaN where it has none. Without them the normals of patches at
+        an edge are guessed from the facets.
 
     Returns
     -------
@@ -50,15 +57,16 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
 
     Notes
     -----
-    Where a normal is not that of the facets around the vertex, these count: at an edge or corner where patches meet at
-    an angle, the offset is where those of all patches meet, but not farther than `MITRE` times the thickness; and on
-    the boundary of a surface whose normal turns there within less than a facet, it goes on as inside. Ends of a
-    boundary edge that coincide become one vertex. Where the surface bends more sharply than the thickness, the offset
-    folds: see `folded_faces`. That distant parts of a solid meet is not found.
+    At an edge or corner where patches meet at an angle, the offset is where those of all patches meet, but not farther
+    than `MITRE` times the thickness. Where a normal is not that of the facets around the vertex, and the surface's own
+    normals are not given, the facets count; and so they do on the boundary of a surface whose normal turns there within
+    less than a facet: the offset goes on as inside. Ends of a boundary edge that coincide become one vertex. Where the
+    surface bends more sharply than the thickness, the offset folds: see `folded_faces`. That distant parts of a solid
+    meet is not found.
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)
-    offset = mesh.vertices + thickness * _displacements(mesh)
+    offset = mesh.vertices + thickness * _displacements(mesh, beside)
     rim, rim_cell = _boundary(mesh)
     below, above = (0, count) if thickness > 0 else (count, 0)
     start, end = rim.T
@@ -84,7 +92,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     )
 
 
-def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
+def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> IntArray:
     """Triangles whose offset has turned over: one of their principal radii of curvature is less than the thickness.
 
     Parameters are those of `thicken`.
@@ -101,7 +109,7 @@ def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
     """
     mesh = _checked(mesh, thickness)
     corners = mesh.vertices[mesh.cells]
-    moved = corners + thickness * _displacements(mesh)[mesh.cells]
+    moved = corners + thickness * _displacements(mesh, beside)[mesh.cells]
     (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in (corners, moved))
     scale = np.abs(np.stack([first, second])).max(axis=(0, 2))[:, None]
     scale[scale == 0] = 1.0
@@ -158,6 +166,12 @@ def _welded(mesh: Mesh) -> Mesh:
     length = np.linalg.norm(sums, axis=1, keepdims=True)
     normals = np.where(length > EPS, sums / np.where(length > EPS, length, 1.0), mesh.normals)
     used, cells = compacted(cells[proper])
+    origin = mesh.origin
+    if origin is not None:
+        place = np.full(len(label), -1)
+        place[used] = np.arange(len(used))
+        shared = np.column_stack([place[label[origin.shared[:, 0]]], origin.shared[:, 1]])
+        origin = replace(origin, patch=origin.patch[used], shared=shared)
     return Mesh(
         mesh.vertices[used],
         cells,
@@ -166,7 +180,7 @@ def _welded(mesh: Mesh) -> Mesh:
         tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
         MappingProxyType({name: values[used] for name, values in mesh.attributes.items()}),
         mesh.name,
-        None if mesh.origin is None else Origin(mesh.origin.patch[used], mesh.origin.turned),
+        origin,
     )
 
 
@@ -178,10 +192,11 @@ def _cell_groups(mesh: Mesh) -> IntArray:
     return result
 
 
-def _displacements(mesh: Mesh) -> FloatArray:
-    """(m, 3) movement of each vertex for an offset by 1: its normal, if that is nearly the one of the facets around it.
+def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
+    """(m, 3) movement of each vertex for an offset by 1: its normal, if all patches around it have this one.
 
-    Else ⟨n, w⟩ = 1 is solved for w by least squares, with the mean normals n of the facets of each patch.
+    Else ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the surface's own, or, where
+    these are not known or differ from the facets beside an open edge, the means of facets.
     """
     assert mesh.normals is not None
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
@@ -189,17 +204,19 @@ def _displacements(mesh: Mesh) -> FloatArray:
     pairs, place = np.arange(count), keys
     if groups > 1:
         pairs, place = np.unique(keys, return_inverse=True)
-    facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
     vertex = pairs // groups
+    facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
+    own, known = _own_normals(mesh, pairs, beside)
     # Facets as small as the mesh is inexact, as at a pole, may stand upright: they have angles, but no area.
-    agree = np.maximum(*(dot(each, mesh.normals[vertex]) for each in (facets, by_area))) >= SMOOTH
-    agree |= ~facets.any(axis=1)
-    wrong = np.unique(vertex[~agree])
+    agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH
+    agree |= known | ~facets.any(axis=1)
+    normals = np.where(agree[:, None], own, facets)
+    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < SAME])
     if not len(wrong):
         return mesh.normals
     chosen = np.flatnonzero(np.isin(vertex, wrong))
     first = np.flatnonzero(np.diff(vertex[chosen], prepend=-1))
-    normals = facets[chosen]
+    normals = normals[chosen]
     right = np.add.reduceat(normals, first)
     values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
     # Bounded, so that directions in which the normals hardly differ do not count.
@@ -212,6 +229,29 @@ def _displacements(mesh: Mesh) -> FloatArray:
     result = mesh.normals.copy()
     result[wrong] = np.where(length > 0, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), result[wrong])
     return result
+
+
+def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tuple[FloatArray, BoolArray]:
+    """(p, 3) normals of the surface for ascending pairs of a vertex and a group, and which of them are to be trusted.
+
+    Where it has none, or they are not given, it is the vertex' normal.
+    """
+    assert mesh.normals is not None
+    groups = max(1, len(mesh.groups))
+    own = mesh.normals[pairs // groups]
+    if beside is None:
+        return own, np.zeros(len(pairs), dtype=bool)
+    if mesh.origin is not None and len(beside):
+        at, patch = mesh.origin.shared.T
+        there = (at >= 0) & np.isfinite(beside[:, 0])
+        row = np.searchsorted(pairs, (at * groups + patch)[there])
+        sums = np.zeros_like(own)
+        np.add.at(sums, row, beside[there])
+        found = np.linalg.norm(sums, axis=1) > SMOOTH
+        own[found] = unit(sums[found])
+    is_open = np.zeros(len(mesh.vertices), dtype=bool)
+    is_open[_boundary(mesh)[0]] = True
+    return own, ~is_open[pairs // groups]
 
 
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:

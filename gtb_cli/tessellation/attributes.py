@@ -122,6 +122,19 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
     return result
 
 
+def shared_normals(shape: Patch | Model, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
+    """(q, 3) unit normals at the places that `Origin.shared` of a surface's mesh lists, NaN where there is none."""
+    if mesh.origin is None or not isinstance(shape, Model):
+        return np.empty((0, 3))
+    patch, places = mesh.origin.shared[:, 1], mesh.origin.places
+    sampler = Sampler(shape.patches, parametrization, shared_edges=True, flipped=mesh.origin.turned.tolist())
+    face = np.empty(len(patch), dtype=np.int64)
+    for index in np.unique(patch).tolist():
+        rows, domain = np.flatnonzero(patch == index), shape.patches[index].domain
+        face[rows] = domain.faces.at(domain.heights_of_columns(places[rows]))
+    return sampler.normals(patch, places, face)
+
+
 def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
     """(k, 2, 3) unit tangents of a curve at both ends of each segment of its mesh, whose parametrisation is given."""
     if mesh.parameters is None:

@@ -82,6 +82,19 @@ class Complex:
         return cells[rows], rows
 
     @property
+    def further_places(self) -> tuple[IntArray, FloatArray]:
+        """(q, 2) vertices and patches, (q, d) parameters: where vertices of `without_collapsed` lie besides their own.
+
+        On edges that patches share, along edges that are one point, and on an edge that its patch has twice.
+        """
+        cells, rows = self.without_collapsed
+        row, k = np.nonzero(self.face[cells] != INTERIOR)
+        vertex, patch, places = cells[row, k], self.cell_patch[rows[row]], self.corners[rows[row], k]
+        others = (patch != self.patch[vertex]) | (places != self.parameters[vertex]).any(axis=1)
+        found = np.unique(np.column_stack([vertex, patch, places])[others], axis=0)
+        return found[:, :2].astype(np.int64), found[:, 2:]
+
+    @property
     def is_whole(self) -> bool:
         """Whether each patch has a cell left where edges are one point, and no two cells the same vertices."""
         if not len(self.collapsed):

@@ -142,11 +142,13 @@ class Recipe:
             offset_folds += found
         elif self.thickness is not None:
             from gtb_cli.meshes.solid import folded_faces, thicken
+            from gtb_cli.tessellation.attributes import shared_normals
 
-            folded = folded_faces(mesh, self.thickness)
+            beside = shared_normals(spec, mesh, self.parametrization)
+            folded = folded_faces(mesh, self.thickness, beside)
             if len(folded):
                 offset_folds.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
-            mesh = thicken(mesh, self.thickness)
+            mesh = thicken(mesh, self.thickness, beside)
         if self.require:
             from gtb_cli.assembly.requirements import require
 

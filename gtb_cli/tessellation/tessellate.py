@@ -139,6 +139,7 @@ def _mesh(
         cells = cells.reshape(-1, mosaic.cells.shape[1])
     vertices = points[used]
     normals = None
+    shared: tuple[IntArray, FloatArray] | tuple[()] = ()
     inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
         inward = inside_out(vertices, cells, cell_patch, len(sampler.patches))
@@ -147,6 +148,10 @@ def _mesh(
         normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
         normals = np.where(inward[mosaic.patch[used], None], -normals, normals)
         normals = vertex_normals(normals, vertices, cells)
+        if joints is not None:
+            owners, places = mosaic.further_places
+            owners[:, 0] = np.searchsorted(used, owners[:, 0])
+            shared = (owners, places)
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
         starts = np.searchsorted(cell_patch, np.arange(len(shape.patches) + 1)).tolist()
@@ -159,7 +164,7 @@ def _mesh(
         normals=normals,
         groups=groups,
         name=name,
-        origin=None if joints is None else Origin(mosaic.patch[used], inward ^ np.array(joints.flipped)),
+        origin=None if joints is None else Origin(mosaic.patch[used], inward ^ np.array(joints.flipped), *shared),
     )
 
 

@@ -14,6 +14,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solid import MITRE, folded_faces, thicken
 from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -361,8 +362,9 @@ def test_attributes_of_the_command(tmp_path):
     assert b"property float quality" in both.out
 
 
-def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles():
-    """Its slivers there stand upright; walls of 0.069 in place of 0.1 came of that."""
+@pytest.mark.parametrize("tolerance", [0.01, 0.002])
+def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles(tolerance):
+    """Slivers there stand upright, alone at their vertex in some patches: walls of 0.069 and 0.088 came of it."""
     root, knots = 2**-0.5, [(i, j) for j in range(3) for i in range(3)]
     patches = []
     for x, y, z in [(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)]:
@@ -370,8 +372,28 @@ def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles():
         points = [(r * a, r * b, h) for r, h in rise for a, b in arc]
         weights = [(root if i == 1 else 1) * (root if j == 1 else 1) for i, j in knots]
         patches.append(Patch(knots, points, weights, [1, 2, 1, 2, 4, 2, 1, 2, 1]))
-    sphere = tessellate(Model(tuple(patches)), tolerance=0.01)
+    model = Model(tuple(patches))
+    sphere = tessellate(model, tolerance=tolerance)
     outward = (sphere.normals * sphere.vertices).sum(axis=1) / np.linalg.norm(sphere.vertices, axis=1)
     assert np.abs(outward - 1).max() < 1e-9
-    radii = np.linalg.norm(thicken(sphere, -0.1).vertices, axis=1)
+    wall, _ = Recipe(tolerance=tolerance, thickness=-0.1).mesh(model)
+    radii = np.linalg.norm(wall.vertices, axis=1)
     assert np.abs(radii[len(sphere.vertices) :] - 0.9).max() < 1e-9
+    a, b, c = (wall.vertices[corner] for corner in wall.cells.T)
+    upward = (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1)  # some slivers are upright
+    inner = np.linalg.norm(a, axis=1) < 0.95
+    assert (np.where(inner, -upward, upward) > -1e-12).all()
+
+
+def test_patches_that_meet_at_any_angle_are_as_thick_by_their_own_normals():
+    """Two squares turned by 10 degrees, less than facets of a smooth surface may be: their offsets meet at 1/cos 5°."""
+    far = np.array([math.cos(math.radians(10)), 0, -math.sin(math.radians(10))])
+    knots, up = [[0, 0], [1, 0], [0, 1], [1, 1]], np.array([0, 1, 0])
+    left = Patch(knots, [[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]])
+    right = Patch(knots, [[0, 0, 0], far, up, far + up])
+    solid, _ = Recipe(resolution=2, thickness=0.1).mesh(Model((left, right)))
+    count = len(solid.vertices) // 2
+    ridge = np.flatnonzero(np.abs(solid.vertices[:count, [0, 2]]).max(axis=1) < DIGITS)
+    move = solid.vertices[count + ridge] - solid.vertices[ridge]
+    assert len(move) == 3
+    np.testing.assert_allclose(np.linalg.norm(move, axis=1), 0.1 / math.cos(math.radians(5)), rtol=1e-9)
