@@ -52,8 +52,9 @@ golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after
 gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
 	@$(RUN) tests.gallery
 
-browser: $(VENV)/.development ## let a browser, Debian's chromium and chromium-driver, show pages of gtb view
-	@command -v chromium chromedriver >/dev/null || { echo "expected chromium and chromedriver: apt-get install chromium chromium-driver"; exit 2; }
+browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view
+	@{ command -v chromium && command -v chromedriver || command -v firefox-esr && command -v Xvfb; } >/dev/null \
+	|| { echo "expected a browser: apt-get install chromium chromium-driver, or firefox-esr xvfb libgl1-mesa-dri"; exit 2; }
 	@$(RUN) pytest tests/pictures/test_browser.py
 
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios

@@ -121,8 +121,14 @@ function program(vertex, pixel) {
   return { use: () => gl.useProgram(made), at: name => places[name] ??= gl.getUniformLocation(made, name) };
 }
 
-let surfaces, strokes, dots;
-const buffers = {};
+let surfaces, strokes, dots, buffers;
+
+function equip() {   // also after a graphics card has gone and come back, with all that it held lost
+  surfaces = program(SURFACE_VERTEX, SURFACE_PIXEL);
+  strokes = program(LINE_VERTEX, FLAT_PIXEL);
+  dots = program(POINT_VERTEX, FLAT_PIXEL);
+  buffers = {};
+}
 
 function attribute(index, name, values, size, each = 0) {
   const found = buffers[name] ??= { buffer: gl.createBuffer(), values: null };
@@ -286,13 +292,11 @@ function mark(paint) {
   const { low, high, texts } = scene.box, marks = $("marks");
   marks.hidden = !state.axes;
   if (!state.axes) return;
-  const [x0, y0, z0] = low, pairs = [];
-  const ends = [[high[0], y0, z0], [x0, high[1], z0], [x0, y0, high[2]]];
-  for (const end of ends) pairs.push(x0, y0, z0, ...end);
+  const [start, ...ends] = corners(), pairs = ends.flatMap(end => [...start, ...end]);
   stroke("axes", 0, new Float32Array(pairs), new Float32Array(pairs), paint, 1.5, 0.6);
-  const places = [...ends.map((end, k) => [end, texts[k]]), [[x0, y0, z0], texts[3]]].filter(([, text]) => text);
+  const places = [...ends.map((end, k) => [end, texts[k]]), [start, texts[3]]].filter(([, text]) => text);
   while (marks.children.length < places.length) marks.append(document.createElement("span"));
-  const [cx, cy] = project((x0 + high[0]) / 2, (y0 + high[1]) / 2, (z0 + high[2]) / 2);
+  const [cx, cy] = project(...low.map((x, k) => (x + high[k]) / 2));
   places.forEach(([place, text], k) => {
     const [x, y] = project(...place), far = Math.hypot(x - cx, y - cy) || 1, span = marks.children[k];
     span.textContent = text;
@@ -369,10 +373,16 @@ function show() {
   $("run").textContent = playing ? "❚❚" : "▶";
 }
 
+function corners() {   // of the box that the axes are edges of: where they start, and their ends
+  const { low, high } = scene.box;
+  return [low, ...low.map((_, k) => low.map((x, j) => j === k ? high[j] : x))];
+}
+
 // Let all that there is fill the window, beside the panel where that leaves room enough.
 function fit() {
   const right = axes()[0], up = axes()[1], ends = [Infinity, -Infinity, Infinity, -Infinity];
   const clouds = scene.frames.flatMap(f => [f.positions, ...(state.net && f.net ? [f.net] : [])]);
+  if (state.axes) clouds.push(corners().flat());
   for (const cloud of clouds) for (let k = 0; k < cloud.length; k += 3) {
     const x = right[0] * cloud[k] + right[1] * cloud[k + 1] + right[2] * cloud[k + 2];
     const y = up[0] * cloud[k] + up[1] * cloud[k + 1] + up[2] * cloud[k + 2];
@@ -382,7 +392,8 @@ function fit() {
   const left = $("panel").open && w > 2.4 * panel.right ? panel.right : 0, below = $("play").hidden ? 0 : 64;
   const right_ = $("scale").hidden || w < 500 ? 0 : $("scale").offsetWidth + 12;
   const unit = 1.75 / 2 * Math.min(w, h), margin = Math.min(60, 0.12 * Math.min(w, h));
-  const zoom = Math.min((w - left - right_ - 2 * margin) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
+  const beside = state.axes ? Math.min(75, 0.2 * w) : margin;   // where the axes' numbers are
+  const zoom = Math.min((w - left - right_ - 2 * beside) / Math.max(ends[1] - ends[0], 1e-6), (h - below - 2 * margin) / Math.max(ends[3] - ends[2], 1e-6)) / unit;
   set({ zoom, panX: (left - right_) / 2 - (ends[0] + ends[1]) / 2 * unit * zoom, panY: below / 2 - (ends[2] + ends[3]) / 2 * unit * zoom });
   fitted = true;
 }
@@ -397,6 +408,11 @@ function play(time, before) {
 
 function toggle() { playing = !playing; if (playing && state.frame >= scene.frames.length - 1) state.frame = 0; show(); if (playing) requestAnimationFrame(t => play(t)); }
 
+function zoomAt(left, top, factor, panX = 0, panY = 0) {   // what is at a place stays there, and moves by the pan
+  const x = left - canvas.clientWidth / 2, y = canvas.clientHeight / 2 - top;
+  set({ zoom: state.zoom * factor, panX: x + (state.panX - x) * factor + panX, panY: y + (state.panY - y) * factor + panY });
+}
+
 const fingers = new Map();
 canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, e); $("tip").hidden = true; canvas.focus(); });
 for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, e => fingers.delete(e.pointerId));
@@ -408,7 +424,7 @@ canvas.addEventListener("pointermove", e => {
     const other = [...fingers.values()].find(f => f.pointerId !== e.pointerId);
     const was = Math.hypot(old.clientX - other.clientX, old.clientY - other.clientY);
     const is = Math.hypot(e.clientX - other.clientX, e.clientY - other.clientY);
-    set({ zoom: state.zoom * is / Math.max(was, 1), panX: state.panX + dx / 2, panY: state.panY - dy / 2 });
+    zoomAt((old.offsetX + other.offsetX) / 2, (old.offsetY + other.offsetY) / 2, is / Math.max(was, 1), dx / 2, -dy / 2);
   } else if (e.shiftKey || old.buttons & 6) set({ panX: state.panX + dx, panY: state.panY - dy });
   else set({ azimuth: state.azimuth - dx * 0.4, elevation: state.elevation + dy * 0.4 });
   fingers.set(e.pointerId, e);
@@ -418,8 +434,7 @@ canvas.addEventListener("contextmenu", e => e.preventDefault());
 canvas.addEventListener("dblclick", fit);
 canvas.addEventListener("wheel", e => {
   e.preventDefault();
-  const factor = Math.exp(-clamp(e.deltaY, -200, 200) * 0.002), x = e.offsetX - canvas.clientWidth / 2, y = canvas.clientHeight / 2 - e.offsetY;
-  set({ zoom: state.zoom * factor, panX: x + (state.panX - x) * factor, panY: y + (state.panY - y) * factor });
+  zoomAt(e.offsetX, e.offsetY, Math.exp(-clamp(e.deltaY, -200, 200) * 0.002));
 }, { passive: false });
 
 addEventListener("keydown", e => {
@@ -432,7 +447,10 @@ addEventListener("keydown", e => {
   else if (e.key === "-") set({ zoom: state.zoom / 1.2 });
   else if (e.key === "f") fit();
   else if (e.key === "d") $("theme").click();
-  else if (e.key === " " && scene.frames.length > 1 && e.target.tagName !== "BUTTON") toggle();
+  else if (e.key === " ") {
+    if (scene.frames.length < 2 || e.target.tagName === "BUTTON" || e.target.type === "checkbox") return;
+    toggle();
+  }
   else if (e.key === "[") set({ frame: Math.ceil(state.frame) - 1 });
   else if (e.key === "]") set({ frame: Math.floor(state.frame) + 1 });
   else if ("12345".includes(e.key) && modes()[e.key - 1]) set({ mode: modes()[e.key - 1] });
@@ -494,9 +512,9 @@ async function watch(have) {
 
 function start() {
   if (!gl) { complain("This page needs WebGL 2, which the browser does not offer."); return; }
-  surfaces = program(SURFACE_VERTEX, SURFACE_PIXEL);
-  strokes = program(LINE_VERTEX, FLAT_PIXEL);
-  dots = program(POINT_VERTEX, FLAT_PIXEL);
+  equip();
+  canvas.addEventListener("webglcontextlost", e => e.preventDefault());   // else it does not come back
+  canvas.addEventListener("webglcontextrestored", () => { equip(); redraw(); });
   for (const [name, [key, text]] of Object.entries(SWITCHES)) {
     const label = document.createElement("label"), box = document.createElement("input");
     Object.assign(box, { type: "checkbox", id: name, onchange: () => set({ [name]: box.checked }) });

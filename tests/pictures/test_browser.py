@@ -7,16 +7,16 @@ import time
 import numpy as np
 import pytest
 
-from tests.pictures.browser import Browser
+from tests.pictures.browser import BROWSERS, WINDOW, Browser
 from tests.pictures.images import near
 from tests.shell import SPECS, command, environment, gtb
 
 pytestmark = pytest.mark.long
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    with Browser(tmp_path_factory.mktemp("profile")) as made:
+@pytest.fixture(scope="module", params=BROWSERS, ids=lambda kind: kind.__name__)
+def browser(request, tmp_path_factory):
+    with request.param(tmp_path_factory.mktemp("profile")) as made:
         yield made
 
 
@@ -51,10 +51,51 @@ def changed(one: np.ndarray, other: np.ndarray) -> float:
     return float((np.abs(one.astype(int) - other).max(axis=2) > 16).mean())
 
 
-@pytest.mark.parametrize("name", ["teapot", "bicubic", "box-corner", "example-3.1", "sequence"])
-def test_it_draws_more_than_the_background(name, show):
-    image = show(name)
-    assert changed(image[:, 260:], np.broadcast_to(image[-1, -1], image[:, 260:].shape)) > 0.01
+def background(image: np.ndarray) -> np.ndarray:
+    """An empty page beside an image."""
+    return np.broadcast_to(image[-1, -1], image.shape)
+
+
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [("teapot", 0.1), ("bicubic", 0.1), ("box-corner", 0.1), ("sequence", 0.1), ("example-3.1", 0.01)],
+)
+def test_it_draws_more_than_the_background(browser, name, least, show):
+    """Both in what is seen and in what the page itself has drawn."""
+    image = show(name, axes="false")[:, 260:]
+    assert changed(image, background(image)) > least
+    count = """
+        const w = canvas.width, h = canvas.height, all = new Uint8Array(4 * w * h);
+        draw();
+        gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, all);
+        let other = 0;
+        for (let k = 0; k < all.length; k += 4) if (Math.min(...all.subarray(k, k + 3)) < 235) other += 1;
+        return [other / (w * h), gl.getError()];
+    """
+    share, error = browser.run(count)
+    assert error == 0
+    assert share > least / 2
+
+
+def in_view(browser: Browser) -> bool:
+    """Whether all texts are within the window."""
+    return browser.run(
+        "return [...document.querySelectorAll('#marks span, .card')].map(e => e.getBoundingClientRect())"
+        ".every(b => b.left >= 0 && b.top >= 0 && b.right <= innerWidth && b.bottom <= innerHeight)"
+    )
+
+
+def test_all_of_it_is_in_view(browser, show):
+    for name, net in (("teapot", "false"), ("teapot", "true"), ("sequence", "true"), ("example-3.1", "true")):
+        show(name, net=net, mode="mean")
+        assert browser.run("return document.querySelectorAll('#marks span').length") >= 3
+        assert in_view(browser), name
+        assert browser.run(
+            "const clouds = scene.frames.flatMap(f => [f.positions, state.net && f.net || []]);"
+            "const ends = clouds.flatMap(cloud => Array.from(cloud));"
+            "return ends.every((_, k) => { if (k % 3) return true; const [x, y] = project(...ends.slice(k, k + 3));"
+            "return x >= 0 && y >= 0 && x <= innerWidth && y <= innerHeight; })"
+        ), name
 
 
 def test_switches_show_and_hide(browser, show):
@@ -100,6 +141,81 @@ def test_mouse_turns_wheel_zooms_and_fit_brings_back(browser, show):
     assert changed(image, browser.picture()) < 0.02
 
 
+def test_a_wheel_zooms_about_the_pointer(browser, show):
+    show("bicubic")
+    place = "return project(...scene.frames[0].positions.subarray(0, 3))"
+    x, y = browser.run(place)
+    browser.wheel((round(x), round(y)), -200)
+    browser.settle()
+    assert browser.run("return state.zoom") > 1.2
+    assert np.hypot(*np.subtract(browser.run(place), (x, y))) < 2
+
+
+def test_one_finger_turns_and_two_zoom_and_move(browser, show):
+    image = show("bicubic")
+    view = "return [state.azimuth, state.elevation, state.zoom, state.panX, state.panY]"
+    before = browser.run(view)
+    browser.fingers([(400, 200), (420, 200), (450, 215)])
+    turned = browser.run(view)
+    assert turned[0] == pytest.approx(before[0] - 20, abs=1)
+    assert turned[1] == pytest.approx(before[1] + 6, abs=1)
+    assert turned[2:] == before[2:]
+    assert changed(image, browser.picture()) > 0.02
+    browser.fingers([(400, 200), (380, 200), (350, 200)], [(500, 200), (520, 200), (550, 200)])
+    apart = browser.run(view)
+    assert apart[:2] == turned[:2]
+    assert apart[2] == pytest.approx(2 * turned[2], rel=0.1)
+    browser.fingers([(400, 150), (400, 170), (400, 190)], [(500, 150), (500, 170), (500, 190)])
+    moved = browser.run(view)
+    assert moved[2] == pytest.approx(apart[2], rel=0.05)
+    assert moved[4] == pytest.approx(apart[4] - 40, abs=3)
+    assert moved[3] == pytest.approx(apart[3], abs=3)
+
+
+def test_what_is_between_two_fingers_stays_there(browser, show):
+    show("bicubic")
+    place = "return project(...scene.frames[0].positions.subarray(0, 3))"
+    x, y = (round(value) for value in browser.run(place))
+    browser.fingers([(x - 20, y), (x - 30, y), (x - 40, y)], [(x + 20, y), (x + 30, y), (x + 40, y)])
+    assert np.hypot(*np.subtract(browser.run(place), (x, y))) < 4
+
+
+KEYS = {
+    "\ue014": "azimuth",  # right
+    "\ue013": "elevation",  # up
+    "+": "zoom",
+    "-": "zoom",
+    "2": "mode",
+    "n": "net",
+    "k": "knots",
+    "e": "edges",
+    "o": "open",
+    "a": "axes",
+    "p": "folds",
+    "c": "patches",
+}
+
+
+def test_keys_do_what_the_page_says(browser, show):
+    show("bicubic")
+    for key, name in KEYS.items():
+        before = browser.run("return {...state}")
+        browser.keys(key)
+        after = browser.run("return {...state}")
+        assert [other for other in before if before[other] != after[other]] == [name]
+    help_ = browser.run("return document.getElementById('panel').textContent")
+    assert [
+        word for word in ("Arrows", "+ −", "1–5", "c n k e o p a", "Space", "[ ]", "d: dark") if word not in help_
+    ] == []
+
+
+def test_a_switch_that_has_the_focus_takes_the_space_bar(browser, show):
+    show("sequence")
+    browser.run("document.getElementById('axes').focus()")
+    browser.keys(" ")
+    assert browser.run("return [state.axes, playing]") == [False, False]
+
+
 def test_names_are_under_the_pointer(browser, show):
     show("box-corner", azimuth=45, elevation=35)
     browser.mouse((480, 250), (481, 251))
@@ -120,16 +236,46 @@ def test_the_slider_changes_the_shape_and_it_plays(browser, show):
     assert 0 < browser.run("return state.frame") <= 1.7
 
 
-def test_dark_and_light_and_a_small_window(browser, show):
+def test_dark_and_light(browser, show, pages):
     assert show("bicubic").mean() > 200
     browser.keys("d")
     assert browser.picture().mean() < 120
-    browser.size(420, 640)
-    narrow = show("bicubic")
-    assert narrow.shape[1] < 560
-    assert browser.run("return document.getElementById('panel').open") is False
-    browser.size(760, 560)
-    assert changed(narrow[:, :1], np.broadcast_to(narrow[-1, -1], narrow[:, :1].shape)) == 0  # all of it is in view
+    browser.open((pages / "bicubic.html").as_uri())
+    means = []
+    for colours in ("dark", "light"):
+        browser.prefer(colours)
+        means.append(browser.picture().mean())
+    assert means[0] < 120
+    assert means[1] > 200
+
+
+def test_what_a_graphics_card_forgets_is_drawn_again(browser, show):
+    image = show("bicubic", net="true")
+    browser.run("window.card = gl.getExtension('WEBGL_lose_context'); card.loseContext()")
+    browser.settle()
+    browser.run("card.restoreContext()")
+    end = time.monotonic() + 10
+    while browser.run("return gl.isContextLost()"):
+        assert time.monotonic() < end
+    assert changed(image, browser.picture()) < 0.001
+    browser.complaints()  # Chromium says that it was lost
+
+
+def test_a_window_of_another_size(browser, show):
+    wide = show("teapot")
+    try:
+        browser.size(500, 700)
+        narrow = browser.picture()
+        assert narrow.shape[:2] != wide.shape[:2]
+        assert in_view(browser)
+        assert changed(narrow, background(narrow)) > 0.05
+        assert browser.run("return [canvas.width, canvas.height]") == list(narrow.shape[1::-1])
+        show("teapot")
+        assert browser.run("return document.getElementById('panel').open") is False
+        assert in_view(browser)
+    finally:
+        browser.size(*WINDOW)
+    show("teapot")
 
 
 def test_watch_follows_an_edit_and_shows_an_error(browser, tmp_path):
