@@ -498,3 +498,13 @@ def test_cells_of_members_are_no_flatter_than_the_patch_they_belong_to(monkeypat
     sequence = degeneration_sequence(patch, [5], resolution=1, accuracy=Accuracy(0.02, 16, 100))
     next(iter(sequence))
     assert asked.count(len(patch.knots)) == 5  # the whole patch, once for each cell of the limit
+
+
+@pytest.mark.parametrize("name", ["example-4.4", "example-3.4", "pentagon"])
+def test_the_limit_of_a_sequence_is_the_mesh_of_the_control_surface(name):
+    """The one joins cells by the decomposition, the other by their edges' curves: the same vertices and cells."""
+    patch = spec(name)
+    limit = degeneration_sequence(patch, [], resolution=3, normals=False, distances=False).meshes[-1]
+    model = tessellate(regular_control_surface(patch), 3, normals=False)
+    np.testing.assert_array_equal(model.cells, limit.cells)
+    np.testing.assert_array_equal(model.vertices, limit.vertices)
