@@ -137,7 +137,7 @@ class StagedFiles:
         Raises
         ------
         ExportError
-            `name` is no plain file name, was added before, or cannot be written.
+            `name` is not a plain file name, was added before, or cannot be written.
         """
         shown = os.path.join(self.folder, name)
         if os.path.basename(name) != name or name in ("", os.curdir, os.pardir):

@@ -55,9 +55,9 @@ def require(
         See `requirements`.
     spec : Patch or Model
     mesh : Mesh
-        Of which "watertight" is required.
+        The mesh that must be watertight.
     surface : Mesh, optional
-        Of which "unfolded" is required: the mesh before it was made a tube or a solid. Default: `mesh`.
+        The mesh that must be unfolded: that from before it was made a tube or a solid. Default: `mesh`.
     folds : sequence of str
         What is known of folds of the tube or the solid.
 

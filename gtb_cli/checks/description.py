@@ -43,7 +43,7 @@ class Description:
         "rational Bézier curve", "rational Bézier triangle" or "rational Bézier tensor product" where the knots are a
         whole lattice of that shape, at any place and scale; else "toric" where they are integers, else "GT".
     degree : tuple of int
-        Of a rational Bézier curve or triangle, or the two of a tensor product; empty for others.
+        The degree of a rational Bézier curve or triangle, or the two of a tensor product; empty for others.
     edges : tuple of tuple of int
         Indices of the knots on each edge of Δ, in order along it; for a curve, of the knots at its two ends.
     edge_normals : {"unit", "primitive"} or None

@@ -70,11 +70,11 @@ class Finding:
     Attributes
     ----------
     name : str
-        Of the property; the same in every version, for scripts.
+        Name of the property, the same in every version, for scripts.
     reference : str
         Where the paper states it.
     status, value, bound, reason
-        As in `Outcome`.
+        See `Outcome`.
     """
 
     name: str

@@ -49,7 +49,9 @@ def isoparametric_curves(probe: Probe) -> Outcome:
     """On a rectangle, P(u*, v) is the curve of the knots' other coordinates with weights c ω exp(u_i θ(u*))."""
     domain = probe.patch.domain
     if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():
-        return not_applicable("the domain is no rectangle along the axes: other isolines are no GT-Bézier curves")
+        return not_applicable(
+            "the domain is not a rectangle along the axes: isolines of others are not GT-Bézier curves"
+        )
     worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINE_PLACES)
     reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
     return within_rounding(worst, 4 * probe.distance_rounding, reason)

@@ -69,8 +69,8 @@ def check(
     A line for each: whether it holds, the largest violation and what rounding allows (relative to sizes), where the
     paper states it, and what was measured. A property that is claimed under conditions only is "not applicable" where
     they are not fulfilled, and a number without a verdict is "measured". In a model each patch is checked, and the
-    joints between patches; what fails is listed, and --json has the rest. Of several specs,
-    or of those in a folder, there is a line each, unless --long or --json asks for all. Exit status 1 if a property
+    joints between patches; what fails is listed, and --json has the rest. Several specs, or those
+    in a folder, get a line each, unless --long or --json asks for all. Exit status 1 if a property
     fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.check import check as measure

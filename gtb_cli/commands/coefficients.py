@@ -35,9 +35,9 @@ def coefficients(
 
     Print the spec with coefficients for which the GT-Bernstein basis adds up to 1 at some parameters.
 
-    There is such a solution for distinct knots, but it need not be positive, and then is no basis: that is an error,
-    which says the values. For Bézier curves, triangles and tensor product patches it is that of the Bernstein basis,
-    up to a factor, and the sum is 1 everywhere.
+    There is such a solution for distinct knots, but it need not be positive, and then it is not a basis: an error says
+    the values. For Bézier curves, triangles and tensor product patches it is that of the Bernstein basis, up to a
+    factor, and the sum is 1 everywhere.
     """
     import numpy as np
 

@@ -14,11 +14,11 @@ from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
-"""Of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and rectangle
-with nets of normals beside their own (PN), rational triangle."""
+"""Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
+rectangle with nets of normals beside their own (PN), rational triangle."""
 
 MOST_SIDES = 100
-"""Of a polyhedron's face."""
+"""Largest number of sides of a polyhedron's face."""
 
 
 def read_bv(data: bytes, source: str) -> list[Patch]:

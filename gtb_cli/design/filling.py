@@ -38,9 +38,9 @@ def fill(
         A model of curves, the sides in any order; or of surfaces, with an open ring of edges; or a file with one of
         these or with a `.gbp` or `.lop` loop.
     ribbons : sequence of (n, 3) float or None, optional
-        Of a model of curves: for each the second row of control points, ribbon − curve being the cross field.
+        For each curve of a model of curves the second row of control points, ribbon − curve being the cross field.
     hole : str, optional
-        Of a model of surfaces: an edge of the ring, as ``"wall-0 edge 2"``; not needed if there is one ring.
+        An edge of the ring in a model of surfaces, as ``"wall-0 edge 2"``; not needed if there is one ring.
     inner : {"fair", "flat"}
         Least thin-plate or Dirichlet energy.
     fullness : float
@@ -48,7 +48,7 @@ def fill(
     raises : int, optional
         How often the degree of edges is raised, at least.
     name : str, optional
-        Of the patch.
+        Name of the patch.
 
     Returns
     -------

@@ -91,7 +91,7 @@ def ring_sides(model: Model, ring: Ring) -> list[Side]:
     Raises
     ------
     DomainError
-        An edge is no rational Bézier curve.
+        An edge is not a rational Bézier curve.
     """
     sides = []
     for patch_index, edge in ring.edges:
@@ -158,7 +158,7 @@ def fill_hole(
     Parameters
     ----------
     model : Model
-        Of surfaces.
+        A model of surfaces.
     hole : str, optional
         The name of an edge of the ring, as ``wall-0 edge 2``; not needed if there is one ring.
     inner, fullness
@@ -166,7 +166,7 @@ def fill_hole(
     raises : int, optional
         How often degrees are raised, at least. Default: not at all, if the patch then is exact and does not fold.
     name : str
-        Of the patch.
+        Name of the patch.
 
     Returns
     -------

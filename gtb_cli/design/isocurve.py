@@ -34,8 +34,8 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     Raises
     ------
     DomainError
-        The patch is a curve, or its domain not such a rectangle, where isoparametric curves are no GT-Bézier curves; or
-        the value is not in the domain.
+        The patch is a curve, or its domain is not such a rectangle: isoparametric curves are not GT-Bézier curves then;
+        or the value is not in the domain.
 
     References
     ----------
@@ -46,7 +46,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
         raise DomainError("is a curve, and has no isoparametric curves")
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
         raise DomainError(
-            "the domain is not a rectangle along the axes: isoparametric curves are no GT-Bézier curves there. What "
+            "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there. What "
             "can be had is a polyline (--polyline)"
         )
     low, high = span(patch, axis, value)

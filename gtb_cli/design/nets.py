@@ -52,7 +52,7 @@ def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     Raises
     ------
     DomainError
-        A weight is not positive: there is no patch for it.
+        A weight is not positive, as no patch allows.
     """
     weights = rows[:, 3]
     if not (weights > 0).all():

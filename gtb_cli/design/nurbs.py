@@ -15,7 +15,7 @@ from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 
 MAX_CONTROL_POINTS = 100_000
-"""Of a curve or surface."""
+"""Largest number of control points of a curve or surface."""
 
 SHORTEST = 1e-12
 """Spans below this fraction of all are none: knots that were meant to be equal."""
@@ -32,7 +32,7 @@ def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | No
     rows : (n, 4) float
         Homogeneous control points x w, y w, z w, w.
     name : str, optional
-        Of the curve; of several spans each gets a number.
+        Name of the curve; each of several spans gets a number after it.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
     degree : int
     knots : (count + degree + 1,) float
     count : int
-        Of control points.
+        Number of control points.
 
     Returns
     -------

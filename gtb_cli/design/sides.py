@@ -190,7 +190,7 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
     Raises
     ------
     DomainError
-        It is no curve, or no rational Bézier curve.
+        It is not a curve, or not a rational Bézier curve.
     """
     if curve.dimension != 1:
         raise DomainError(f"{name}: is a surface, the sides of a loop are curves")
@@ -237,7 +237,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
         else:
             left.append(side)
     if len(left) < 3:
-        count = f"{len(left)} sides that are no points" if remarks else f"{len(left)} sides"
+        count = f"{len(left)} sides that are not points" if remarks else f"{len(left)} sides"
         raise DomainError(f"loop: has {count}, at least 3 are needed (a side may be cut in two)")
     chain = [left.pop(0)]
     turned = []

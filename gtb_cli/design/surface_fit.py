@@ -46,7 +46,7 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     patch : Patch
         A surface with n knots, which stay, as do its weights.
     parameters : (n, 2) float, optional
-        Of the points, in the linear parametrisation. Default: the knots.
+        Parameters of the points, in the linear parametrisation. Default: the knots.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def surface_near(
     patch : Patch
         A surface, whose knots and weights stay. Without parameters it is also where the points are projected first.
     parameters : (m, 2) float, optional
-        Of the points, in the linear parametrisation; they stay. Default: by projection, corrected in rounds.
+        Parameters of the points, in the linear parametrisation; they stay. Default: by projection, corrected in rounds.
     smoothing : float
         Weight of the thin-plate energy; 0 for none.
 

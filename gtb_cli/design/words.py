@@ -10,7 +10,7 @@ from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import SpecError
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
-"""As C, C++ and Fortran write numbers."""
+"""Numbers as C, C++ and Fortran write them."""
 
 LARGEST = 1e100
 """Beyond this a coordinate or weight is an error: the square of twice as many digits would overflow."""

@@ -33,7 +33,7 @@ class Sheet(NamedTuple):
     Attributes
     ----------
     name : str
-        Of the patch it is a part of.
+        Name of the patch it is a part of.
     degrees : tuple of two int
     knots : tuple of two (k,) float
         Ascending, each as often as its multiplicity, clamped.
@@ -72,9 +72,9 @@ def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str =
     sheets : sequence of Sheet
     kind : {"step", "iges", "brep"}
     unit : str
-        Of `KERNEL_UNITS`: that of the coordinates, which the file says (BREP files have none).
+        One of `KERNEL_UNITS`: the unit of the coordinates, which the file says (BREP files have none).
     name : str
-        Of the whole.
+        Name of the whole.
 
     Raises
     ------

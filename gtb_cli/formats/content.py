@@ -55,7 +55,7 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     Parameters
     ----------
     corners : (c,) int
-        Of one polygon after another.
+        Corners of one polygon after another.
     counts : (p,) int
         How many corners each has: 3 at least.
     """

@@ -112,7 +112,7 @@ class _Reader:
         self.names: list[tuple[str, int]] = []
 
     def read(self, lines: list[bytes], number: int) -> None:
-        """Read lines; `number` is that of the first. Of wrong ones the first is found by halving."""
+        """Read lines; `number` is that of the first. The first wrong one is found by halving."""
         try:
             self._read(lines)
         except GtbError as error:

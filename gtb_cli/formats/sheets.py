@@ -23,7 +23,7 @@ SEGMENTS = (8, 16, 32, 64, 128)
 CUBIC = 3
 
 SMALLEST_WEIGHT = 1e-12
-"""Of a Bézier rectangle, relative to the largest: below it a kernel's derivatives lose all digits."""
+"""Smallest weight of a Bézier rectangle, relative to the largest: below it a kernel's derivatives lose all digits."""
 
 GRADING = 2.0
 """Interpolated places are a power of even fractions, closer towards Δ's edges: a patch of real knots may have no second
@@ -58,7 +58,7 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     Parameters
     ----------
     spec : Patch or Model
-        Of surfaces.
+        A surface, or a model of surfaces.
     tolerance : float, optional
         Largest distance of fitted surfaces, in model units.
 

@@ -45,7 +45,7 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     triangles : (k, 3) int
         Indices into `vertices`.
     name : str
-        Of the solid, in text.
+        Name of the solid, in text.
     """
     if not ascii:
         yield _stl_of_trimesh(vertices, triangles)

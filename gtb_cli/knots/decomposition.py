@@ -37,7 +37,7 @@ class RegularDecomposition:
         and differences of it are better taken from `gaps`.
     polygons : tuple of tuple of int
         Corners of each cell as knot indices, counter-clockwise from the lowest, then leftmost, one; for d = 1 the
-        left and the right end. Of knots at the same place the lowest index in the cell stands for all. The
+        left and the right end. Where knots are at the same place, the lowest index in the cell stands for all. The
         polygons tile Δ and meet edge to edge.
 
     References
@@ -120,7 +120,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     Parameters
     ----------
     knots : (n, d) float, or (n,) for d = 1
-        Knots a_i, in any order, d = 1 or 2. Of repeated knots only the highest count, all of them where equal.
+        Knots a_i, in any order, d = 1 or 2. Among repeated knots only the highest count, all of them where equal.
     lifting : (n,) float
         Values λ_i.
 

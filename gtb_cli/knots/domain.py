@@ -129,7 +129,7 @@ class Domain:
         Raises
         ------
         DomainError
-            The last axis has another length, or these are no numbers.
+            The last axis has another length, or these are not numbers.
         """
         try:
             array = np.asarray(u, dtype=np.float64)

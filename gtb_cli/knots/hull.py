@@ -36,7 +36,7 @@ def convex_hull(points: FloatArray) -> IntArray:
     -------
     (r,) int
         Counter-clockwise from the lowest, then leftmost, corner. Points within `knot_tolerance` of
-        an edge are no corners; of equal points the first is taken.
+        an edge are not corners; among equal points the first is taken.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def integers(column: FloatArray) -> tuple[list[int], int]:
 def upper_hull(points: list[tuple[int, ...]], indices: list[int]) -> UpperHull:
     """Upper hull of the points with these indices: d = 1 or 2 coordinates and a height, places pairwise different.
 
-    Points on a facet that are no corners of it are left out; coplanar facets are not joined. Quickhull for d = 2,
+    Points on a facet that are not its corners are left out; coplanar facets are not joined. Quickhull for d = 2,
     O(n log n) on average.
     """
     return _upper_chain(points, indices) if len(points[0]) == 2 else _upper_triangles(points, indices)

@@ -122,7 +122,7 @@ def surface_distance(
     used = []
     for mesh in (a, b):
         if not len(mesh.cells):
-            raise DomainError("mesh: has no cells, there is no distance to it")
+            raise DomainError("mesh: has no cells, and no distance from them")
         used.append(mesh.vertices[are_used(mesh.cells, len(mesh.vertices))])
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")

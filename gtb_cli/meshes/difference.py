@@ -63,7 +63,7 @@ class Difference:
     resolution : float
         Distance of two points with the same coordinates but for what the files cannot hold; no tolerance is below.
     diagonal : float
-        Of the bounding box of the smaller mesh.
+        Diagonal of the bounding box of the smaller mesh.
     forward, backward : Farthest
         From the first mesh to the second, and the other way.
     mean : float or None
@@ -73,12 +73,12 @@ class Difference:
     group : str
         Name of the part of the first mesh that has the farthest vertex, where it has parts.
     first, second : Measures or None
-        Of the meshes; None where vertices were compared.
+        Measures of the meshes; None where vertices were compared.
     same_kind : bool
         False where one is a curve and the other a surface: these are never the same.
     turned : int
         Faces of the second mesh that look to the other side than in the first, where vertices were compared. They are
-        in the same place, so that this alone is no difference.
+        in the same place, so that this alone is not a difference.
     """
 
     method: Method
@@ -135,7 +135,7 @@ def difference(
         In model units, or as ``"1%"`` of the diagonal of the bounding box of the smaller mesh. By default
         `DEFAULT_TOLERANCE` of it. In any case not less than the resolution.
     effort : int
-        As of `surface_distance`.
+        See `surface_distance`.
 
     Returns
     -------
@@ -275,7 +275,7 @@ def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntAr
     points, others = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     place = np.asarray(tree.query(others, distance_upper_bound=float(np.ldexp(tolerance, exponent)))[1])
-    # Of vertices that are too far from any there is the index beyond the last, so that these are not one to one.
+    # Vertices that are too far from any have the index beyond the last, so that these are not one to one.
     if (np.bincount(place, minlength=len(first)) != 1).any():
         return None
     # Rows of sorted corners, of which each mesh must have the same, and as many.

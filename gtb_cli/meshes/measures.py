@@ -22,11 +22,11 @@ class Measures:
     Attributes
     ----------
     vertices, cells : int
-        As they are in the mesh.
+        Numbers of vertices and cells in the mesh.
     bounds : ((3,), (3,)) float
         Lowest and highest coordinates of the vertices that cells use.
     area, length : float or None
-        Of the triangles; of the segments of a curve.
+        Area of the triangles; length of the segments of a curve.
     volume : float or None
         Inside a closed mesh whose faces all look to the same side (negative: inwards); else None.
     boundary_length : float or None

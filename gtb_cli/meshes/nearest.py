@@ -34,7 +34,7 @@ class NearestCells:
     Parameters
     ----------
     corners : (k, 2, 3) or (k, 3, 3) float
-        Of any sizes and shapes; they may be flat or points.
+        Cells of any size and shape; they may be flat or points.
 
     Notes
     -----
@@ -90,7 +90,7 @@ class NearestCells:
         Returns
         -------
         distances, cells : (m,)
-            Of the nearest cell, up to rounding.
+            Distance and index of the nearest cell, up to rounding.
         """
         bounds, cells = bounds.copy(), cells.copy()
         top = len(self._boxes) - 1

@@ -75,7 +75,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
             given = np.where(backwards[long, None, None], -given[:, ::-1], given)
             along = np.einsum("sij,sj->si", given, chords)
             directions = np.where((along > MIN_TANGENT_COSINE)[:, :, None], given, directions)
-        # Two segments that end where they begin are no ring, but the same way there and back.
+        # Two segments that end where they begin are not a ring, but the same way there and back.
         closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
         yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
 

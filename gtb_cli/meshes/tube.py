@@ -24,7 +24,7 @@ SIDES = 24
 """Vertices of a ring: the polygon is within 0.9 % of the radius from the circle, and has corners on both axes."""
 
 ROUNDING = 1e-9
-"""Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is no sharp one, and
+"""Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is not a sharp one, and
 vertices of the two rings of a sharp turn can be one."""
 
 
@@ -44,7 +44,7 @@ def tube(
     mesh : Mesh
         A polyline, or several.
     radius : float
-        Of the circle, in model units.
+        Radius of the circle, in model units.
     sides : int, optional
         Vertices of each ring, at least 3.
     tolerance : float, optional
@@ -64,7 +64,7 @@ def tube(
     Raises
     ------
     DomainError
-        The mesh is no polyline, a polyline is a single point, or a number makes no sense.
+        The mesh is not a polyline, a polyline is a single point, or a number makes no sense.
     ToleranceError
         Too many triangles.
 

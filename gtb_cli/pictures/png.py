@@ -22,7 +22,7 @@ NONE, SUB, UP = range(3)
 def png(pixels: NDArray[Any]) -> bytes:
     """The PNG file of (height, width, 3) red, green and blue from 0 to 255, row by row from the top.
 
-    Of the filters that suit drawings (none) and shading (neighbours' differences) the one with the smallest file.
+    The filter is the one with the smaller file: none, which suits drawings, or neighbours' differences, for shading.
     """
     rows = np.ascontiguousarray(pixels, dtype=np.uint8)
     height, width, _ = rows.shape

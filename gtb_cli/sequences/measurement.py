@@ -36,7 +36,7 @@ class Accuracy:
     cells : int
         Roughly what those meshes start from.
     points_in_all : int
-        As of `refine`.
+        See `refine`.
     """
 
     chord_error: float

@@ -179,7 +179,7 @@ def degeneration_sequence(
     normals : bool
         Give surfaces their unit normals.
     max_faces : int
-        Of all meshes together.
+        Largest number of faces of all meshes together.
     accuracy : Accuracy, optional
         That of the distances; default `ACCURACY`.
     distances : bool
@@ -240,11 +240,11 @@ def knot_sequence(
     ----------
     patch : Patch
     moves : mapping of int to int
-        As for `merge_knots`.
+        See `merge_knots`.
     steps : iterable of float
         From 0 to 1, which means the limit. Put in order; repeated ones count once.
     resolution, tolerance, normals, max_faces, accuracy, distances
-        As for `degeneration_sequence`.
+        See `degeneration_sequence`.
 
     Returns
     -------

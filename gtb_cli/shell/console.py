@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 STANDARD = "-"
-"""As the name of a file: standard input or output."""
+"""The name of a file that stands for standard input or output."""
 
 PROGRESS_DELAY = 2.0
 """Seconds before a progress bar appears."""

@@ -42,7 +42,7 @@ class Entry:
     settings : mapping
         What is particular to it among the options.
     measures : Measures
-        Of the mesh, before numbers are rounded to what the format holds.
+        Measures of the mesh, before numbers are rounded to what the format holds.
     inputs : mapping
         Sums of the files that it is made from, by name from the spec's folder on.
     warnings : list of str

@@ -61,11 +61,11 @@ class Copy:
     Attributes
     ----------
     path : tuple
-        Of its table.
+        Key path of its table.
     original : str
         Name of the patch that is copied.
     names : tuple of str
-        Of the copies.
+        Names of the copies.
     motions : tuple of Motion
         One for each.
     is_mirrored : bool
@@ -227,7 +227,7 @@ def carried_out(
     copies : mapping of int to Copy
         By any number.
     named : mapping of str to Patch or None
-        The patches that are no copies; None where one is wrong, or two have the name.
+        The patches that are not copies; None where one is wrong, or two have the name.
     values : Values
         For what is wrong.
 

@@ -57,7 +57,7 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
         At most 10 MB of UTF-8.
     source : str
         File name for messages, whose stem names a nameless patch, and in whose folder included files are; ``-`` and
-        text in angle brackets are no files, give no name and include nothing.
+        text in angle brackets are not files: they give no name and include nothing.
     format : "toml", "json" or None
         None: JSON where the first character is ``{``, else TOML.
 
@@ -96,7 +96,7 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     Raises
     ------
     SpecError
-        As for `load`, with key paths.
+        See `load`; the messages have key paths.
     """
     document = Document(_plain(data), "", "json", ())
     faults = Faults(document, "from_dict")

@@ -19,7 +19,7 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     ----------
     path : str
     format : "toml", "json" or None
-        Of the spec itself, as in `parse`.
+        Format of the spec itself, as in `parse`.
 
     Returns
     -------

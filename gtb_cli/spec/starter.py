@@ -38,7 +38,7 @@ def template(name: str, sides: int | None = None) -> str:
     Raises
     ------
     SpecError
-        There is no such template, or the number of sides is missing, senseless or of no use.
+        No template has this name, or the number of sides is missing, senseless or of no use.
     """
     if name not in TEMPLATES:
         raise SpecError(f"template: expected one of {', '.join(TEMPLATES)}, got {name!r}")

@@ -52,7 +52,7 @@ class Values:
     Attributes
     ----------
     faults : Faults
-        Of this file.
+        Faults of this file.
     names : dict of str to float
         Numbers with a name, which expressions may use.
     budget : Budget

@@ -23,7 +23,7 @@ def to_dict(spec: Patch | Model) -> dict[str, Any]:
     Returns
     -------
     dict
-        Of lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` makes an equal value of it. Weights
+        Lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` makes an equal value of it. Weights
         are there as numbers where their logarithms are those of the patch, else (x^λ ω) as `log_weights`.
     """
     if isinstance(spec, Model):

@@ -31,7 +31,7 @@ COMPARED = 8
 
 
 class Certificates:
-    """Of the segments of a subdivision of curves.
+    """Certificates of the segments of a subdivision of curves.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class Complex:
     collapsed : (c, 2) int
         Pairs of vertices that are one point because an edge of a patch is.
     sides : int
-        Of uniform triangles: how many sides they have, two on one shared edge counted once.
+        How many sides uniform triangles have, two on one shared edge counted once.
     """
 
     patch: IntArray

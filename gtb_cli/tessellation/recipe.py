@@ -222,7 +222,7 @@ class Recipe:
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
         """How sure it is that the tolerance holds: certified for curves, sampled for surfaces; None without one.
 
-        Of a tube, the middle line is certified, the surface is not.
+        The middle line of a tube is certified, its surface is not.
         """
         from gtb_cli.theory.model import Model
 

@@ -77,8 +77,8 @@ def refine(
     start : Complex
         Simplicial.
     sampler : Sampler
-        Of linear parameters: toric ones are too close to tell apart where exponents are small, so that points of the
-        surface would be left out.
+        One of linear parameters: toric ones are too close to tell apart where exponents are small, so that points of
+        the surface would be left out.
     tolerance : float
         Largest distance from the surface to the mesh, in model units.
     max_cells : int
@@ -124,13 +124,13 @@ class _Refinement:
         self.mesh = Subdivision(start, points, sampler.patches, SLIM)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
-        # Inside flat patches a parameter may slide out of its cell: that is no error of the mesh.
+        # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.evaluated])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby, self.estimated = 0.0, 0
         self.certificates = Certificates(sampler)
         self.verified = np.zeros(len(start.cells), dtype=bool)
-        # Of edges: their curves' middles, how far these are from them, the farthest sample (0 where the edge is split
+        # For each edge its curve's middle, how far this is from it, the farthest sample (0 where the edge is split
         # and gone), and how far samples are from a parabola's.
         self.middle = np.empty((0, 3))
         self.bend, self.error, self.roughness = np.empty(0), np.empty(0), np.empty(0)

@@ -129,7 +129,7 @@ def divide_triangles(
     edges : Edges
         With the halves of split ones.
     points : (v, 3) float
-        Of two diagonals the shorter is taken.
+        Places of the vertices: the shorter of two diagonals is taken.
     vertex : (e,) int
         The vertex in the middle of a split edge, −1 for others.
     child : (e, 2) int

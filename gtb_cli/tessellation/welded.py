@@ -20,7 +20,7 @@ def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch],
     ----------
     mosaic : Complex
     points : (v, 3) float
-        Of its vertices, each on its own patch.
+        Points of its vertices, each on its own patch.
     patches : sequence of Patch
         Surfaces.
     joints : Joints

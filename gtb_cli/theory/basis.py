@@ -146,7 +146,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     ----------
     domain : Domain
     u : (n, d) float, optional
-        As many different parameters as knots. Default for curves: the inner Chebyshev points of Δ, for surfaces:
+        Different parameters, as many as knots. Default for curves: the inner Chebyshev points of Δ, for surfaces:
         the knots drawn 10 % towards the middle of Δ.
 
     Returns

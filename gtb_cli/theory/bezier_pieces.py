@@ -222,7 +222,7 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     (D_1 + 1, D_2 + 1) float, (D_1 + 1, D_2 + 1, 3) float
-        All sums are of positive terms; that of the corner's knot is in every one. Of one power, D_2 is 0.
+        All sums are of positive terms; that of the corner's knot is in every one. For a single power D_2 is 0.
     """
     first, *others = (_conversion(column) for column in powers.T)
     second = others[0] if others else np.zeros((1, len(powers)))

@@ -42,7 +42,7 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
     Raises
     ------
     DomainError
-        `by` is no whole number from 0, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
+        `by` is not a whole number from 0, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
 
     Notes
     -----
@@ -84,7 +84,7 @@ def multiplier(patch: Patch) -> FloatArray:
 
 
 def _common_steps(shape: Domain) -> int:
-    """Number of equal steps into which knots divide each edge of a surface's Δ; 1 where there is no such number."""
+    """Number of equal steps into which knots divide each edge of a surface's Δ; 1 where the steps are not equal."""
     counts = set()
     for edge in range(len(shape.vertices)):
         on_edge = lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)])))

@@ -53,9 +53,9 @@ class Joints:
     open : tuple of EdgeRef
         Edges with a curve of their own.
     collapsed : tuple of EdgeRef
-        Edges whose control points all coincide; they are no part of a boundary.
+        Edges whose control points all coincide; they are not part of a boundary.
     crowded : tuple of tuple of EdgeRef
-        Curves shared by more than two edges: there the model is no manifold.
+        Curves shared by more than two edges: there the model is not a manifold.
     almost : tuple of (EdgeRef, EdgeRef, float)
         Open edges that nearly coincide (see `SEAM_GAP`), with the largest distance between their curves, in model
         units.

@@ -257,7 +257,7 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     ----------
     patch : Patch
     moves : mapping of int to int
-        As for `merge_knots`.
+        See `merge_knots`.
 
     Returns
     -------

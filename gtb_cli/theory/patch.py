@@ -162,8 +162,8 @@ class Patch:
     def part(self, members: IntArray, **changes: Any) -> Patch:
         """Return the patch of some knots, with what belongs to them.
 
-        Its edges are its own: primitive normals become automatic ones, and the edge scale 1. As in `replace`, other
-        fields may be given.
+        Its edges are its own: primitive normals become automatic ones, and the edge scale 1. Other fields may be
+        given, see `replace`.
         """
         names = ["knots", "control_points", "weights", "log_weights", "coefficients"]
         rows = {name: getattr(self, name)[members] for name in names if name not in changes}
