@@ -60,7 +60,7 @@ browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that a
 bench: $(VENV)/.development ## measure times beside floors and peers (one thread), as a table of ratios
 	@OPENBLAS_NUM_THREADS=1 $(RUN) tests.benchmarks
 
-fuzz: $(VENV)/.development ## 20,000 mutated specs, 5,000 models, meshes and command lines each, 1,200 killed processes
+fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models, meshes, command lines, 1,200 kills
 	@$(RUN) tests.fuzz
 
 guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers

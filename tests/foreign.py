@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
+import tempfile
 from collections.abc import Sequence
 from fractions import Fraction
+from pathlib import Path
 
 Rows = Sequence[Sequence[Fraction]]
 
@@ -204,6 +207,25 @@ FILES = {
     "toric.trp": TRP, "shapes.bv": BV, "two.bpt": BPT, "one.bzr": BZR,
     "sheet.json": geomdl(), "bow.json": geomdl_curve(), "part.igs": iges(),
 }  # fmt: skip
+
+
+@functools.cache
+def rhino() -> bytes:
+    """A .3dm file, in millimetres: a ball, a point, a line and a curve of two spans."""
+    import rhino3dm
+
+    file = rhino3dm.File3dm()
+    file.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
+    named = rhino3dm.ObjectAttributes()
+    named.Name = "ball"
+    file.Objects.Add(rhino3dm.Sphere(rhino3dm.Point3d(1, 2, 3), 2.0).ToNurbsSurface(), named)
+    file.Objects.AddPoint(rhino3dm.Point3d(0, 0, 0))
+    file.Objects.AddLine(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
+    file.Objects.Add(rhino3dm.NurbsCurve.Create(False, 3, [rhino3dm.Point3d(i, i * i % 3, 0) for i in range(5)]))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "x.3dm")
+        file.Write(str(path), 7)
+        return path.read_bytes()
 
 
 def bernstein(n: int, i: int, t: Fraction) -> Fraction:

@@ -22,12 +22,16 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from gtb_cli.errors import GtbError
+from gtb_cli.design.imports import import_file
+from gtb_cli.design.loops import SUFFIXES, loop_from_text
+from gtb_cli.errors import GtbError, SpecError
 from gtb_cli.formats.meshfiles import read_mesh
+from gtb_cli.spec.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
+from tests import foreign
 from tests.generators import mesh_file, model, overwriting_line
-from tests.mutations import mutation
-from tests.shell import SPECS, command, environment, gtb
+from tests.mutations import mutated, mutation
+from tests.shell import REPOSITORY, SPECS, command, environment, gtb
 
 SECONDS = 1.0
 """Longest that a spec may take, in processor time."""
@@ -105,6 +109,54 @@ def models(count: int, seed: int) -> str | None:
                 return f"model {number} of seed {seed}: {complaint}\n{' '.join(options)}\n{text.decode()}"
     print(f"{count} models with degenerate patches: {statuses[0]} meshes, {count - statuses[0]} refused in words")
     return None
+
+
+def foreign_files() -> dict[str, bytes]:
+    """A file of each format that is imported."""
+    loops = {name: (REPOSITORY / "tests/design" / name).read_bytes() for name in ("cagd86.gbp", "pocket3sided.lop")}
+    return foreign.FILES | loops | {"objects.3dm": foreign.rhino()}
+
+
+def imports(count: int, seed: int, names: Iterable[str] | None = None) -> str | None:
+    """Read mutated files of other programs; the first complaint. Time and memory are those of all processes."""
+    files = foreign_files()
+    for name in files if names is None else names:
+        read_foreign(name, files[name])
+        before = memory()
+        words = 0
+        for number in range(count):
+            data = mutated(random.Random(f"{name} {seed}-{number}"), files[name])
+            start, complaint = sum(os.times()[:4]), None
+            try:
+                read_foreign(name, data)
+            except SpecError as error:
+                words += 1
+                if not all(line.startswith(name) for line in str(error).splitlines()):
+                    complaint = f"not a message: {error}"
+            except Exception as error:  # noqa: BLE001 -- whatever it is, it is not for a user
+                complaint = repr(error)
+            seconds, grown = sum(os.times()[:4]) - start, memory() - before
+            if seconds > SECONDS or grown > MEGABYTES:
+                complaint = f"{seconds:.2f} s, {grown:.0f} MB"
+            if complaint:
+                with tempfile.NamedTemporaryFile(prefix="gtb-", suffix=name, delete=False) as kept:
+                    kept.write(data)
+                return f"{name} {number} of seed {seed}, {kept.name}: {complaint}"
+        print(f"{name}: {count} mutated files, {words} refused in words, none over {SECONDS:g} s, {grown:.0f} MB more")
+    return None
+
+
+def read_foreign(name: str, data: bytes) -> None:
+    """Do what `gtb import` does, but fill no hole."""
+    if os.path.splitext(name)[1] in SUFFIXES:
+        loop_from_text(data, name)
+    else:
+        dump(import_file(name, data).shape)
+
+
+def memory() -> float:
+    """The most megabytes that this process, or one that it started, has needed so far."""
+    return max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) / 1024
 
 
 def polygons(count: int, seed: int) -> str | None:
@@ -268,12 +320,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--specs", type=int, default=20_000)
     parser.add_argument("--made", type=int, default=5_000, help="of each kind that is made by rules")
+    parser.add_argument("--files", type=int, default=2_000, help="of each format that is imported")
     parser.add_argument("--kills", type=int, default=200, help="for each format, and each kind of sequence")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     complaint = mutate(options.specs, options.seed)
     for judged in (models, polygons, overwriting):
         complaint = complaint or judged(options.made, options.seed)
+    complaint = complaint or imports(options.files, options.seed)
     complaint = complaint or kill(options.kills, options.seed)
     if complaint:
         sys.exit(complaint)

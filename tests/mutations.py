@@ -147,3 +147,33 @@ def _change(rng: random.Random, data: dict) -> None:
         holder[key] = place * rng.choice([0, -1, 1e-9, 1e9, 1e30, 1 + 1e-15]) + rng.choice([0, 0, 1e7])  # type: ignore[index]
     else:
         holder[key] = copy.deepcopy(rng.choice(VALUES))  # type: ignore[index]
+
+
+ODD_WORDS = [
+    b"0", b"-1", b"1e400", b"nan", b"1e99", b"99999", b"\xff", b"\x00", b"\n", b"Group", b",", b";", b"{", b'"',
+    b"1e-99", b"3D", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\xff\xff\xff\xff\xff\xff\xef\x7f", b"\x00\x00\x10\x00",
+]  # fmt: skip
+"""What files of other programs get in some place: words of text, and whole and real numbers of binary files."""
+
+
+def mutated(rng: random.Random, data: bytes) -> bytes:
+    """A file of any format with some bytes changed, left out or repeated; half of them keep its length."""
+    steady = rng.random() < 0.5
+    for _ in range(rng.randint(1, 4)):
+        at, length = rng.randrange(len(data) + 1), rng.randint(1, 12)
+        match rng.randrange(3 if steady else 6):
+            case 0:
+                data = data[:at] + bytes([rng.randrange(256)]) + data[at + 1 :]
+            case 1:
+                word = rng.choice(ODD_WORDS)
+                data = data[:at] + word + data[at + len(word) :]
+            case 2:
+                part = data[rng.randrange(len(data) + 1) :][:length]
+                data = data[:at] + part + data[at + len(part) :]
+            case 3:
+                data = data[:at] + rng.choice(ODD_WORDS) + data[at + length :]
+            case 4:
+                data = data[:at] + (data[at : at + 40] + data[at:] if rng.random() < 0.7 else data[at + length :])
+            case 5:
+                data = data[: at or 1]
+    return data

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fuzz import kill, models, mutate, overwriting, polygons
+from tests.fuzz import foreign_files, imports, kill, models, mutate, overwriting, polygons
 from tests.marks import long, mostly_long
 
 
@@ -19,6 +19,18 @@ def test_mutated_specs_give_a_mesh_or_a_message(count):
 )
 def test_what_is_made_by_rules_gives_what_it_should(judged, count):
     assert judged(count, seed=1) is None
+
+
+@pytest.mark.parametrize("count", mostly_long([40, 1000]))
+@pytest.mark.parametrize("name", sorted(set(foreign_files()) - {"objects.3dm"}))
+def test_mutated_files_of_other_programs_are_read_or_refused(name, count):
+    assert imports(count, seed=1, names=[name]) is None
+
+
+@long
+def test_mutated_files_of_rhino_are_read_or_refused():
+    """Each is read by a process of its own."""
+    assert imports(100, seed=1, names=["objects.3dm"]) is None
 
 
 @long

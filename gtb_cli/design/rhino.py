@@ -1,22 +1,29 @@
 """``.3dm`` files of Rhino: curves, surfaces and the faces of solids, as exact Bézier patches.
 
-The format is read by McNeel's own library, which is an extra of this package.
+The format is read by McNeel's own library, which is an extra of this package, in a process of its own.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
+import json
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.design import rhino_process
 from gtb_cli.design.imports import Found
 from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.design.words import LARGEST
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
+
+PATIENCE = 60.0
+"""Seconds until the process is given up where the system does not limit its processor time, or it only waits."""
 
 
 def read_3dm(data: bytes, source: str) -> Found:
@@ -27,30 +34,23 @@ def read_3dm(data: bytes, source: str) -> Found:
     SpecError
         The extra is missing, or what was found.
     """
-    try:
-        rhino3dm: Any = import_module("rhino3dm")
-    except ImportError:
-        raise SpecError(f"{source}: .3dm files need the extra gtb-cli[rhino]: pip install 'gtb-cli[rhino]'") from None
-    file = rhino3dm.File3dm.FromByteArray(data)
-    if file is None:
-        raise SpecError(f"{source}: is not a .3dm file, or is damaged")
+    *objects, last = _objects(data, source)
     patches: list[Patch] = []
     others = trimmed = 0
-    for index, entry in enumerate(file.Objects):
-        name = entry.Attributes.Name or None
+    for index, entry in enumerate(objects):
+        name, forms = entry["name"] or None, entry["forms"]
         name = None if name is None or name_fault(name) else name
-        forms, is_trimmed = _forms(rhino3dm, entry.Geometry)
         others += not forms
-        trimmed += is_trimmed
+        trimmed += entry["trimmed"]
         for face, form in enumerate(forms):
             label = name if len(forms) == 1 or name is None else f"{name}-{face}"
             try:
-                patches += _surface(form, label) if hasattr(form, "KnotsU") else _curve(form, label)
+                patches += _spans(form, label)
             except DomainError as error:
                 raise SpecError(f"{source}: objects[{index}]: {error}") from None
             if len(patches) > MAX_PATCHES:
                 raise SpecError(f"{source}: objects[{index}]: here the model has more than {MAX_PATCHES} patches")
-    remarks = [f"its unit of length is {str(file.Settings.ModelUnitSystem).rpartition('.')[2].lower()}"]
+    remarks = [f"its unit of length is {last['unit']}"]
     if others:
         remarks.append(f"{others} objects that are neither curves nor surfaces are left out")
     if trimmed:
@@ -58,43 +58,45 @@ def read_3dm(data: bytes, source: str) -> Found:
     return Found(patches, remarks)
 
 
-def _forms(rhino3dm: Any, geometry: Any) -> tuple[list[Any], bool]:
-    """NURBS forms of an object, and whether its faces may be trimmed."""
-    if isinstance(geometry, rhino3dm.Extrusion):
-        geometry = geometry.ToBrep(False)
-    if isinstance(geometry, rhino3dm.Brep):
-        count = len(geometry.Faces)
-        faces = [geometry.Faces[i].UnderlyingSurface().ToNurbsSurface() for i in range(count)]
-        return [face for face in faces if face is not None], True
-    if isinstance(geometry, rhino3dm.Surface):
-        form = geometry.ToNurbsSurface()
-    elif isinstance(geometry, rhino3dm.Curve):
-        form = geometry.ToNurbsCurve()
-    else:
-        form = None
-    return ([] if form is None else [form]), False
+def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
+    """What the process prints of a file."""
+    damaged = f"{source}: is not a .3dm file, or is damaged"
+    try:
+        # -P: neither the folder of that file nor the one the user is in has modules for it.
+        done = subprocess.run(
+            [sys.executable, "-P", rhino_process.__file__],
+            input=data,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise SpecError(f"{damaged}: it is not read within {PATIENCE:g} s") from None
+    if done.returncode == rhino_process.MISSING:
+        raise SpecError(f"{source}: .3dm files need the extra gtb-cli[rhino]: pip install 'gtb-cli[rhino]'")
+    if done.returncode == rhino_process.DAMAGED:
+        raise SpecError(damaged)
+    if done.returncode:
+        raise SpecError(f"{damaged}: Rhino's library fails, or needs more time or memory than such a file may")
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def _surface(form: Any, name: str | None) -> list[Patch]:
-    m, n = form.Points.CountU, form.Points.CountV
-    if m * n > MAX_CONTROL_POINTS:
-        raise DomainError(f"control points: at most {MAX_CONTROL_POINTS}, got {m} × {n}")
-    net = np.array([[_row(form.Points[i, j]) for j in range(n)] for i in range(m)])
-    degrees = form.Degree(0), form.Degree(1)
-    return surface_spans(degrees, (_knots(form.KnotsU), _knots(form.KnotsV)), net, name)
+def _spans(form: dict[str, Any], name: str | None) -> list[Patch]:
+    counts = form["counts"]
+    if not form["rows"]:
+        raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
+    rows = np.array(form["rows"])
+    knots = [_knots(row) for row in form["knots"]]
+    for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
+        if not (np.abs(values) <= LARGEST).all():
+            raise DomainError(f"{what}: expected numbers up to {LARGEST:g}")
+    if len(counts) == 1:
+        return curve_spans(form["degrees"][0], knots[0], rows, name)
+    first, second = form["degrees"]
+    return surface_spans((first, second), (knots[0], knots[1]), rows.reshape(*counts, 4), name)
 
 
-def _curve(form: Any, name: str | None) -> list[Patch]:
-    rows = np.array([_row(form.Points[i]) for i in range(len(form.Points))])
-    return curve_spans(form.Degree, _knots(form.Knots), rows, name)
-
-
-def _row(point: Any) -> list[float]:
-    """Homogeneous coordinates: this library keeps them as x w, y w, z w, w."""
-    return [point.X, point.Y, point.Z, point.W]
-
-
-def _knots(knots: Any) -> FloatArray:
+def _knots(values: list[float]) -> FloatArray:
     """Knots with the first and the last, which do not matter and which this format leaves out."""
-    values = [knots[i] for i in range(len(knots))]
-    return np.array([values[0], *values, values[-1]])
+    return np.array([*values[:1], *values, *values[-1:]])

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import random
-import time
 from collections.abc import Sequence
-from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,13 +14,11 @@ from gtb_cli.design.nurbs import curve_spans, span_matrices
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.writer import dump
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import IMPORTS
 from tests import foreign
 from tests.foreign import FILES
-from tests.marks import long
 from tests.shell import SPECS, gtb
 
 AGREEMENT = 1e-13
@@ -170,39 +165,6 @@ def test_the_spec_is_read_back(name: str, tmp_path: Path) -> None:
         np.testing.assert_array_equal(first.coefficients, second.coefficients)
 
 
-def test_rhino_files() -> None:
-    import rhino3dm
-
-    file = rhino3dm.File3dm()
-    file.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
-    named = rhino3dm.ObjectAttributes()
-    named.Name = "ball"
-    file.Objects.Add(rhino3dm.Sphere(rhino3dm.Point3d(1, 2, 3), 2.0).ToNurbsSurface(), named)
-    file.Objects.AddPoint(rhino3dm.Point3d(0, 0, 0))
-    found = import_file("ball.3dm", bytes(file.Encode3dm()) if hasattr(file, "Encode3dm") else _encoded(file))
-    assert isinstance(found.shape, Model)
-    assert [patch.name for patch in found.shape] == [f"ball-{k}" for k in range(8)]
-    points = np.concatenate([patch.evaluate([[0.3, 1.7], [2, 2], [1, 0.5]]) for patch in found.shape])
-    np.testing.assert_allclose(np.linalg.norm(points - [1, 2, 3], axis=1), 2, rtol=1e-14)
-    assert found.remarks[0] == "its unit of length is millimeters"
-    assert "1 objects that are neither" in found.remarks[1]
-
-
-def _encoded(file: object) -> bytes:
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "x.3dm")
-        file.Write(str(path), 7)  # type: ignore[attr-defined]
-        return path.read_bytes()
-
-
-@pytest.mark.parametrize("data", [b"3D Geometry File Format        7", b"3D Geometry File Format" + bytes(500)])
-def test_damaged_rhino_files(data: bytes) -> None:
-    with pytest.raises(SpecError, match=r"x\.3dm: "):
-        import_file("x.3dm", data)
-
-
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [
@@ -284,56 +246,3 @@ def test_the_table_of_formats_is_one() -> None:
     assert tuple(READERS) == IMPORTS
     assert set(PLAIN) <= set(READERS)
     assert set(SUFFIXES.values()) == set(READERS)
-
-
-ODD = [
-    b"0",
-    b"-1",
-    b"1e400",
-    b"nan",
-    b"1e99",
-    b"99999",
-    b"\xff",
-    b"\x00",
-    b"\n",
-    b"Group",
-    b",",
-    b";",
-    b"{",
-    b'"',
-    b"1e-99",
-    b"3D",
-]
-
-
-def mutated(rng: random.Random, data: bytes) -> bytes:
-    for _ in range(rng.randint(1, 4)):
-        at, length = rng.randrange(len(data) + 1), rng.randint(1, 12)
-        match rng.randrange(5):
-            case 0:
-                data = data[:at] + rng.choice(ODD) + data[at + length :]
-            case 1:
-                data = data[:at] + data[at + length :]
-            case 2:
-                data = data[:at] + data[at : at + 40] + data[at:]
-            case 3:
-                data = data[: at or 1]
-            case 4:
-                data = data[:at] + bytes([rng.randrange(256)]) + data[at + 1 :]
-    return data
-
-
-SLOWEST = 1.0
-"""Seconds that any file may take."""
-
-
-@pytest.mark.parametrize("count", [40, pytest.param(2000, marks=long)])
-@pytest.mark.parametrize("name", FILES)
-def test_mutations_are_read_or_refused(name: str, count: int) -> None:
-    rng = random.Random(name)
-    for _ in range(count):
-        data = mutated(rng, FILES[name])
-        begin = time.perf_counter()
-        with suppress(SpecError):
-            dump(import_file(name, data).shape)
-        assert time.perf_counter() - begin < SLOWEST

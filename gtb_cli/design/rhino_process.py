@@ -1,0 +1,111 @@
+"""A process of its own that reads a ``.3dm`` file: standard input to lines of JSON.
+
+McNeel's library runs for ever, or takes any memory, on some damaged files, and nothing in its own process can stop it.
+This file is run by its path, and imports nothing of the package: the process shall start fast.
+
+Each line but the last is an object of the file: its ``name``, whether it is ``trimmed``, and its ``forms``, NURBS with
+``degrees``, ``knots`` (one row for each parameter), ``counts`` of control points and their homogeneous ``rows``. The
+last line has the file's ``unit``, so that a file which breaks off is known.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from itertools import product
+from typing import Any
+
+MISSING = 3
+"""Exit status where the library is not installed."""
+
+DAMAGED = 4
+"""Exit status where the library refuses the file."""
+
+SECONDS, SECONDS_PER_BYTE = 0.5, 2e-6
+"""Processor time that a file may take, and more for each byte. A sound file of 8 MB takes 0.06 s to be read, and 3 s,
+nearly all of it Python's, to be printed."""
+
+MEMORY, MEMORY_PER_BYTE = 150_000_000, 10
+"""Bytes that a file may take beyond what the process has before, and more for each byte of the file."""
+
+MAX_CONTROL_POINTS = 100_000
+"""Of a form: that of `gtb_cli.design.nurbs`. Of larger ones the rows are left out."""
+
+
+def main() -> int:
+    """Read standard input, and return the exit status."""
+    data = sys.stdin.buffer.read()
+    try:
+        library = import_module("rhino3dm")
+    except ImportError:
+        return MISSING
+    _limit(len(data))
+    file = library.File3dm.FromByteArray(data)
+    if file is None:
+        return DAMAGED
+    for entry in file.Objects:
+        forms, trimmed = _forms(library, entry.Geometry)
+        _write({"name": entry.Attributes.Name, "trimmed": trimmed, "forms": list(map(_plain, forms))})
+    _write({"unit": str(file.Settings.ModelUnitSystem).rpartition(".")[2].lower()})
+    return 0
+
+
+def _write(line: dict[str, object]) -> None:
+    sys.stdout.write(json.dumps(line) + "\n")
+
+
+def _limit(size: int) -> None:
+    """End this process when it needs more than a file of this size may."""
+    try:
+        import resource
+        import signal
+
+        signal.setitimer(signal.ITIMER_PROF, SECONDS + size * SECONDS_PER_BYTE)
+        with open("/proc/self/statm", encoding="ascii") as statistics:
+            now = int(statistics.read().split()[0]) * resource.getpagesize()
+        most = now + MEMORY + size * MEMORY_PER_BYTE
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    except (ImportError, AttributeError, OSError, ValueError):
+        return  # a system without; whoever started this process waits for a limited time
+
+
+def _forms(library: Any, geometry: Any) -> tuple[list[Any], bool]:
+    """NURBS forms of an object, and whether its faces may be trimmed."""
+    if isinstance(geometry, library.Extrusion):
+        geometry = geometry.ToBrep(False)
+    if isinstance(geometry, library.Brep):
+        faces = [face.UnderlyingSurface().ToNurbsSurface() for face in geometry.Faces]
+        return [face for face in faces if face is not None], True
+    form = None
+    if isinstance(geometry, library.Surface):
+        form = geometry.ToNurbsSurface()
+    elif isinstance(geometry, library.Curve):
+        form = geometry.ToNurbsCurve()
+    return ([] if form is None else [form]), False
+
+
+def _plain(form: Any) -> dict[str, object]:
+    points = form.Points
+    if hasattr(form, "KnotsU"):
+        counts, knots = [points.CountU, points.CountV], [form.KnotsU, form.KnotsV]
+        degrees = [form.Degree(0), form.Degree(1)]
+        places: Iterator[Any] = product(range(counts[0]), range(counts[1]))
+    else:
+        counts, knots, degrees = [len(points)], [form.Knots], [form.Degree]
+        places = iter(range(counts[0]))
+    rows = []
+    if 0 < counts[0] * counts[-1] <= MAX_CONTROL_POINTS:
+        # This library keeps points as x w, y w, z w, w.
+        rows = [[point.X, point.Y, point.Z, point.W] for point in map(points.__getitem__, places)]
+    return {
+        "degrees": degrees,
+        "counts": counts,
+        "knots": [list(map(row.__getitem__, range(len(row)))) for row in knots],
+        "rows": rows,
+    }
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
