@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.spec.document import Faults, read
-from gtb_cli.spec.loading import parse
-from gtb_cli.spec.models import ModelReader
+from gtb_cli.spec.loading import parse_loop
 from gtb_cli.spec.scanner import Format
-from gtb_cli.spec.values import Budget, Values
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -171,50 +167,14 @@ def loop_or_model(data: bytes, source: str, format: Format | None = None) -> lis
     SpecError
         As `gtb_cli.spec.loading.parse`, and for ribbons.
     """
-    document = read(data, source, format)
-    faults = Faults(document, source)
-    values = Values(faults, Budget())
-    ribbons = _taken_out(document.data)
-    spec = ModelReader(values, _nothing_included).spec(document.data, None) if ribbons else parse(data, source, format)
-    for index, entries in ribbons.items():
-        document.data["patches"][index]["ribbon"] = entries  # type: ignore[index]  # so that lines are found
-    if ribbons and any(isinstance(table, dict) and "copy" in table for table in document.data["patches"]):  # type: ignore[index]
-        raise SpecError(f"{source}: a loop with ribbons has no copies: gtb expand writes them out")
-    tables = spec.patches if isinstance(spec, Model) else () if spec is None else (spec,)
-    rows: list[FloatArray | None] = [None] * len(tables)
-    for index, entries in ribbons.items():
-        path = ("patches", index, "ribbon")
-        if index < len(tables) and tables[index].dimension == 2:
-            faults.add(path, "belongs to a curve, this is a surface")
-        elif not isinstance(entries, list) or (index < len(tables) and len(entries) != len(tables[index].knots)):
-            faults.add(path, "must be a list with a point for each of the control points")
-        else:
-            points = values.tuples(entries, path, (2, 3))
-            if points is not None and index < len(tables):
-                rows[index] = np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
-    if spec is None or faults.count:
-        raise SpecError(str(faults))
-    if isinstance(spec, Patch) or spec.dimension == 2:
-        if isinstance(spec, Patch):
-            what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
-            raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+    spec, rows = parse_loop(data, source, format)
+    if isinstance(spec, Patch):
+        what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
+        raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+    if spec.dimension == 2:
         return spec
     names = [patch.name or f"patches[{i}]" for i, patch in enumerate(spec.patches)]
     try:
         return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
     except DomainError as error:
         raise SpecError(f"{source}: {error}") from None
-
-
-def _nothing_included(name: str) -> tuple[Patch, ...]:
-    raise SpecError(f"{name}: a loop with ribbons is one file")
-
-
-def _taken_out(data: Any) -> dict[int, Any]:
-    """Remove `ribbon` from each patch of a document, and return them by the patch's number."""
-    tables = data.get("patches") if isinstance(data, dict) else None
-    found = {}
-    for index, table in enumerate(tables if isinstance(tables, list) else []):
-        if isinstance(table, dict) and "ribbon" in table:
-            found[index] = table.pop("ribbon")
-    return found

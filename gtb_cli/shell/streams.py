@@ -99,16 +99,20 @@ def shown_input(path: str) -> str:
 
 
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
-    """Raise a usage error for an output that is one of the inputs, by whatever name.
+    """Raise a usage error for an output that is one of the inputs, or of the files that they include, by whatever name.
 
     What is not a regular file, such as a terminal, may be both.
     """
-    read = [status for path in inputs if (status := _status(path)) is not None]
-    for output in outputs:
-        if output != STANDARD and os.path.isfile(output):
-            status = os.stat(output)
-            if any(os.path.samestat(status, other) for other in read):
-                raise click.UsageError(f"{output} is read by this command, and would be overwritten")
+    existing = [(output, os.stat(output)) for output in outputs if output != STANDARD and os.path.isfile(output)]
+    if not existing:
+        return
+    from gtb_cli.spec.sources import sources
+
+    files = (file for path in inputs for file in ([path] if path == STANDARD else sources(path)))
+    read = [status for file in files if (status := _status(file)) is not None]
+    for output, status in existing:
+        if any(os.path.samestat(status, other) for other in read):
+            raise click.UsageError(f"{output} is read by this command, and would be overwritten")
 
 
 def _status(path: str) -> os.stat_result | None:

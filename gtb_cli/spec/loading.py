@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import MAX_BYTES, Document, Faults, read
 from gtb_cli.spec.includes import Library
@@ -74,11 +75,30 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
     -----
     Whatever the text is, about five seconds and 300 MB at most; 300 bicubic patches take a third of a second.
     """
-    files = _Files(source)
-    result = files.spec(text, source, format, (source,))
-    if result is None or files.count:
-        raise SpecError(str(files))
-    return result
+    return _Files(source).whole(text, format)
+
+
+def parse_loop(
+    text: bytes | str, source: str, format: Format | None = None
+) -> tuple[Patch | Model, tuple[FloatArray | None, ...]]:
+    """Read the text of a spec whose curves may have the key ``ribbon``; as `parse`.
+
+    Returns
+    -------
+    tuple of (Patch or Model, rows)
+        For each patch the (n, 3) second row of control points, moved as the copies are, or None where it has none.
+    """
+    spec = _Files(source, second_row=False).whole(text, format)
+    if spec.dimension == 2:
+        return spec, (None,) * (1 if isinstance(spec, Patch) else len(spec))
+    moved = _Files(source, second_row=True).whole(text, format)
+    pairs = zip(_patches(spec), _patches(moved), strict=True)
+    rows = ((first.control_points, second.control_points) for first, second in pairs)
+    return spec, tuple(None if np.array_equal(curve, row) else row for curve, row in rows)
+
+
+def _patches(spec: Patch | Model) -> tuple[Patch, ...]:
+    return spec.patches if isinstance(spec, Model) else (spec,)
 
 
 def from_dict(data: Mapping[str, Any]) -> Patch | Model:
@@ -125,10 +145,19 @@ def _nothing_included(name: str) -> tuple[Patch, ...]:
 class _Files:
     """The file of a spec and those that it takes in, with what is wrong with any of them."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, second_row: bool | None = None) -> None:
+        self._source = source
+        self._second_row = second_row
         self._library = Library(source)
         self._budget = Budget()
         self._faults: list[Faults | SpecError] = []
+
+    def whole(self, text: bytes | str, format: Format | None) -> Patch | Model:
+        """Read the spec, or raise an error with all that is wrong."""
+        result = self.spec(text, self._source, format, (self._source,))
+        if result is None or self.count:
+            raise SpecError(str(self))
+        return result
 
     def spec(
         self, text: bytes | str, source: str, format: Format | None, readers: tuple[str, ...]
@@ -145,9 +174,10 @@ class _Files:
         def include(name: str) -> tuple[Patch, ...]:
             path, data = self._library.taken(name, readers)
             found = self.spec(data, path, _format_of(path), (*readers, path))
-            return () if found is None else found.patches if isinstance(found, Model) else (found,)
+            return () if found is None else _patches(found)
 
-        return ModelReader(Values(faults, self._budget), include).spec(document.data, _stem(source))
+        reader = ModelReader(Values(faults, self._budget), include, self._second_row)
+        return reader.spec(document.data, _stem(source))
 
     @property
     def count(self) -> int:

@@ -23,13 +23,13 @@ Include = Callable[[str], tuple[Patch, ...]]
 
 
 class ModelReader:
-    """Turns a document's data into a patch or model, and notes all that is wrong with it."""
+    """Turns a document's data into a patch or model, and notes all that is wrong with it; `second_row` as `Reader`."""
 
-    def __init__(self, values: Values, include: Include) -> None:
+    def __init__(self, values: Values, include: Include, second_row: bool | None = None) -> None:
         self.values = values
         self.faults = values.faults
         self._include = include
-        self._reader = Reader(values)
+        self._reader = Reader(values, second_row)
 
     def spec(self, data: object, name: str | None) -> Patch | Model | None:
         """Read a whole document; None where the model has no patches because of faults, here or in included files."""

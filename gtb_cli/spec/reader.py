@@ -20,6 +20,9 @@ PATCH_KEYS = frozenset(
     {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
     | {"lifting", "edge_normals", "edge_scale"}
 )
+RIBBON = "ribbon"
+"""Key of the second row of control points, which the curves of a loop have for gtb fill."""
+
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
 
@@ -34,10 +37,18 @@ MAX_UNITY = 300
 
 
 class Reader:
-    """Turns tables into patches, and notes all that is wrong with them."""
+    """Turns tables into patches, and notes all that is wrong with them.
 
-    def __init__(self, values: Values) -> None:
+    Parameters
+    ----------
+    values : Values
+    second_row : bool or None
+        Whether patches get their ribbons, where they have one, as control points; None: ribbons are refused.
+    """
+
+    def __init__(self, values: Values, second_row: bool | None = None) -> None:
         self.values = values
+        self._second_row = second_row
         self._bases: dict[tuple[object, ...], Patch] = {}
 
     def patch(self, table: object, path: Path, name: str | None) -> Patch | None:
@@ -57,13 +68,20 @@ class Reader:
                 fault = "belongs to a copy: copy = NAME says of which patch"
                 self.values.faults.add((*path, key), fault if path else "belongs in one of several [[patches]]")
         own = {key: value for key, value in table.items() if key not in (MODEL_KEYS | COPY_KEYS) - PATCH_KEYS}
-        meant = self.values.unknown_keys(own, path, PATCH_KEYS if path else PATCH_KEYS | MODEL_KEYS)
+        self._check_ribbon(own, path)
+        known = PATCH_KEYS if self._second_row is None else PATCH_KEYS | {RIBBON}
+        meant = self.values.unknown_keys(own, path, known if path else known | MODEL_KEYS)
         for key in ("knots", "control_points"):
             if key not in table and key not in meant and "patches" not in meant:
                 self.values.faults.add((*path, key), "is missing")
         title = self.values.name(table, path, name)
         knots, n = self.knots(table, path)
         points = self.points(table, path, n)
+        ribbon = self.points(table, path, n, RIBBON) if self._second_row else None
+        if ribbon is not None:
+            if points is not None and np.array_equal(with_heights(ribbon), with_heights(points)):
+                self.values.faults.add((*path, RIBBON), "is the curve itself, and leads nowhere")
+            points = ribbon
         weights = self.row(table, path, "weights", n, POSITIVE)
         logarithms = self.row(table, path, "log_weights", n, COORDINATE)
         if "weights" in table and "log_weights" in table:
@@ -104,6 +122,17 @@ class Reader:
             self.domain_fault(path, error)
             return None
 
+    def _check_ribbon(self, own: dict[str, Any], path: Path) -> None:
+        """Take the ribbon, if there is one, out of a table's keys; note where none belongs."""
+        if RIBBON not in own:
+            return
+        del own[RIBBON]
+        knots = own.get("knots")
+        if self._second_row is None:
+            self.values.faults.add((*path, RIBBON), "is for gtb fill alone, in the curves of its loop")
+        elif isinstance(knots, list) and knots and isinstance(knots[0], list):
+            self.values.faults.add((*path, RIBBON), "belongs to a curve, this is a surface")
+
     def domain_fault(self, path: Path, error: DomainError) -> None:
         """Note what a constructor refused, under the name that its message begins with: they are the keys."""
         key, _, message = str(error).partition(": ")
@@ -127,9 +156,11 @@ class Reader:
             entries, path, COORDINATE
         ), len(entries)
 
-    def points(self, table: dict[str, Any], path: Path, n: int | None) -> FloatArray | None:
-        """Read the control points."""
-        path = (*path, "control_points")
+    def points(
+        self, table: dict[str, Any], path: Path, n: int | None, key: str = "control_points"
+    ) -> FloatArray | None:
+        """Read the control points, or another row of as many."""
+        path = (*path, key)
         entries = self.entries(table, path, n)
         points = None if entries is None else self.values.tuples(entries, path, (2, 3))
         return points if points is not None and len(points) == n else None
@@ -164,6 +195,11 @@ class Reader:
             if isinstance(value, list)
             else self.values.number(value, path, SCALE)
         )
+
+
+def with_heights(points: FloatArray) -> FloatArray:
+    """(n, 3) points, of z = 0 where there are two coordinates."""
+    return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
 def _check_size(knots: FloatArray) -> None:

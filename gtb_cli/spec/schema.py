@@ -42,7 +42,7 @@ def schema() -> dict[str, Any]:
             "copy": _COPY,
             "single": {
                 **_PATCH,
-                "properties": {**_SINGLE, "let": {"$ref": "#/$defs/let"}},
+                "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
             },
             "let": {
                 "description": "Numbers with a name, for all expressions; each may use those before it.",
@@ -174,7 +174,7 @@ _PATCH: dict[str, Any] = {
             "anyOf": [_tuples(2), _tuples(3)],
         },
         "ribbon": {
-            "description": "For gtb fill, the second row of control points, which goes from this curve into the hole.",
+            "description": "For gtb fill, a curve's second row of control points, which goes into the hole.",
             "anyOf": [_tuples(2), _tuples(3)],
         },
         "coefficients": {
@@ -198,5 +198,3 @@ _PATCH: dict[str, Any] = {
     "not": {"required": ["weights", "log_weights"]},
     "additionalProperties": False,
 }
-
-_SINGLE = {key: value for key, value in _PATCH["properties"].items() if key != "ribbon"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import MAX_BYTES, read
@@ -45,8 +46,12 @@ def _included(path: str, format: Format | None) -> list[str]:
     if format is None and suffix in (".toml", ".json"):
         format = "json" if suffix == ".json" else "toml"
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for
+            return []
         with open(path, "rb") as file:
-            data = read(file.read(MAX_BYTES + 1), path, format).data
+            text = file.read(MAX_BYTES + 1)
+        # Most specs take in nothing, and need not be parsed to see that.
+        data = read(text, path, format).data if b"include" in text else None
     except (OSError, ValueError, SpecError):
         return []
     names = data.get("include") if isinstance(data, dict) else None

@@ -36,6 +36,10 @@ COMMANDS = [
     "mesh w.obj -o ./",
     "degenerate s.toml -f glb -o s.glb -x 2 -n 1",
     "degenerate sequence.json -o ./ -x 2 -n 1",
+    "expand whole.toml -o part.toml",
+    "fill whole.toml -o part.toml",
+    "mesh whole.toml -f obj -o ./part.toml",
+    "mesh s.toml whole.toml -f obj -o ./ --deps part.toml",
 ]
 
 
@@ -50,6 +54,8 @@ def folder(tmp_path, monkeypatch):
     triangle = {"knots": [[0, 0], [1, 0], [0, 1]], "control_points": [[0, 0], [1, 0], [0, 1]], "lifting": [0, 1, 0]}
     Path("sequence.json").write_text(json.dumps(triangle), encoding="utf-8")
     Path("p.txt").write_bytes(b"0.5 1.5\n0.6 1.4\n")
+    Path("whole.toml").write_text("include = ['part.toml']\n", encoding="utf-8")
+    Path("part.toml").write_bytes(SPEC)
     Path("meshes").mkdir()
     for name in ("a.obj", "b.obj", "meshes/a.obj"):
         Path(name).write_bytes(OBJ)
