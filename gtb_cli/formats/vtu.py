@@ -60,7 +60,7 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
     return [_quadrilateral(sheet.net) for sheet in exact_sheets(patch, index)]
 
 
-def encode_vtu(spec: Patch | Model, *, y_up: bool = False) -> tuple[bytes, int]:
+def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     """Return a VTU file of the exact cells of a patch or model, and their number.
 
     Points have `RationalWeights`; cells have `HigherOrderDegrees`, and the number of their patch as `patch`. Numbers
@@ -70,8 +70,6 @@ def encode_vtu(spec: Patch | Model, *, y_up: bool = False) -> tuple[bytes, int]:
     Parameters
     ----------
     spec : Patch or Model
-    y_up : bool
-        Whether y is up in the file where z is in the spec.
 
     Raises
     ------
@@ -87,14 +85,12 @@ def encode_vtu(spec: Patch | Model, *, y_up: bool = False) -> tuple[bytes, int]:
             if isinstance(spec, Patch):
                 raise
             raise DomainError(f"{patch.name or f'patches[{index}]'}: {fault}") from None
-    return "".join(f"{line}\n" for line in _lines(cells, y_up)).encode("ascii"), len(cells)
+    return "".join(f"{line}\n" for line in _lines(cells)).encode("ascii"), len(cells)
 
 
-def _lines(cells: Sequence[tuple[int, Cell]], y_up: bool) -> Iterator[str]:
+def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:
     table = np.concatenate([cell.points for _, cell in cells])
     points, weights = table[:, :3] + 0.0, table[:, 3:]  # no minus zeros
-    if y_up:
-        points = points[:, [0, 2, 1]] * [1, 1, -1] + 0.0
     numbers = np.arange(len(table))
     offsets = np.cumsum([len(cell.points) for _, cell in cells])
     yield '<?xml version="1.0"?>'

@@ -68,18 +68,35 @@ def write_surfaces(
     if kind in CELL_FORMATS and recipe.require:
         raise click.UsageError(f"--require is for meshes, and cells of {kind.upper()} share no vertices")
     spec = read_spec(specs[0], spec_format)
+    if options.up == "y":
+        spec = _with_y_up(spec)
     if kind in CELL_FORMATS:
-        _write_cells(spec, specs[0], options, output, console)
+        _write_cells(spec, specs[0], output, console)
     else:
         _write_cad(spec, specs[0], kind, unit, options, output, console)
 
 
-def _write_cells(spec: Patch | Model, path: str, options: MeshOptions, output: str, console: Console) -> None:
+def _with_y_up(spec: Patch | Model) -> Patch | Model:
+    """The surfaces turned as `Mesh.with_y_up` turns meshes: their points (x, y, z) to (x, z, −y)."""
+    import numpy as np
+
+    from gtb_cli.theory.model import Model
+
+    def turned(patch: Patch) -> Patch:
+        x, y, z = patch.control_points.T
+        return patch.replace(control_points=np.column_stack([x, z, 0.0 - y]))
+
+    if isinstance(spec, Model):
+        return spec.replace(patches=tuple(map(turned, spec.patches)))
+    return turned(spec)
+
+
+def _write_cells(spec: Patch | Model, path: str, output: str, console: Console) -> None:
     from gtb_cli.formats.vtu import encode_vtu
 
     with about(shown_input(path)):
         try:
-            data, cells = encode_vtu(spec, y_up=options.up == "y")
+            data, cells = encode_vtu(spec)
         except DomainError as fault:
             raise DomainError(f"{_short(str(fault))}. VTU files hold exact cells; PLY files, a mesh") from None
     write_blocks(output, [data])

@@ -16,6 +16,7 @@ from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.sheets import exact_sheets, sheets_of
 from gtb_cli.meshes.measures import measure
 from gtb_cli.spec.loading import load
+from gtb_cli.spec.writer import save as write
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.bezier_pieces import bezier_pieces
 from gtb_cli.theory.model import Model
@@ -226,6 +227,23 @@ def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -
 def test_the_names_of_units_and_formats_are_one_list() -> None:
     assert tuple(KERNEL_UNITS) == UNITS
     assert set(CAD_SUFFIXES.values()) == set(CAD_FORMATS)
+
+
+@pytest.mark.parametrize("kind", CAD_FORMATS)
+def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
+    """A patch, and a model; the kernel's box of the surfaces is the turned one of the mesh."""
+    write(box(), tmp_path / "pillow.toml")
+    for spec in (INTEGERS, tmp_path / "pillow.toml"):
+        result = gtb("mesh", spec, "-f", kind, "--up", "y", "-o", tmp_path / "up.cad")
+        assert result.status == 0, result.err
+        shape = read((tmp_path / "up.cad").read_bytes(), kind, tmp_path)
+        mesh = tessellate(load(spec), 48)
+        low, high = mesh.bounds
+        expected = [low[0], low[2], -high[1], high[0], high[2], -low[1]]
+        found = kernel("Bnd").Bnd_Box()
+        kernel("BRepBndLib").BRepBndLib.AddOptimal_s(shape, found, False, False)
+        ends = [(p.X(), p.Y(), p.Z()) for p in (found.CornerMin(), found.CornerMax())]
+        assert np.abs(np.ravel(ends) - expected).max() <= 1e-3
 
 
 def test_on_the_command_line(tmp_path: Path) -> None:
