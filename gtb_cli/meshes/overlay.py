@@ -13,6 +13,10 @@ from gtb_cli.meshes.nearest import NearestCells, middles
 CUT_DEPTH = 1e-9
 """Fraction of a piece's size that its corners must be beyond a plane, on both sides, for the plane to cut it."""
 
+HEIGHT_ROUNDING = 1e-15
+"""Height over a plane, for coordinates up to 1, that may be rounding: a plane that cuts off no more cuts a tiny piece
+thousands of times, and leaves it as it is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -149,7 +153,8 @@ def _squares(corners: FloatArray) -> FloatArray:
 
 
 def _is_proper(heights: FloatArray, size: FloatArray) -> BoolArray:
-    return np.asarray((heights.max(axis=1) > CUT_DEPTH * size) & (heights.min(axis=1) < -CUT_DEPTH * size))
+    depth = np.maximum(CUT_DEPTH * size, HEIGHT_ROUNDING)
+    return np.asarray((heights.max(axis=1) > depth) & (heights.min(axis=1) < -depth))
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:

@@ -28,6 +28,12 @@ coordinates about the two leading knots are used: these keep all digits, in four
 SAME_DIRECTION = 1e-6
 """Distance of unit vectors below which two ways to a corner have one limit."""
 
+NEAREST_KNOTS = 1024
+"""Knots, nearest to an edge that is one point, whose pairs decide its normals: half a million pairs are 60 MB."""
+
+PAIR_BLOCK = 1 << 20
+"""Pairs of knots, times places on the edge, that are summed together, which bounds the memory."""
+
 CUT_OFF_SUM = 1e-280
 """Sums below this may consist of exponents that were cut off at `UNDERFLOW`."""
 
@@ -161,43 +167,45 @@ class NormalField:
         return not self._deltas(int(knots[0]))[knots].any()
 
     def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
-        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point."""
-        along = self.domain.along(edge, self.domain.knots)
-        triples, terms = self._triples([edge])
-        sums, places = (values[triples].sum(axis=0) for values in (self.domain.heights[:, edge], along))
+        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point.
+
+        With the knot on the edge averaged, as areas are affine in its place, the sum is over pairs of the others.
+        """
+        along, height = self.domain.along(edge, self.domain.knots), self.domain.heights[:, edge]
+        on_edge = np.flatnonzero(self.domain.incidence[:, edge])
+        place = along[on_edge] @ shares(exponents(along[on_edge, None], self.log_weights[on_edge], s[None]))
+        j, k, crosses = self._pairs(on_edge, height)
+        sums = height[j] + height[k]
         result = np.full((len(s), 3), np.nan)
         todo = np.arange(len(s))
         for group in layers(sums) if len(sums) else ():
-            weights = shares(np.outer(places[group], s[todo]) + self._logarithms(triples[:, group])[:, None])
-            result[todo] = _total(terms[group], weights)
+            b, c = j[group, None], k[group, None]
+            for rows in np.array_split(todo, 1 + len(group) * len(todo) // PAIR_BLOCK):
+                logarithms = (along[b] + along[c]) * s[rows] + (self.log_weights[b] + self.log_weights[c])
+                first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
+                weights = shares(logarithms)
+                size = np.sqrt((crosses[group] ** 2).sum(axis=1)) @ (weights * (np.abs(first) + np.abs(second)))
+                result[rows] = _direction(crosses[group].T @ (weights * (first - second)), size)
             todo = todo[np.isnan(result[todo, 0])]
             if not len(todo):
                 break
         return result
 
-    def _logarithms(self, triples: IntArray) -> FloatArray:
-        return np.asarray(self.log_weights[triples].sum(axis=0))
-
-    def _triples(self, edges: list[int]) -> tuple[IntArray, FloatArray]:
-        """(3, m) knots and (m, 3) vectors, whose sum is the normal next to neighbouring edges that are one point.
+    def _pairs(self, at_point: IntArray, distance: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """(p,) knots j, (p,) knots k and (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero.
 
         Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. With
-        knot i on the edge, on which the control points are the same, pairs of others remain: they lead wherever T does
+        knot i on an edge, on which the control points are the same, pairs of others remain: they lead wherever T does
         not cancel. What is zero to rounding is left out, however large its T.
         """
-        shape = self.domain
-        on_edge = np.flatnonzero(shape.incidence[:, edges].any(axis=1))
-        along, height = shape.along(edges[0], shape.knots) / shape.size, shape.heights[:, edges[0]]
-        deltas = self._deltas(int(on_edge[0]))
-        j, k = np.triu_indices(len(deltas), 1)
+        near = np.sort(np.argsort(distance, kind="stable")[:NEAREST_KNOTS])
+        deltas = self._deltas(int(at_point[0]))
+        near = near[deltas[near].any(axis=1)]
+        j, k = near[np.array(np.triu_indices(len(near), 1))]
         lengths = np.sqrt((deltas**2).sum(axis=1))
         crosses = np.cross(deltas[j], deltas[k])
         kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
-        i = np.repeat(on_edge, kept.sum())
-        j, k, crosses = (np.tile(x[kept], (len(on_edge), *(1,) * (x.ndim - 1))) for x in (j, k, crosses))
-        areas = (along[j] - along[i]) * (height[k] - height[i]) - (along[k] - along[i]) * (height[j] - height[i])
-        kept = np.abs(areas) > LAYER * height.max()
-        return np.array([i, j, k])[:, kept], (crosses * areas[:, None])[kept]
+        return j[kept], k[kept], crosses[kept]
 
     def _at_corner(self, corner: int) -> FloatArray:
         shape = self.domain
@@ -224,28 +232,49 @@ class NormalField:
         Each triple's T is a product of powers of the distances from both edges. On some way to the corner leads
         each triple (or sum of those with its powers) unless another has both powers no larger.
         """
-        triples, terms = self._triples(points)
+        heights, at = self.domain.heights, self.domain.incidence
+        j, k, crosses = self._pairs(np.flatnonzero(at[:, points[0]]), heights[:, before] + heights[:, after])
+        along, height = self.domain.along(points[0], self.domain.knots) / self.domain.size, heights[:, points[0]]
+        found = [(np.empty((3, 0), dtype=np.int64), np.empty((0, 3)))]
+
+        def in_line(rows: IntArray, knots: IntArray) -> IntArray:
+            """Note the triples of pairs with knots i; return the pairs that are in line with these."""
+            i, b, c = knots[:, None], j[rows], k[rows]
+            areas = (along[b] - along[i]) * (height[c] - height[i]) - (along[c] - along[i]) * (height[b] - height[i])
+            proper = np.abs(areas) > LAYER * height.max()
+            one, pair = np.nonzero(proper)
+            found.append((np.array([knots[one], b[pair], c[pair]]), crosses[rows[pair]] * areas[proper, None]))
+            return np.asarray(rows[~proper.any(axis=0)])
+
+        # Knots at the corner lead. Where a pair is in line with it, the next ones on each edge do.
+        left = in_line(np.arange(len(j)), np.flatnonzero(at[:, before] & at[:, after]))
+        for edge in points:
+            rows = left
+            for knots in layers(np.where(at[:, edge], heights[:, before + after - edge], 0.0)):
+                rows = in_line(rows, knots)
+        triples, terms = np.concatenate([x for x, _ in found], axis=1), np.concatenate([x for _, x in found])
         nothing = np.full((1, 3), np.nan)
         if not len(terms):
             return nothing
-        first, second = (ranks(self.domain.heights[:, edge][triples].sum(axis=0)) for edge in (before, after))
+        first, second = (ranks(heights[:, edge][triples].sum(axis=0)) for edge in (before, after))
         lowest = np.full(first.max() + 1, second.max() + 1)
         np.minimum.at(lowest, first, second)
         earlier = np.minimum.accumulate(np.concatenate([[second.max() + 1], lowest[:-1]]))
         leading = (second == lowest[first]) & (second < earlier[first])
-        found = []
+        limits = []
         for rank in np.unique(first[leading]):
             group = np.flatnonzero(leading & (first == rank))
-            found.append(_total(terms[group], shares(self._logarithms(triples[:, group])[:, None])))
-        return found[0] if np.ptp(found, axis=0).max() < SAME_DIRECTION else nothing
+            each = (terms[group] * shares(self.log_weights[triples[:, group]].sum(axis=0)[:, None])).T
+            size = np.sqrt((each**2).sum(axis=0)).sum(keepdims=True)
+            limits.append(_direction(each.sum(axis=1, keepdims=True), size))
+        return limits[0] if np.ptp(limits, axis=0).max() < SAME_DIRECTION else nothing
 
 
-def _total(terms: FloatArray, weights: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors along sums of (n, 3) terms with (n, m) weights; NaN where they cancel."""
-    total = terms.T @ weights
-    size = np.sqrt((total**2).sum(axis=0))
-    good = size > PARALLEL_SINE * (np.sqrt((terms**2).sum(axis=1)) @ weights)
-    return np.asarray(np.where(good, total / np.where(good, size, 1.0), np.nan).T)
+def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
+    """(m, 3) unit vectors along (3, m) sums, NaN where these are rounding beside the (m,) sums of lengths."""
+    length = np.sqrt((total**2).sum(axis=0))
+    good = length > PARALLEL_SINE * size
+    return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
