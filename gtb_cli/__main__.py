@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 try:  # of the milliseconds before signals are caught, in which Python would show a traceback, these are the most
+    import gc
     import math
     import os
     import signal
@@ -46,6 +47,7 @@ def main() -> None:
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)
         _discard_unfinished()  # where the signal came between a file and what would remove it
+    gc.freeze()  # what is left ends with the process: to search it for cycles takes a fifth of the time of a plot
     sys.exit(status)
 
 
