@@ -61,8 +61,8 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
     than `MITRE` times the thickness. Where a normal is not that of the facets around the vertex, and the surface's own
     normals are not given, the facets count; and so they do on the boundary of a surface whose normal turns there within
     less than a facet: the offset goes on as inside. Ends of a boundary edge that coincide become one vertex. Where the
-    surface bends more sharply than the thickness, the offset folds: see `folded_faces`. That distant parts of a solid
-    meet is not found.
+    surface bends more sharply than the thickness, the offset folds: see `folded_faces`; where distant parts meet,
+    `gtb_cli.meshes.crossings` finds it.
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)

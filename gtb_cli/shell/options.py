@@ -259,13 +259,14 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         "--radius",
         callback=length_of,
         metavar="R",
-        help="Make a tube of this radius, in model units, around a curve.",
+        help="Make a tube of this radius, in model units, around a curve. That distant parts meet is not looked for.",
     )
     @click.option(
         "--thickness",
         callback=length_of,
         metavar="D",
-        help="Make a solid of this thickness, in model units: on the side of the normals, or the other if negative.",
+        help="Make a solid of this thickness, in model units: on the side of the normals, or the other if negative. "
+        "Folds, and distant parts that meet, are said.",
     )
     @click.option(
         "--attribute",

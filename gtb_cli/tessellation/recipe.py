@@ -141,14 +141,8 @@ class Recipe:
             mesh, found = self._tube(spec, mesh, self.radius, tolerance)
             offset_folds += found
         elif self.thickness is not None:
-            from gtb_cli.meshes.solid import folded_faces, thicken
-            from gtb_cli.tessellation.attributes import shared_normals
-
-            beside = shared_normals(spec, mesh, self.parametrization)
-            folded = folded_faces(mesh, self.thickness, beside)
-            if len(folded):
-                offset_folds.append(f"with a thickness of {self.thickness:g} the offset folds: {_where(mesh, folded)}")
-            mesh = thicken(mesh, self.thickness, beside)
+            mesh, found = self._solid(spec, mesh, self.thickness)
+            offset_folds += found
         if self.require:
             from gtb_cli.assembly.requirements import require
 
@@ -206,6 +200,27 @@ class Recipe:
         if len(folded):
             remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {_where(mesh, folded)}")
         return tube(mesh, radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces), remarks
+
+    def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
+        """The solid between the mesh of a surface and its offset, and where this folds or parts of it meet."""
+        from gtb_cli.meshes.crossings import crossing_cells
+        from gtb_cli.meshes.solid import folded_faces, thicken
+        from gtb_cli.tessellation.attributes import shared_normals
+
+        beside = shared_normals(spec, mesh, self.parametrization)
+        folded = folded_faces(mesh, thickness, beside)
+        remarks = []
+        if len(folded):
+            remarks.append(f"with a thickness of {thickness:g} the offset folds: {_where(mesh, folded)}")
+        solid = thicken(mesh, thickness, beside)
+        crossing, is_complete = crossing_cells(solid.vertices, solid.cells)
+        if len(crossing):
+            remarks.append(f"the solid passes through itself: {_where(solid, crossing)}")
+        if not is_complete:
+            remarks.append(
+                "not checked: whether more distant parts of the solid meet, too many faces are near each other"
+            )
+        return solid, remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""

@@ -39,8 +39,8 @@ def test_a_recipe_makes_what_the_command_makes(spec, recipe, options):
 
 def test_remarks_say_where_a_solid_folds():
     _, remarks = Recipe(4, thickness=5.0).mesh(load(SPECS / "pentagon.toml"))
-    assert len(remarks) == 1
     assert "the offset folds" in remarks[0]
+    assert remarks[1].startswith("the solid passes through itself")
 
 
 def test_a_percentage_is_of_the_size():
@@ -53,6 +53,22 @@ def test_a_percentage_is_of_the_size():
 def test_a_tolerance_that_is_not_a_percentage_is_refused(text):
     with pytest.raises(DomainError, match="tolerance: expected a positive number or percentage"):
         Recipe(tolerance=text)
+
+
+def test_a_solid_whose_distant_parts_meet_says_so():
+    """A sheet bent to a drop, its ends 0.2 apart: half of the thickness of each side that meets the other."""
+    profile = [(0, -0.1), (3, -3), (6, 0), (3, 3), (0, 0.1)]
+    drop = Patch(
+        [[i, j] for j in range(2) for i in range(5)],
+        [[x, y, z] for y in (0, 3) for x, z in profile],
+        coefficients=[1, 4, 6, 4, 1] * 2,
+    )
+    for thickness in (0.05, -0.2):
+        assert Recipe(12, thickness=thickness).mesh(drop)[1] == []
+    (remark,) = Recipe(12, thickness=0.2).mesh(drop)[1]
+    assert remark.startswith("the solid passes through itself: ")
+    with pytest.raises(RequirementError, match="not unfolded: the solid passes through itself"):
+        Recipe(12, thickness=0.2, require=("unfolded",)).mesh(drop)
 
 
 @pytest.mark.parametrize("options", [{"radius": 1.0, "thickness": 1.0}, {"require": "closed"}])

@@ -1,0 +1,152 @@
+"""Where a mesh passes through itself: pairs of triangles that cross and have no vertex in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
+
+DEPTH = 1e-9
+"""Depth of a crossing below which triangles touch, of the largest extent: rounding of surfaces that share a plane."""
+
+MOST_PAIRS = 1 << 20
+"""Pairs of boxes that are held at a time, in some 100 MB."""
+
+MOST_COMPARED = 50_000_000
+"""Most pairs of triangles that are compared, in half a minute: a mesh that is smooth has some 20 for each triangle, one
+whose triangles all lie upon each other would take for ever."""
+
+BITS = 20
+"""Binary digits of each coordinate by which triangles are put in order: for neighbours to be near each other."""
+
+
+def crossing_cells(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
+    """(f,) ascending indices of the triangles in `crossing_pairs`, and whether all pairs were compared."""
+    pairs, is_complete = crossing_pairs(vertices, cells)
+    return np.unique(pairs), is_complete
+
+
+def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
+    """Find triangles of a mesh that pass through others.
+
+    Parameters
+    ----------
+    vertices : (m, 3) float
+    cells : (k, 3) int
+
+    Returns
+    -------
+    pairs : (p, 2) int
+        Cells, each pair once, with no vertex in common. Triangles that touch, or lie in one plane, do not cross.
+    is_complete : bool
+        Whether all were compared: not more than `MOST_COMPARED` pairs are near each other.
+
+    Notes
+    -----
+    Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
+    million triangles take about ten seconds.
+    """
+    found = [np.empty((0, 2), dtype=np.int64)]
+    depth = DEPTH * float(np.ptp(vertices, axis=0).max())
+    compared = 0
+    for pairs in _near_pairs(vertices, cells) if len(cells) > 1 else ():
+        compared += len(pairs)
+        if compared > MOST_COMPARED:
+            return np.concatenate(found), False
+        one, other = cells[pairs].transpose(1, 0, 2)
+        apart = ~(one[:, :, None] == other[:, None]).any(axis=(1, 2))
+        pairs = pairs[apart]
+        crossed = pairs[_cross(vertices[cells[pairs[:, 0]]], vertices[cells[pairs[:, 1]]], depth)]
+        found.append(np.sort(crossed, axis=1))
+    return np.concatenate(found), True
+
+
+def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
+    """Blocks of (p, 2) pairs of cells whose boxes overlap."""
+    corners = vertices[cells]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(_curve_places((low + high) / 2), kind="stable")
+    levels = [(low[order], high[order])]
+    while len(levels[-1][0]) > 1:
+        levels.append(_parents(*levels[-1]))
+    stack = [(len(levels) - 1, np.zeros((1, 2), dtype=np.int64))]
+    while stack:
+        level, pairs = stack.pop()
+        if level == 0:
+            yield order[pairs]
+            continue
+        if len(pairs) > MOST_PAIRS // 4:
+            half = len(pairs) // 2
+            stack += [(level, pairs[half:]), (level, pairs[:half])]
+            continue
+        low, high = levels[level - 1]
+        below = (2 * pairs[:, None] + [[0, 0], [0, 1], [1, 0], [1, 1]]).reshape(-1, 2)
+        below = below[(below[:, 0] <= below[:, 1]) & (below[:, 1] < len(low))]
+        if level == 1:
+            below = below[below[:, 0] != below[:, 1]]
+        a, b = below.T
+        stack.append((level - 1, below[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]))
+
+
+def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Boxes around boxes two by two; a last one alone stays."""
+    first = np.arange(0, len(low), 2)
+    return np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+
+
+def _curve_places(points: FloatArray) -> IntArray:
+    """(k,) places of points along Morton's curve."""
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    grid = ((points - points.min(axis=0)) * (((1 << BITS) - 1) / extent)).astype(np.int64)
+    place = np.zeros(len(points), dtype=np.int64)
+    for bit in range(BITS):
+        for axis in range(3):
+            place |= ((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return place
+
+
+def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
+    """(p,) whether a side of one of two (p, 3, 3) triangles passes through the inside of the other."""
+    (heights, plane), (back, back_plane) = _heights(one, other), _heights(other, one)
+    # A triangle that is a line has no plane, and may pierce all the same.
+    reaches = [
+        ((rows.max(axis=1) > depth) & (rows.min(axis=1) < -depth)) | ~normal.any(axis=1)
+        for rows, normal in ((heights, plane), (back, back_plane))
+    ]
+    result = np.zeros(len(one), dtype=bool)
+    near = np.flatnonzero(reaches[0] & reaches[1])
+    for triangle, sides, rows, normal in ((one, other, heights, plane), (other, one, back, back_plane)):
+        result[near] |= _pierced(triangle[near], sides[near], rows[near], normal[near], depth)
+    return result
+
+
+def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(p, 3) heights of the others' corners over (p,) planes, and their normals: 0 where there is no plane."""
+    a, b, c = triangle.transpose(1, 0, 2)
+    normal = cross(b - a, c - a)
+    length = np.sqrt(dot(normal, normal))
+    longest = np.maximum(dot(b - a, b - a), dot(c - a, c - a))
+    normal = normal / np.where(length > 0, length, 1.0)[:, None]
+    normal[length <= 64 * EPS * longest] = 0.0
+    return np.einsum("pij,pj->pi", other - a[:, None], normal), normal
+
+
+def _pierced(
+    triangle: FloatArray, sides: FloatArray, heights: FloatArray, normal: FloatArray, depth: float
+) -> BoolArray:
+    """(p,) whether one of the sides of others, whose corners have these heights, meets the inside of a triangle."""
+    result = np.zeros(len(triangle), dtype=bool)
+    for k in range(3):
+        below, above = heights[:, k - 1], heights[:, k]
+        through = (np.minimum(below, above) < -depth) & (np.maximum(below, above) > depth)
+        share = np.where(through, below / np.where(through, below - above, 1.0), 0.0)
+        place = sides[:, k - 1] + share[:, None] * (sides[:, k] - sides[:, k - 1])
+        inside = through
+        for i in range(3):
+            edge = triangle[:, i] - triangle[:, i - 1]
+            length = np.sqrt(dot(edge, edge))
+            inside = inside & (dot(cross(edge, place - triangle[:, i - 1]), normal) > depth * length)
+        result |= inside
+    return result
