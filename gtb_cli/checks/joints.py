@@ -28,6 +28,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     gap = max((distance for _, _, distance in shared.almost), default=0.0) / _size(model)
     outcomes = {
         "joined edges": _joined(model),
+        **_welded(model),
         "open edges": number(len(shared.open), f"number of {what} with no neighbour"),
         "crowded edges": number(len(shared.crowded), f"number of curves that more than two {what} share"),
         "orientation": number(len(shared.one_sided), "number of joints at which orientations cannot agree"),
@@ -55,8 +56,17 @@ def _smoothness(model: Model) -> dict[str, Outcome]:
     return found
 
 
+def _welded(model: Model) -> dict[str, Outcome]:
+    """How far apart joined edges were that do not carry the same curve; where there are some."""
+    distances = [joint.distance for joint in model.joints.shared if joint.distance]
+    if not distances:
+        return {}
+    reason = f"largest distance of the {len(distances)} edges that were welded, of the model's size"
+    return {"welded edges": number(max(distances) / _size(model), reason)}
+
+
 def _joined(model: Model) -> Outcome:
-    shared = model.joints.shared
+    shared = [joint for joint in model.joints.shared if not joint.distance]
     if not shared:
         return not_applicable("no two edges carry the same curve")
     worst = 0.0

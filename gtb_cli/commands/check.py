@@ -18,6 +18,7 @@ from gtb_cli.shell.options import (
     requirements_of,
     spec_format_option,
     specs_argument,
+    weld_option,
 )
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
@@ -41,6 +42,7 @@ FIGURES_WIDTH = 20
 @specs_argument
 @json_option
 @long_option
+@weld_option
 @click.option(
     "--require",
     callback=requirements_of,
@@ -56,6 +58,7 @@ def check(
     specs: tuple[str, ...],
     as_json: bool,
     in_full: bool,
+    weld: float | str | None,
     require: tuple[str, ...],
     output: str,
     spec_format: str | None,
@@ -75,16 +78,16 @@ def check(
     """
     from gtb_cli.checks.check import check as measure
     from gtb_cli.checks.report import Report
+    from gtb_cli.tessellation.recipe import Recipe, welded
 
     refused: list[str] = []
 
     def report_on(spec: str) -> Report | ModelReport:
-        loaded = read_spec(spec, spec_format)
+        read = read_spec(spec, spec_format)
         with about(shown_input(spec)):
+            loaded = welded(read, weld)
             report = measure(loaded)
             if require:
-                from gtb_cli.tessellation.recipe import Recipe
-
                 try:
                     Recipe(require=require).mesh(loaded)
                 except RequirementError as error:

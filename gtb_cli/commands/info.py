@@ -10,9 +10,16 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.console import Console, printable
-from gtb_cli.shell.options import console_option, json_option, output_option, spec_format_option, specs_argument
+from gtb_cli.shell.options import (
+    console_option,
+    json_option,
+    output_option,
+    spec_format_option,
+    specs_argument,
+    weld_option,
+)
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
-from gtb_cli.shell.streams import read_spec, write_text
+from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
@@ -29,11 +36,18 @@ MAX_JOINTS_SHOWN = 6
 @specs_argument
 @json_option
 @long_option
+@weld_option
 @output_option
 @spec_format_option
 @console_option
 def info(
-    specs: tuple[str, ...], as_json: bool, in_full: bool, output: str, spec_format: str | None, console: Console
+    specs: tuple[str, ...],
+    as_json: bool,
+    in_full: bool,
+    weld: float | str | None,
+    output: str,
+    spec_format: str | None,
+    console: Console,
 ) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
@@ -46,7 +60,7 @@ def info(
     be read is said, and the exit status is 2.
     """
     several = len(specs) > 1 or os.path.isdir(specs[0])
-    rows, errors = reports_on(inputs_of(specs, output), lambda spec: _found(spec, spec_format))
+    rows, errors = reports_on(inputs_of(specs, output), lambda spec: _found(spec, spec_format, weld))
     if as_json:
         text = json_of(rows, several)
     elif several and not in_full:
@@ -74,11 +88,14 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(spec: str, spec_format: str | None) -> dict[str, Any]:
+def _found(spec: str, spec_format: str | None, weld: float | str | None) -> dict[str, Any]:
     """All that is said of a spec."""
+    from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        loaded = welded(loaded, weld)
     if isinstance(loaded, Model):
         patches = [_report(patch) for patch in loaded.patches]
         return {

@@ -156,6 +156,14 @@ output_option = click.option(
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
+weld_option = click.option(
+    "--weld",
+    callback=tolerance_of,
+    metavar="T",
+    help="Join edges of a model that are as near as this, in model units, or as 0.01% of the size; in place of the "
+    "spec's weld.",
+)
+
 parametrization_option = click.option(
     "--parametrization",
     type=click.Choice(PARAMETRIZATIONS),
@@ -277,13 +285,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and 1/length), or "
         f"{BASIS}I, the basis function T_I of a patch. May be repeated.",
     )
-    @click.option(
-        "--weld",
-        callback=tolerance_of,
-        metavar="T",
-        help="Join edges of a model that are as near as this, in model units, or as 0.01% of the size; in place of the "
-        "spec's weld.",
-    )
+    @weld_option
     @click.option(
         "--require",
         callback=requirements_of,

@@ -108,7 +108,7 @@ class Recipe:
         from gtb_cli.tessellation.tessellate import tessellate
 
         self.check_size(spec)
-        spec, seams = self._welded(spec)
+        spec = welded(spec, self.weld)
         tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
             tolerance *= AXIS_SHARE
@@ -123,7 +123,7 @@ class Recipe:
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         surface = mesh
         offset_folds: list[str] = []
-        remarks = seams + self._confusion(spec, mesh)
+        remarks = self._seams(spec) + self._confusion(spec, mesh)
         if self.parametrization == "toric":
             from gtb_cli.tessellation.crowding import crowding
 
@@ -149,19 +149,15 @@ class Recipe:
             require(self.require, spec, mesh, surface, offset_folds)
         return mesh, remarks + offset_folds
 
-    def _welded(self, spec: Patch | Model) -> tuple[Patch | Model, list[str]]:
-        """The model with the weld that is asked for, and what to know of its seams."""
+    def _seams(self, spec: Patch | Model) -> list[str]:
+        """What to know of the seams of a model."""
         from gtb_cli.theory.model import Model
 
         if not isinstance(spec, Model):
-            return spec, []
+            return []
         from gtb_cli.assembly.openings import seam_remarks
-        from gtb_cli.theory.joints import diagonal_of
 
-        if self.weld is not None:
-            share = percentage(self.weld) / 100 if isinstance(self.weld, str) else 1.0
-            spec = spec.replace(weld=share * diagonal_of(spec.patches) if isinstance(self.weld, str) else self.weld)
-        return spec, seam_remarks(spec)
+        return seam_remarks(spec)
 
     def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """What to know of a model whose coarse mesh has sides with more than two faces."""
@@ -318,6 +314,17 @@ def percentage(text: str) -> float:
     if not 0 < value < math.inf:
         raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
     return value
+
+
+def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
+    """A model with another weld, in model units or percent of its size; what is no model, or with None, as it is."""
+    from gtb_cli.theory.model import Model
+
+    if not isinstance(spec, Model) or weld is None:
+        return spec
+    from gtb_cli.theory.joints import diagonal_of
+
+    return spec.replace(weld=percentage(weld) / 100 * diagonal_of(spec.patches) if isinstance(weld, str) else weld)
 
 
 def _where(mesh: Mesh, cells: IntArray) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -132,3 +134,17 @@ def test_info_says_why_edges_are_not_joined_and_what_is_welded(tmp_path):
     assert "not joined        one edge 1: same ends and control points as two edge 3, but weights" in text
     save(pair(shift=1e-4).replace(weld=2e-4), tmp_path / "y.toml")
     assert "welded edges      1, up to 0.0001 apart" in gtb("info", tmp_path / "y.toml").text
+
+
+def test_info_and_check_weld(tmp_path):
+    from gtb_cli.spec.writer import save
+
+    save(pair(shift=1.5e-4), tmp_path / "x.toml")
+    found = json.loads(gtb("info", tmp_path / "x.toml", "--weld", "2e-4", "--json").out)
+    assert found["welded_edges"] == 1
+    assert found["welded_distance"] == pytest.approx(1.5e-4, rel=1e-3)
+    checked = gtb("check", tmp_path / "x.toml", "--weld", "2e-4")
+    assert checked.status == 0
+    assert "distance of the 1 edges that were welded" in checked.text
+    assert "welded" not in gtb("check", tmp_path / "x.toml").text
+    assert gtb("info", tmp_path / "x.toml", "--weld", "0").status == 2
