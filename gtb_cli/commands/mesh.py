@@ -111,8 +111,8 @@ def mesh(
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
     status is 2.
 
-    STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: exact rational Bézier pieces where every patch
-    has them, else surfaces fitted within --tolerance; sewn, and a solid where closed. VTU files hold exact curved cells
+    STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: the exact rational Bézier pieces of each patch
+    that has them, others fitted within --tolerance; sewn, and a solid where closed. VTU files hold exact curved cells
     for ParaView, or are refused.
     """
     if (surfaces := surface_format(options.format, output)) is not None:

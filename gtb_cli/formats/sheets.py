@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.cad import Sheet
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.bezier_pieces import DEGREE, bezier_charts
+from gtb_cli.theory.joints import EdgeRef
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -26,8 +28,12 @@ SMALLEST_WEIGHT = 1e-12
 """Smallest weight of a Bézier rectangle, relative to the largest: below it a kernel's derivatives lose all digits."""
 
 GRADING = 2.0
-"""Interpolated places are a power of even fractions, closer towards Δ's edges: a patch of real knots may have no second
-derivative there. Tried with 16 spans on seven patches: 1 leaves 4e-4 … 2e-3 of the size, 2 leaves 2e-5 … 2e-4."""
+"""Knots are a power of even fractions, closer towards Δ's edges: a patch of real knots may have no second derivative
+there. Tried with 16 spans on eight patches: 1 leaves up to 4e-4 of the size, 2 up to 3e-5."""
+
+EDGE_DEGREE = 16
+"""Highest degree of an exact edge that a fitted surface takes over: it is then of this degree itself. Tried with the
+same pillow of other degrees: up to 16 edges agree to 3e-7, at 25 not at all."""
 
 
 class Sheets(NamedTuple):
@@ -36,29 +42,62 @@ class Sheets(NamedTuple):
     Attributes
     ----------
     sheets : tuple of Sheet
+        In the order of the patches.
+    fitted : int
+        How many of them are not exact.
     error : float
         Largest distance of fitted ones from the patches, at sample points; 0 where all are exact.
-    reason : str
-        Why some are not exact.
+    reasons : tuple of (str, str)
+        Name of each patch that is fitted, and why.
     """
 
     sheets: tuple[Sheet, ...]
+    fitted: int
     error: float
-    reason: str
+    reasons: tuple[tuple[str, str], ...]
+
+
+class Half(NamedTuple):
+    """Half of an exact edge, as a fitted surface beside it has it.
+
+    Attributes
+    ----------
+    rows : (D + 1, 4) float
+        Control points x, y, z and weights, from a corner on; the weights at both ends are 1.
+    fractions : (D + 1,) float
+        Where they are along the whole edge, measured from the same corner.
+    """
+
+    rows: FloatArray
+    fractions: FloatArray
+
+    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k, 3) points at (k,) parameters in [0, 1], (k,) weights there, and places as fractions of this half."""
+        degree = len(self.rows) - 1
+        k = np.arange(degree + 1)
+        shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
+        shares = shares * self.rows[:, 3]
+        weights = shares.sum(axis=1)
+        return shares @ self.rows[:, :3] / weights[:, None], weights, shares @ self.fractions / (weights * self.end)
+
+    @property
+    def end(self) -> float:
+        """Where this half ends, as a fraction of the edge."""
+        return float(self.fractions[-1])
 
 
 def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     """Return the surfaces of a patch or model as rational B-splines.
 
-    Where every patch has Bézier pieces these are they: one for a tensor product patch, r for a patch with r corners.
-    Else every patch is fitted by r cubic surfaces, as edges of exact and fitted ones would not be divided at the same
-    points: between the corners, the middles of the edges and the centroid of Δ, in the linear parametrisation, so that
-    edges which are the same curve get the same spline.
+    A patch that has Bézier pieces is these: one for a tensor product patch, r for a patch with r corners. Any other is
+    fitted by r surfaces between the corners, places inside the edges and the centroid of Δ, in the linear
+    parametrisation. Edges that fitted patches share are the same spline in both; one that is shared with an exact patch
+    is the exact curve, to rounding.
 
     Parameters
     ----------
     spec : Patch or Model
-        A surface, or a model of surfaces.
+        Of surfaces.
     tolerance : float, optional
         Largest distance of fitted surfaces, in model units.
 
@@ -72,21 +111,78 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     if patches[0].dimension == 1:
         raise DomainError("is a curve, and CAD files are made of surfaces")
-    try:
-        return Sheets(tuple(sheet for i, patch in enumerate(patches) for sheet in exact_sheets(patch, i)), 0.0, "")
-    except DomainError as fault:
-        reason = str(fault)
+    exact: dict[int, list[Sheet]] = {}
+    reasons: dict[int, str] = {}
+    for index, patch in enumerate(patches):
+        try:
+            exact[index] = exact_sheets(patch, index)
+        except DomainError as fault:
+            reasons[index] = str(fault)
+    if not reasons:
+        return Sheets(tuple(sheet for sheets in exact.values() for sheet in sheets), 0, 0.0, ())
+    edges = _exact_edges(spec, exact, reasons) if isinstance(spec, Model) else {}
+    degree = max([CUBIC, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
     points = np.concatenate([patch.control_points for patch in patches])
     size = float(np.ptp(points, axis=0).max())
     allowed = FIT_TOLERANCE * size if tolerance is None else tolerance
     for segments in SEGMENTS:
-        fitted = [_fitted(patch, i, segments) for i, patch in enumerate(patches)]
-        error = max(found for _, found in fitted)
+        fitted = {index: _fitted(patches[index], index, segments, degree, edges) for index in reasons}
+        error = max(found for _, found in fitted.values())
         if error <= allowed:
-            return Sheets(tuple(sheet for sheets, _ in fitted for sheet in sheets), error, reason)
+            sheets = [exact[index] if index in exact else fitted[index][0] for index in range(len(patches))]
+            names = tuple((_name(patches[index], index), why) for index, why in sorted(reasons.items()))
+            count = sum(len(found) for found, _ in fitted.values())
+            return Sheets(tuple(sheet for part in sheets for sheet in part), count, error, names)
     raise ToleranceError(
         f"fitted surfaces of {SEGMENTS[-1]} × {SEGMENTS[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
     )
+
+
+def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int, str]) -> dict[EdgeRef, list[Half]]:
+    """Halves of the edges that fitted patches share with exact ones: the first from the edge's start, the other from
+    its end.
+
+    A patch that is exact with edges of too high a degree for its neighbours goes over to those that are fitted.
+    """
+    groups: dict[EdgeRef, list[tuple[EdgeRef, bool]]] = {}
+    for joint in model.joints.shared:
+        groups.setdefault(joint.first, [(joint.first, False)]).append((joint.second, joint.opposite))
+    while True:
+        found: dict[EdgeRef, list[Half]] = {}
+        for uses in groups.values():
+            whole = [use for use in uses if use[0][0] in exact]
+            fitted = [use for use in uses if use[0][0] in reasons]
+            if not whole or not fitted:
+                continue
+            (index, edge), turned = whole[0]
+            halves = _halves(model[index], edge)
+            if len(halves[0].rows) - 1 > EDGE_DEGREE:
+                del exact[index]
+                reasons[index] = (
+                    f"has exact pieces of a degree above {EDGE_DEGREE} on its edge {edge}, which it shares with "
+                    f"{_name(model[fitted[0][0][0]], fitted[0][0][0])}, that has none"
+                )
+                break
+            found |= {ref: halves[::-1] if opposite != turned else halves for ref, opposite in fitted}
+        else:
+            return found
+
+
+def _halves(patch: Patch, edge: int) -> list[Half]:
+    """The exact halves of an edge, each from its own end of the edge on."""
+    curve = patch.boundary(edge)
+    places = np.zeros((len(curve.knots), 3))
+    places[:, 0] = curve.knots[:, 0] / curve.knots[:, 0].max()
+    halves = []
+    pairs = zip(bezier_charts(curve), bezier_charts(curve.replace(control_points=places)), strict=True)
+    for side, (chart, placed) in enumerate(pairs):
+        way = slice(None, None, -1) if side else slice(None)
+        rows, fractions = homogeneous_points(chart.patch)[way], placed.patch.control_points[way, 0]
+        degree = len(rows) - 1
+        powers = np.log(rows[:, 3])
+        rows[:, 3] = np.exp(powers - powers[0] + (powers[0] - powers[-1]) * np.arange(degree + 1) / degree)
+        halves.append(Half(rows, 1 - fractions if side else fractions))
+    return halves
 
 
 def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
@@ -97,7 +193,7 @@ def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
     DomainError
         It has none of a degree that CAD kernels take.
     """
-    name = patch.name or f"patch-{index}"
+    name = _name(patch, index)
     lattice = lattice_of(patch.domain)
     if lattice is not None and len(lattice) == 2 and max(direction.degree for direction in lattice) <= DEGREE:
         first, second = lattice
@@ -128,33 +224,70 @@ def _bezier(name: str, net: FloatArray) -> Sheet:
     return Sheet(name, (m - 1, n - 1), (knots[0], knots[1]), net)
 
 
-def _fitted(patch: Patch, index: int, segments: int) -> tuple[list[Sheet], float]:
-    """Cubic interpolants of a patch's quarters, and how far they are off between their points."""
+def _name(patch: Patch, index: int) -> str:
+    return patch.name or f"patch-{index}"
+
+
+def _fitted(
+    patch: Patch, index: int, segments: int, degree: int, edges: dict[EdgeRef, list[Half]]
+) -> tuple[list[Sheet], float]:
+    """Interpolants of a patch's quarters, and how far they are off between their points.
+
+    Beside an exact edge they interpolate homogeneous points, with weights that are 1 where quarters meet.
+    """
     from scipy.interpolate import make_interp_spline
 
     v = patch.domain.vertices
-    middles = (v + np.roll(v, -1, axis=0)) / 2
+    r = len(v)
+    halves = [edges.get((index, k), [None, None]) for k in range(r)]
+    shares = np.array([0.5 if half is None else half.end for half, _ in halves])[:, None]
+    middles = (1 - shares) * v + shares * np.roll(v, -1, axis=0)
     center = v.mean(axis=0)
-    fine = np.linspace(0.0, 1.0, 2 * segments + 1) ** GRADING
+    knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** GRADING, degree, mode="edge")
+    # Greville's points: where a spline of any degree may be interpolated without it swinging between them.
+    coarse = np.convolve(knots, np.full(degree, 1 / degree), "valid")[1:-1]
+    coarse[-1] = 1.0
+    fine = np.sort(np.concatenate([coarse, (coarse[1:] + coarse[:-1]) / 2]))
     sheets, worst = [], 0.0
-    for k in range(len(v)):
+    for k in range(r):
         corners = np.array([[v[k], middles[k - 1]], [middles[k], center]])
-        points = _points(patch, k, corners, fine)
-        coarse = fine[::2]
-        first = make_interp_spline(coarse, points[::2, ::2], CUBIC, axis=0)
-        second = make_interp_spline(coarse, first.c, CUBIC, axis=1)
+        points, weights = _points(patch, k, corners, fine, halves[k][0], halves[k - 1][1])
+        rows = np.concatenate([points * weights[..., None], weights[..., None]], axis=2)
+        first = make_interp_spline(coarse, rows[::2, ::2], degree, t=knots, axis=0)
+        second = make_interp_spline(coarse, first.c, degree, t=knots, axis=1)
         net = np.moveaxis(np.asarray(second.c), 0, 1)
-        values = make_interp_spline(coarse, first(fine), CUBIC, axis=1)(fine)
-        worst = max(worst, float(np.sqrt(((np.asarray(values) - points) ** 2).sum(axis=2)).max()))
-        net = np.concatenate([net, np.ones((*net.shape[:2], 1))], axis=2)
-        knots = (np.asarray(first.t), np.asarray(second.t))
-        sheets.append(Sheet(patch.name or f"patch-{index}", (CUBIC, CUBIC), knots, net))
+        values = np.asarray(make_interp_spline(coarse, first(fine), degree, t=knots, axis=1)(fine))
+        if min(net[..., 3].min(), values[..., 3].min()) <= 0:
+            worst = np.inf
+            continue
+        worst = max(worst, float(np.sqrt(((values[..., :3] / values[..., 3:] - points) ** 2).sum(axis=2)).max()))
+        net[..., :3] /= net[..., 3:]
+        if (weights == 1).all():
+            net[..., 3] = 1.0
+        sheets.append(Sheet(_name(patch, index), (degree, degree), (knots, knots), net))
     return sheets, worst
 
 
-def _points(patch: Patch, corner: int, corners: FloatArray, places: FloatArray) -> FloatArray:
-    """(k, k, 3) points on the quarter about a corner; those on edges are on them exactly."""
-    s, t = places[:, None, None], places[None, :, None]
+def _points(
+    patch: Patch, corner: int, corners: FloatArray, places: FloatArray, along: Half | None, back: Half | None
+) -> tuple[FloatArray, FloatArray]:
+    """(k, k, 3) points on the quarter about a corner, and (k, k) weights; those on edges are on them exactly.
+
+    `along` and `back` are the halves of the edges from the corner on, and back from it, where these are exact. Places
+    on lines to the centroid do not depend on them, so that they are the same in the next quarter.
+    """
+    s, t = places[:, None], places[None, :]
+    weights = np.ones((len(places), len(places)))
+    exact: list[tuple[FloatArray, FloatArray | None]] = []
+    for half, mine, other in ((along, s, t), (back, t, s)):
+        if half is None:
+            exact.append((mine, None))
+            continue
+        curve, factors, moved = half.at(places)
+        weights = weights * (1 + (factors.reshape(mine.shape) - 1) * (1 - other))
+        exact.append((mine + (moved.reshape(mine.shape) - mine) * (1 - other), curve))
+    (s, first), (t, second) = exact
+    s, t = s[..., None], t[..., None]
     p = (1 - s) * ((1 - t) * corners[0, 0] + t * corners[0, 1]) + s * ((1 - t) * corners[1, 0] + t * corners[1, 1])
     shape = patch.domain
     r = len(shape.vertices)
@@ -164,4 +297,9 @@ def _points(patch: Patch, corner: int, corners: FloatArray, places: FloatArray) 
     faces[0, 0] = shape.faces.corner(corner).number
     flat = p.reshape(-1, 2)
     locations = patch.rational_basis.locations(flat, "linear", faces.ravel())
-    return patch.points_at(locations, len(flat)).reshape(*p.shape[:2], 3)
+    points = patch.points_at(locations, len(flat)).reshape(*p.shape[:2], 3)
+    if first is not None:
+        points[:, 0] = first
+    if second is not None:
+        points[0] = second
+    return points, weights

@@ -108,6 +108,7 @@ def _write_cad(
 ) -> None:
     from gtb_cli.formats.cad import encode_cad
     from gtb_cli.formats.sheets import sheets_of
+    from gtb_cli.theory.model import Model
 
     recipe = options.recipe
     with about(shown_input(path)):
@@ -117,7 +118,11 @@ def _write_cad(
             raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     write_blocks(output, [body.data])
     prefix = "" if output == STANDARD else f"{output}: "
-    if found.reason:
-        console.warn(f"{prefix}fitted within {found.error:.2g}, not exact: {_short(found.reason)}")
-    exact = "fitted" if found.reason else "exact"
-    console.note(f"{prefix}{body.faces} {exact} faces, {body.solids} solids, {body.shells} open shells")
+    if found.reasons:
+        name, reason = found.reasons[0]
+        others = f" (and {len(found.reasons) - 1} other patches)" if len(found.reasons) > 1 else ""
+        who = f"{name}{others}: " if isinstance(spec, Model) else ""
+        console.warn(f"{prefix}fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
+    counts = {"exact": body.faces - found.fitted, "fitted": found.fitted}
+    faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
+    console.note(f"{prefix}{faces} faces, {body.solids} solids, {body.shells} open shells")
