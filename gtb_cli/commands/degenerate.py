@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument
+from gtb_cli.errors import DomainError
+from gtb_cli.shell.limits import lifting_of, lifting_values, x_of
+from gtb_cli.shell.options import WholeNumber, spec_argument
 from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
 from gtb_cli.shell.streams import about, read_patch, shown_input
 
@@ -16,39 +17,8 @@ if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.theory.patch import Patch
 
-KNOT = "knot:"
-"""Before an index, in place of a lifting: 1 at that knot, else 0."""
-
 MAX_MEMBERS = 10_000
 """Largest number of members of a sweep."""
-
-
-def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
-    """Read x, or several: a positive number, a number expression, or inf."""
-    if value is None:
-        return None
-    if isinstance(value, tuple):
-        return tuple(x_of(ctx, param, one) for one in value)
-    from gtb_cli.spec.expression import evaluate_expression
-
-    try:
-        x = math.inf if value.strip() == "inf" else evaluate_expression(value.strip())
-    except SpecError as error:
-        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
-    if x < 0:
-        raise click.BadParameter(f"{value!r} is negative", ctx, param)
-    return x
-
-
-def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
-    """Read lifting values, or the index of a knot."""
-    text = (value or "").strip()
-    if not text.startswith(KNOT):
-        return numbers_of(ctx, param, value)
-    index = text.removeprefix(KNOT)
-    if not index.isdecimal() or not index.isascii():
-        raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
-    return int(index[:NAME_DIGITS])
 
 
 @click.command
@@ -125,13 +95,9 @@ def _spec(patch: Patch, x: float, exponents: FloatArray | tuple[float, ...] | No
 
 
 def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
-    if isinstance(lifting, int):
-        from gtb_cli.knots.decomposition import lifting_of_knot
-
-        return lifting_of_knot(len(patch.knots), lifting)
     if lifting is None and patch.lifting is None:
         raise DomainError("has no lifting: write one into the spec, or give --lifting")
-    return lifting
+    return lifting_values(patch, lifting)
 
 
 def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:

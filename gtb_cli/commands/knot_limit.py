@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import click
 
+from gtb_cli.shell.limits import moves_of
 from gtb_cli.shell.options import numbers_of, spec_argument
 from gtb_cli.shell.sequences import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import about, read_patch, shown_input
@@ -16,21 +16,6 @@ if TYPE_CHECKING:
 
 EXAMPLE_STEPS = "0,0.4,0.8"
 """Steps t without an option, those of Example 4.2 of the paper."""
-
-MERGE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
-
-
-def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
-    """Read pairs K:Q."""
-    moves: dict[int, int] = {}
-    for text in value:
-        match = MERGE.fullmatch(text)
-        if not match:
-            raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
-        k, q = int(match[1]), int(match[2])
-        if moves.setdefault(k, q) != q:
-            raise click.BadParameter(f"knot {k} cannot move to both {moves[k]} and {q}", ctx, param)
-    return moves
 
 
 @click.command("knot-limit")

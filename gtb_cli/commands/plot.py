@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from gtb_cli.errors import DomainError, ExportError, SpecError
+from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.limits import LimitRequest, lifting_values, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
 from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
 from gtb_cli.vocabulary import COLOUR_MAPS
@@ -17,7 +18,6 @@ from gtb_cli.vocabulary import COLOUR_MAPS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.pictures.look import Look
     from gtb_cli.pictures.sequences import Frames
     from gtb_cli.theory.model import Model
@@ -42,8 +42,8 @@ DEFAULT_STEPS = (0.0, 0.4, 0.8)
 DISTANCE_STEPS = tuple(1 - 10 ** (-k / 2) for k in range(7))
 """Steps t at which distances of a knot limit are measured, where none is given."""
 
-PANEL_RESOLUTION = 24
-"""Segments of each edge of each cell, in the panels of a sequence."""
+PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
+"""Segments of each edge of each cell, in the panels of a sequence: of surfaces, and of curves."""
 
 VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
 
@@ -79,33 +79,6 @@ def stretch_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[
     if len(numbers) != 3 or not all(1e-6 <= number <= 1e6 for number in numbers):
         raise click.BadParameter(f"{value!r}: expected three positive factors, such as 1,1,0.2", ctx, param)
     return numbers[0], numbers[1], numbers[2]
-
-
-def x_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[float, ...]:
-    """Read x, several times."""
-    if not value:
-        return ()
-    from gtb_cli.commands.degenerate import x_of as read
-
-    return tuple(read(ctx, param, value))  # type: ignore[arg-type]
-
-
-def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
-    """Read lifting values, or the index of a knot."""
-    if value is None:
-        return None
-    from gtb_cli.commands.degenerate import lifting_of as read
-
-    return read(ctx, param, value)
-
-
-def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
-    """Read pairs K:Q."""
-    if not value:
-        return {}
-    from gtb_cli.commands.knot_limit import moves_of as read
-
-    return read(ctx, param, value)
 
 
 def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
@@ -163,14 +136,6 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--unnormalised", is_flag=True, help="Draw the basis β_i in place of the rational one, T_i.")
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
 @click.option(
-    "--lifting", callback=lifting_of, metavar="L,…", help="A lifting value for each knot, or knot:K, as for degenerate."
-)
-@click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration.")
-@click.option(
-    "--merge", "moves", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
-)
-@click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way.")
-@click.option(
     "--vary",
     callback=variation_of,
     metavar="KEY[I]=V,…",
@@ -179,6 +144,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option(
     "-n", "--resolution", type=WholeNumber(1, 1000), metavar="N", help="Segments along each edge of the domain."
 )
+@limit_options
 @spec_format_option
 @console_option
 def plot(
@@ -186,10 +152,7 @@ def plot(
     output: str,
     what: str | None,
     format: str | None,
-    lifting: tuple[float, ...] | int | None,
-    xs: tuple[float, ...],
-    moves: dict[int, int],
-    steps: tuple[float, ...] | None,
+    limit: LimitRequest,
     vary: Variation | None,
     spec_format: str | None,
     console: Console,
@@ -217,11 +180,12 @@ def plot(
     kind = _format_for(output, format)
     look = _look(**looks)
     if os.path.isdir(spec) or os.path.basename(spec) == "sequence.json":
+        refuse_limit(limit, spec)
         figure = _of_folder(spec, what or "sequence", look)
     else:
         loaded = read_spec(spec, spec_format)
         with about(shown_input(spec)):
-            figure = _of_spec(loaded, what, look, lifting, xs, moves, steps, vary)
+            figure = _of_spec(loaded, what, look, limit, vary)
     from gtb_cli.pictures.look import encoded, settings
 
     with settings():
@@ -262,22 +226,18 @@ def _of_spec(
     shape: Patch | Model,
     what: str | None,
     look: Look,
-    lifting: tuple[float, ...] | int | None,
-    xs: tuple[float, ...],
-    moves: dict[int, int],
-    steps: tuple[float, ...] | None,
+    limit: LimitRequest,
     vary: Variation | None,
 ) -> Figure:
     from gtb_cli.pictures.figures import default_picture, figure_of, figure_of_variants
     from gtb_cli.theory.patch import Patch
 
-    what = what or ("sequence" if xs or moves else default_picture(shape))
-    sequence = what in ("sequence", "distance")
-    for name, given in (("-x", bool(xs)), ("--merge", bool(moves)), ("--steps", steps is not None)):
-        if given and not sequence:
-            raise click.UsageError(f"{name} is for --what sequence and distance")
-    if lifting is not None and not (sequence or what == "decomposition"):
-        raise click.UsageError("--lifting is for --what decomposition, sequence and distance")
+    what = what or ("sequence" if limit.xs or limit.moves else default_picture(shape))
+    sequence, cells = what in ("sequence", "distance"), what == "decomposition"
+    for name in limit.given():
+        if not (sequence or (cells and name == "--lifting")):
+            cells_too = "decomposition, " if name == "--lifting" else ""
+            raise click.UsageError(f"{name} is for --what {cells_too}sequence and distance")
     if vary is not None:
         if what not in ("curve", "basis") or not isinstance(shape, Patch):
             raise click.UsageError("--vary is for a single curve, or its basis")
@@ -288,21 +248,12 @@ def _of_spec(
             look = replace(look, indices=(vary.knot,))
         return figure_of_variants(variants, names, what, look)
     if sequence:
-        if not isinstance(shape, Patch):
-            raise SpecError(f"expected a single patch, this is a model of {len(shape.patches)}")
-        return _of_frames(_frames(shape, what, look, lifting, xs, moves, steps), what, look)
-    return figure_of(shape, what, look, lifting=_values(shape, lifting))
-
-
-def _values(shape: Patch | Model, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
-    from gtb_cli.theory.patch import Patch
-
-    if isinstance(lifting, int) and isinstance(shape, Patch):
-        from gtb_cli.knots.decomposition import lifting_of_knot
-
-        return lifting_of_knot(len(shape.knots), lifting)
-    assert not isinstance(lifting, int)
-    return lifting
+        curve = default_picture(shape) == "curve"
+        fine = look.resolution or (PANEL_CURVE_RESOLUTION if curve else PANEL_RESOLUTION)
+        far = what == "distance"
+        xs, steps = (DISTANCE_X, DISTANCE_STEPS) if far else (DEFAULT_X, DEFAULT_STEPS)
+        return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=far), what, look)
+    return figure_of(shape, what, look, lifting=lifting_values(shape, limit.lifting))
 
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
@@ -324,57 +275,6 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
 def _pretty(text: str) -> str:
     """An expression as people write it, where it is simple."""
     return re.sub(r"sqrt\((\d+)\)", r"√\1", text)
-
-
-def _frames(
-    patch: Patch,
-    what: str,
-    look: Look,
-    lifting: tuple[float, ...] | int | None,
-    xs: tuple[float, ...],
-    moves: dict[int, int],
-    steps: tuple[float, ...] | None,
-) -> Frames:
-    """Meshes of a degeneration or of a knot limit, with the net of its limit."""
-    from gtb_cli.pictures.nets import net_of
-    from gtb_cli.pictures.sequences import Frames
-    from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
-
-    if moves and (xs or lifting is not None):
-        raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
-    if steps is not None and not moves:
-        raise click.UsageError("--steps is for a knot limit, with --merge")
-    far = what == "distance"
-    fine = look.resolution or (PANEL_RESOLUTION if patch.dimension == 2 else 128)
-    if moves:
-        from gtb_cli.theory.knot_limit import knot_limit
-
-        limit = knot_limit(patch, moves).merged
-        found = knot_sequence(patch, moves, steps or (DISTANCE_STEPS if far else DEFAULT_STEPS), fine, distances=far)
-        net = net_of(limit)
-    else:
-        from gtb_cli.theory.degeneration import lifting_of as lifting_of_patch
-
-        limit = patch
-        values = _values(patch, lifting)
-        if values is None and patch.lifting is None:
-            raise DomainError("has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit")
-        given = xs or (DISTANCE_X if far else DEFAULT_X)
-        found = degeneration_sequence(patch, given, values, fine, distances=far)
-        heights = lifting_of_patch(patch, values)
-        net = net_of(patch, heights if found.values[-1] else -heights)
-    used = sorted({i for pair in net for i in pair})
-    place = {i: k for k, i in enumerate(used)}
-    return Frames(
-        found.key,
-        found.values,
-        found.meshes,
-        found.distances,
-        found.film_distances,
-        limit.control_points[used],
-        tuple((place[a], place[b]) for a, b in net),
-        found.film,
-    )
 
 
 def _of_folder(path: str, what: str, look: Look) -> Figure:

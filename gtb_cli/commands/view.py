@@ -9,6 +9,7 @@ import click
 
 from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
@@ -17,6 +18,12 @@ if TYPE_CHECKING:
     from gtb_cli.pictures.sight import Sight
 
 MESHES = (".obj", ".ply", ".stl", ".glb")
+
+SEQUENCE_RESOLUTION = 20
+"""Segments of each edge of each cell of a sequence."""
+
+PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
+"""Parameters x of a degeneration, and steps of a knot limit, where none is given: the slider goes straight between."""
 
 MAX_PAGE_FACES = 1_000_000
 """Largest number of triangles of a page, which takes about 40 bytes for each."""
@@ -35,6 +42,7 @@ MAX_PAGE_FACES = 1_000_000
 @click.option("--no-open", is_flag=True, help="Open no browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
 @click.option("--port", type=WholeNumber(0, 65535), default=0, help="That of --watch; else any that is free.")
+@limit_options
 @spec_format_option
 @console_option
 def view(
@@ -44,6 +52,7 @@ def view(
     no_open: bool,
     watch: bool,
     port: int,
+    limit: LimitRequest,
     spec_format: str | None,
     console: Console,
 ) -> None:
@@ -56,7 +65,8 @@ def view(
     folds (where a patch turns back by more than 90 degrees between two triangles) and axes go on and off; shading may
     be curvature with its scale, zebra stripes or isophotes. Normals and curvature of a spec are exact at the vertices
     of its mesh and interpolated at each pixel between them; -n makes that finer. A mesh file's normals are not read:
-    means of its triangles' take their place. Names appear under the pointer; a sequence has a slider and plays.
+    means of its triangles' take their place. Names appear under the pointer; a sequence has a slider and plays:
+    that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge and --steps (a knot limit).
 
     With --watch the page follows the files: an edit is there within a second, an error is shown with its line, and
     what was good last stays. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
@@ -66,9 +76,9 @@ def view(
             raise click.UsageError("--watch serves a page of files: it has no -o, and follows no standard input")
         from gtb_cli.shell.watching import serve
 
-        serve(paths, lambda: sight_of_paths(paths, resolution, spec_format), port, console, opens=not no_open)
+        serve(paths, lambda: sight_of_paths(paths, resolution, spec_format, limit), port, console, opens=not no_open)
         return
-    sight = sight_of_paths(paths, resolution, spec_format)
+    sight = sight_of_paths(paths, resolution, spec_format, limit)
     from gtb_cli.pictures.page import page_of
 
     page = page_of(sight)
@@ -80,24 +90,30 @@ def view(
     _show(page, console, opens=not no_open)
 
 
-def sight_of_paths(paths: tuple[str, ...], resolution: int | None, spec_format: str | None) -> Sight:
-    """What there is to see in files and folders."""
+def sight_of_paths(
+    paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest | None = None
+) -> Sight:
+    """What there is to see in files and folders, or on the way to a limit."""
     from gtb_cli.pictures.sight import joined
 
-    return joined([_sight(path, resolution, spec_format) for path in paths])
+    limit = limit if limit is not None and limit.given() else None
+    return joined([_sight(path, resolution, spec_format, limit) for path in paths])
 
 
-def _sight(path: str, resolution: int | None, spec_format: str | None) -> Sight:
+def _sight(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest | None) -> Sight:
     from gtb_cli.pictures.sight import sight_of, sight_of_frames, sight_of_mesh
 
-    stem = os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
-    if os.path.isdir(path) or os.path.basename(path) == "sequence.json":
+    stem, suffix = os.path.splitext(os.path.basename(os.path.abspath(path)))
+    is_sequence = os.path.isdir(path) or os.path.basename(path) == "sequence.json"
+    if limit is not None and (is_sequence or suffix.lower() in MESHES):
+        refuse_limit(limit, path)
+    if is_sequence:
         from gtb_cli.pictures.record import read_frames
 
         frames = read_frames(path)
         with about(path):
             return sight_of_frames(frames, stem if os.path.isdir(path) else "sequence")
-    if os.path.splitext(path)[1].lower() in MESHES:
+    if suffix.lower() in MESHES:
         from gtb_cli.formats.meshfiles import read_mesh
 
         mesh = read_mesh(path)
@@ -108,7 +124,13 @@ def _sight(path: str, resolution: int | None, spec_format: str | None) -> Sight:
     with about(shown_input(path)):
         if resolution is not None:
             _refuse_too_many(Recipe(resolution).faces(spec))
-        return sight_of(spec, resolution, spec.name if path == STANDARD else stem)
+        name = (spec.name or "patch") if path == STANDARD else stem
+        if limit is not None:
+            fine = resolution or SEQUENCE_RESOLUTION
+            frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
+            _refuse_too_many(len(frames.meshes[0].cells))
+            return sight_of_frames(frames, name)
+        return sight_of(spec, resolution, name)
 
 
 def _refuse_too_many(faces: int) -> None:

@@ -173,6 +173,12 @@ def test_what_cannot_be_drawn_is_refused(case, tmp_path, monkeypatch):
     assert result.err.count("\n") == 1
 
 
+def test_options_of_a_limit_are_not_for_a_folder(tmp_path):
+    result = gtb("plot", tmp_path, "--merge", "1:2", "-o", tmp_path / "x.png")
+    assert (result.status, list(tmp_path.iterdir())) == (2, [])
+    assert "--merge is for a spec" in result.err
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [("{", "is not a list of meshes"), ("[]", "is not a list"), ('{"meshes": [{"x": 1}]}', "is not a list")],

@@ -103,7 +103,28 @@ def test_sequences_and_meshes(tmp_path):
     assert data["scalars"] == {}
 
 
+def test_options_of_a_limit_make_a_sequence_with_exact_normals():
+    data = page(SPECS / "bicubic.toml", "--lifting", "knot:5", "-x", "1", "-x", "9", "-n", "2")
+    assert [frame["label"] for frame in data["frames"]] == ["x = 1", "x = 9", "limit"]
+    assert "normals exact" in data["facts"]
+    patch = gtb_cli.load(SPECS / "bicubic.toml")
+    lifting = [float(i == 5) for i in range(len(patch.knots))]
+    weights = patch.weights * np.where(lifting, 9.0, 1.0)
+    mesh = gtb_cli.tessellate(patch.replace(weights=weights), 40)
+    sizes = [np.ptp(floats(frame["positions"]), axis=0) for frame in data["frames"]]
+    extent = np.ptp(mesh.vertices, axis=0)
+    np.testing.assert_allclose(sizes[1] / sizes[1][0], extent / extent[0], atol=0.05)
+    data = page(SPECS / "example-4.2.toml", "--merge", "3:1", "--steps", "0,0.5", "-n", "2")
+    assert [frame["label"] for frame in data["frames"]] == ["step = 0", "step = 0.5", "limit"]
+    assert len(floats(data["frames"][0]["net"])) == 7
+
+
 REFUSED = {
+    "x of a mesh": (["x.obj", "-x", "2"], "-x is for a spec, and x.obj is not one"),
+    "x of a model": (["teapot.toml", "-x", "2"], "expected a single patch, this is a model of 32"),
+    "x without a lifting": (["bicubic.toml", "-x", "2"], "has no lifting"),
+    "steps of nothing": (["bicubic.toml", "--steps", "0.5"], "--steps is for a knot limit, with --merge"),
+    "two sequences": (["example-4.4.toml", "example-4.2.toml", "--lifting", "knot:3"], "on a page of its own"),
     "curves and surfaces": (["pentagon.toml", "example-3.1.toml"], "curves and surfaces are not shown on one page"),
     "too fine": (["bicubic.toml", "-n", "1000"], "2000000 faces, and a page has room for"),
     "no file": (["nothing.toml"], "No such file"),

@@ -1,0 +1,200 @@
+"""What a degeneration or a knot limit is asked for with: x, lifting, moves and steps."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.shell.options import Function, numbers_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gtb_cli.arrays import FloatArray
+    from gtb_cli.pictures.sequences import Frames
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
+
+KNOT = "knot:"
+"""Before an index, in place of a lifting: 1 at that knot, else 0."""
+
+INDEX_DIGITS = 6
+"""Digits of a knot's index that are read; there are fewer knots."""
+
+MOVE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
+
+
+def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
+    """Read x, or several: a positive number, a number expression, or inf."""
+    if value is None:
+        return None
+    if isinstance(value, tuple):
+        return tuple(x_of(ctx, param, one) for one in value)
+    from gtb_cli.spec.expression import evaluate_expression
+
+    try:
+        x = math.inf if value.strip() == "inf" else evaluate_expression(value.strip())
+    except SpecError as error:
+        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+    if x < 0:
+        raise click.BadParameter(f"{value!r} is negative", ctx, param)
+    return x
+
+
+def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
+    """Read lifting values, or the index of a knot."""
+    text = (value or "").strip()
+    if not text.startswith(KNOT):
+        return numbers_of(ctx, param, value)
+    index = text.removeprefix(KNOT)
+    if not index.isdecimal() or not index.isascii():
+        raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
+    return int(index[:INDEX_DIGITS])
+
+
+def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
+    """Read pairs K:Q."""
+    moves: dict[int, int] = {}
+    for text in value:
+        match = MOVE.fullmatch(text)
+        if not match:
+            raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
+        k, q = int(match[1]), int(match[2])
+        if moves.setdefault(k, q) != q:
+            raise click.BadParameter(f"knot {k} cannot move to both {moves[k]} and {q}", ctx, param)
+    return moves
+
+
+def lifting_values(
+    shape: Patch | Model, lifting: tuple[float, ...] | int | None
+) -> FloatArray | tuple[float, ...] | None:
+    """Lifting values as the library takes them; those of an index are 1 at that knot and else 0."""
+    from gtb_cli.theory.patch import Patch
+
+    if isinstance(lifting, int) and isinstance(shape, Patch):
+        from gtb_cli.knots.decomposition import lifting_of_knot
+
+        return lifting_of_knot(len(shape.knots), lifting)
+    assert not isinstance(lifting, int)
+    return lifting
+
+
+@dataclass(frozen=True)
+class LimitRequest:
+    """A degeneration (x, lifting) or a knot limit (moves, steps) that is asked for.
+
+    Attributes
+    ----------
+    xs : tuple of float
+    lifting : tuple of float, int or None
+        Values, or the index of a knot.
+    moves : dict of int to int
+        Knots, and those to whose places they move.
+    steps : tuple of float or None
+        Fractions of the way.
+    """
+
+    xs: tuple[float, ...]
+    lifting: tuple[float, ...] | int | None
+    moves: dict[int, int]
+    steps: tuple[float, ...] | None
+
+    def given(self) -> list[str]:
+        """Names of the options that were given."""
+        named = {"-x": bool(self.xs), "--lifting": self.lifting is not None}
+        named |= {"--merge": bool(self.moves), "--steps": self.steps is not None}
+        return [name for name, is_given in named.items() if is_given]
+
+    def frames(
+        self, shape: Patch | Model, resolution: int, *, xs: Sequence[float], steps: Sequence[float], distances: bool
+    ) -> Frames:
+        """Meshes on the way to the limit, and its net; `xs` and `steps` are those where none are given.
+
+        Raises
+        ------
+        SpecError, DomainError
+            It is a model; it has no lifting, or a move is not possible.
+        click.UsageError
+            The options are not of one kind of limit.
+        """
+        from gtb_cli.pictures.nets import net_of
+        from gtb_cli.pictures.sequences import Frames
+        from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
+        from gtb_cli.theory.patch import Patch
+
+        if not isinstance(shape, Patch):
+            raise SpecError(f"expected a single patch, this is a model of {len(shape.patches)}")
+        if self.moves and (self.xs or self.lifting is not None):
+            raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
+        if self.steps is not None and not self.moves:
+            raise click.UsageError("--steps is for a knot limit, with --merge")
+        if self.moves:
+            from gtb_cli.theory.knot_limit import knot_limit
+
+            limit = knot_limit(shape, self.moves).merged
+            found = knot_sequence(shape, self.moves, self.steps or steps, resolution, distances=distances)
+            net = net_of(limit)
+        else:
+            from gtb_cli.theory.degeneration import lifting_of as lifting_of_patch
+
+            limit = shape
+            values = lifting_values(shape, self.lifting)
+            if values is None and shape.lifting is None:
+                raise DomainError(
+                    "has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit"
+                )
+            found = degeneration_sequence(shape, self.xs or xs, values, resolution, distances=distances)
+            heights = lifting_of_patch(shape, values)
+            net = net_of(shape, heights if found.values[-1] else -heights)
+        used = sorted({i for pair in net for i in pair})
+        place = {i: k for k, i in enumerate(used)}
+        return Frames(
+            found.key,
+            found.values,
+            found.meshes,
+            found.distances,
+            found.film_distances,
+            limit.control_points[used],
+            tuple((place[a], place[b]) for a, b in net),
+            found.film,
+        )
+
+
+def refuse_limit(limit: LimitRequest, path: str) -> None:
+    """Refuse the options of a limit for what is not a spec."""
+    if limit.given():
+        raise click.UsageError(f"{limit.given()[0]} is for a spec, and {path} is not one")
+
+
+def limit_options(function: Function) -> Function:
+    """Add the options of a limit; the command gets them as `limit`, a `LimitRequest`."""
+
+    @click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration.")
+    @click.option(
+        "--lifting",
+        callback=lifting_of,
+        metavar="L,…",
+        help="A lifting value for each knot, or knot:K, as for degenerate.",
+    )
+    @click.option(
+        "--merge", "moves", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
+    )
+    @click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way.")
+    @functools.wraps(function)
+    def command(
+        *args: Any,
+        xs: tuple[float, ...],
+        lifting: tuple[float, ...] | int | None,
+        moves: dict[int, int],
+        steps: tuple[float, ...] | None,
+        **values: Any,
+    ) -> object:
+        return function(*args, limit=LimitRequest(xs, lifting, moves, steps), **values)
+
+    return command
