@@ -22,8 +22,11 @@ LARGEST = 1e100
 MAX_NAME = 200
 """Longest name, in characters."""
 
-CONTROL = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029\ud800-\udfff]"
-"""Characters no name may have: control characters, line ends and halves of surrogate pairs."""
+CONTROL = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
+"""Characters no name may have: control characters and line ends."""
+
+SURROGATES = r"[\ud800-\udfff]"
+"""Halves of pairs, which no name may have either. Editors whose patterns are Rust's refuse a schema with this one."""
 
 MAX_EXPRESSIONS = 200_000
 """Most characters in all different expressions of a spec together: half a second of evaluation."""
@@ -189,7 +192,7 @@ def name_fault(name: str) -> str | None:
         return "must not be empty"
     if len(name) > MAX_NAME:
         return f"must have at most {MAX_NAME} characters, got {len(name)}"
-    if re.search(CONTROL, name):
+    if re.search(f"{CONTROL}|{SURROGATES}", name):
         return f"must not have control characters, got {shown(name)}"
     return None
 
