@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 COMPLETION_VARIABLE = "_GTB_COMPLETE"
 """Environment variable by which a shell asks `gtb` for completions."""
@@ -16,6 +16,12 @@ LFS_POINTER = b"version https://git-lfs"
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 
 
+Up: TypeAlias = Literal["z", "y"]
+"""An axis that is up in a file where z is in the spec."""
+
+UP: tuple[Up, ...] = ("z", "y")
+
+
 class Format(NamedTuple):
     """What a mesh format holds; its name in `FORMATS` is also its suffix.
 
@@ -27,6 +33,8 @@ class Format(NamedTuple):
         Whether files are text.
     digits : str
         How exactly binary files, or those that are always text, hold a coordinate. Text on request reads back exactly.
+    up : {"z", "y"}
+        Which axis is up in files where z is in the spec. glTF prescribes y; the others have the spec's coordinates.
     """
 
     curves: bool
@@ -36,6 +44,7 @@ class Format(NamedTuple):
     attributes: bool
     text: Literal["always", "on request", "never"]
     digits: Literal["9 at the model's size", "32 bits"]
+    up: Up
 
     def is_text(self, ascii: bool) -> bool:
         """Whether a file is text, where `ascii` says whether text is requested."""
@@ -47,10 +56,10 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    "obj": Format(True, True, True, True, False, "always", "9 at the model's size"),
-    "ply": Format(True, False, True, True, True, "on request", "32 bits"),
-    "stl": Format(False, False, False, False, False, "on request", "32 bits"),
-    "glb": Format(True, True, True, True, False, "never", "32 bits"),
+    "obj": Format(True, True, True, True, False, "always", "9 at the model's size", "z"),
+    "ply": Format(True, False, True, True, True, "on request", "32 bits", "z"),
+    "stl": Format(False, False, False, False, False, "on request", "32 bits", "z"),
+    "glb": Format(True, True, True, True, False, "never", "32 bits", "y"),
 }
 """Mesh formats by name, the default first."""
 
@@ -76,9 +85,6 @@ ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 
 BASIS = "basis:"
 """Before the index of a basis function: a further such scalar."""
-
-UP = ("z", "y")
-"""Axes that may be up in a file, the default, that of the spec, first."""
 
 PARAMETRIZATIONS = ("linear", "toric")
 """Where the vertices of a mesh are put, the default first."""

@@ -322,9 +322,10 @@ def _encoded(task: Task) -> Encoded:
         blocks = options.encoded(mesh, kind)
     measures = None
     if sums is not None:
+        from gtb_cli.formats.export import standing
         from gtb_cli.meshes.measures import measure
 
-        measures = measure(options.placed(mesh))
+        measures = measure(standing(mesh, kind, options.up))
     lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
     warnings = [*remarks, *options.warnings(mesh, kind)]
     assurance = options.recipe.assurance(spec)

@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
 from gtb_cli.formats.content import plain_name
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.vocabulary import FORMATS, UP, Up
 
 VISIBLE_SHIFT = 1e-5
 """Shift of a vertex, as a fraction of the model's diagonal, above which it shows as facets in the shading."""
@@ -31,6 +31,7 @@ def write_mesh(
     ascii: bool = False,
     normals: bool = False,
     uv: bool = False,
+    up: Up | None = None,
 ) -> None:
     """Write a mesh to a file, whole or not at all.
 
@@ -48,6 +49,8 @@ def write_mesh(
         Write `mesh.normals` at the vertices: OBJ, PLY, GLB. STL always has normals, of its facets, from their corners.
     uv : bool
         Write `mesh.parameters`, as they are, as texture coordinates: OBJ, PLY, GLB. A curve's second one is 0.
+    up : {"z", "y"}, optional
+        Which axis of the file is up where z is in the mesh. By default y in GLB, as glTF prescribes, and z in others.
 
     Raises
     ------
@@ -58,13 +61,13 @@ def write_mesh(
     """
     if isinstance(path_or_file, (str, os.PathLike)):
         kind = format or _format_of(os.fspath(path_or_file))
-        replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv))
+        replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up))
         return
     if hasattr(path_or_file, "encoding"):
         raise ExportError("cannot write a mesh to a text file object: expected a binary one")
     name = getattr(path_or_file, "name", None)
     kind = format or _format_of(name if isinstance(name, str) else "a file without a name")
-    blocks = encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv)
+    blocks = encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up)
     try:
         for block in blocks:
             path_or_file.write(block)
@@ -77,7 +80,7 @@ def write_mesh(
 
 
 def encode_mesh(
-    mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False
+    mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False, up: Up | None = None
 ) -> Iterable[bytes]:
     """Return the bytes of a mesh file, block by block; the parameters are those of `write_mesh`.
 
@@ -111,6 +114,8 @@ def encode_mesh(
         if values is not None:
             _check_numbers(label, values, _DOUBLE_LIMIT if holds.is_text(ascii) else _SINGLE_LIMIT)
 
+    mesh = standing(mesh, kind, up)
+    vertex_normals = None if vertex_normals is None else mesh.normals
     if kind == "obj":
         from gtb_cli.formats.obj import obj_blocks
 
@@ -125,7 +130,15 @@ def encode_mesh(
         return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
     from gtb_cli.formats.glb import glb_blocks
 
-    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates)
+    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates, up or holds.up)
+
+
+def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
+    """Return a mesh as it stands in a file; the parameters are those of `write_mesh`."""
+    axis = up or FORMATS[format].up
+    if axis not in UP:
+        raise ExportError(f"up: expected z or y, got {axis!r}")
+    return mesh.with_y_up if axis == "y" else mesh
 
 
 def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False) -> list[str]:

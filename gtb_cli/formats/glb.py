@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE, Content, joined, segments, single_half_steps, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
+from gtb_cli.vocabulary import FORMATS, Up
 
 HEADER_BYTES = 12
 """Bytes before the chunks; each chunk has 8 before its content."""
@@ -52,11 +53,16 @@ TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
 
 
 def glb_blocks(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
+    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
 ) -> Iterator[bytes]:
-    """Yield a GLB file with a node for each group: by trimesh, if the mesh has faces."""
+    """Yield a GLB file with a node for each group: by trimesh, if the mesh has faces. `up` is its axis that is up."""
     parts = _parts(mesh, groups, normals, uv)
-    yield _glb_of_lines(parts) if mesh.is_curve else _glb_of_trimesh(parts)
+
+    def finish(tree: dict[str, Any]) -> None:
+        mark_views(tree)
+        tree["asset"] |= {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
+
+    yield (_glb_of_lines if mesh.is_curve else _glb_of_trimesh)(parts, finish)
 
 
 @dataclass(frozen=True)
@@ -79,19 +85,12 @@ def _parts(
     parts = []
     for name, start, stop in groups:
         used, cells = compacted(mesh.cells[start:stop])
-        parts.append(
-            _Part(
-                name,
-                mesh.vertices[used],
-                cells,
-                None if normals is None else normals[used],
-                None if uv is None else uv[used],
-            )
-        )
+        values = (None if rows is None else rows[used] for rows in (normals, uv))
+        parts.append(_Part(name, mesh.vertices[used], cells, *values))
     return parts
 
 
-def _glb_of_trimesh(parts: Sequence[_Part]) -> bytes:
+def _glb_of_trimesh(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], None]) -> bytes:
     import trimesh
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
@@ -117,14 +116,14 @@ def _glb_of_trimesh(parts: Sequence[_Part]) -> bytes:
         scene,
         include_normals=parts[0].normals is not None,
         unitize_normals=True,
-        tree_postprocessor=mark_views,
+        tree_postprocessor=finish,
         extension_webp=False,
         extension_draco=False,
     )
     return data
 
 
-def _glb_of_lines(parts: Sequence[_Part]) -> bytes:
+def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], None]) -> bytes:
     """Return a GLB file with one node of indexed lines for each part.
 
     trimesh's exporter writes every inner vertex of a polyline twice; its reader, which
@@ -166,7 +165,7 @@ def _glb_of_lines(parts: Sequence[_Part]) -> bytes:
         "bufferViews": views,
         "buffers": [{}],
     }
-    mark_views(tree)
+    finish(tree)
     return b"".join(glb_file(tree, chunks))
 
 
@@ -195,7 +194,7 @@ def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
 
 
 def read_glb(data: bytes) -> Content:
-    """Read a GLB file.
+    """Read a GLB file: y, which glTF says is up, becomes z, unless the file says that it was written otherwise.
 
     Raises
     ------
@@ -206,10 +205,10 @@ def read_glb(data: bytes) -> Content:
     try:
         scene = _Scene(tree, binary)
         scene.read()
+        return scene.content()
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
         # The tree may hold anything anywhere, and what it is taken for fails in one of these ways.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
-    return scene.content()
 
 
 def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -350,6 +349,9 @@ class _Scene:
             raise GtbError("has both triangles and lines: expected one of them")
         width = 2 if self.cells[2] else 3
         vertices, cells = joined(self.vertices, 3, np.float64), joined(self.cells[width], width, np.int64)
+        extras = self.tree.get("asset", {}).get("extras")
+        if extras != {"up": "z"}:
+            vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + 0.0  # not -0
         return Content(vertices, cells, single_half_steps(vertices), tuple(self.groups))
 
 

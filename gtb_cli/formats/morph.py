@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.content import SINGLE
-from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.export import encode_mesh, standing
 from gtb_cli.formats.glb import FLOAT, glb_chunks, glb_file, mark_views
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.vocabulary import Up
 
 SECONDS_PER_MESH = 1.0
 """Seconds from one mesh to the next."""
@@ -34,6 +35,7 @@ def animated_glb(
     *,
     normals: bool = False,
     uv: bool = False,
+    up: Up | None = None,
     extras: Mapping[str, Any] | None = None,
 ) -> list[bytes]:
     """Encode meshes with the same cells as a GLB file that shows the first and plays through to the last.
@@ -46,6 +48,8 @@ def animated_glb(
         A name for each; those of the morph targets, which are all meshes but the first.
     normals, uv : bool
         Include the unit normals of surfaces, which are morphed too; the parameters as texture coordinates.
+    up : {"z", "y"}, optional
+        Which axis of the file is up where z is in the meshes; y without it.
     extras : mapping, optional
         What else the file says of the mesh, as JSON.
 
@@ -73,7 +77,7 @@ def animated_glb(
     check_count(len(meshes))
     if any(not np.array_equal(mesh.cells, first.cells) for mesh in others):
         raise ExportError("GLB: the meshes of an animation must have the same cells")
-    file = _File(b"".join(encode_mesh(replace(first, groups=()), "glb", normals=normals, uv=uv)))
+    file = _File(b"".join(encode_mesh(replace(first, groups=()), "glb", normals=normals, uv=uv, up=up)))
     (mesh,) = file.tree["meshes"]
     (primitive,) = mesh["primitives"]
     mesh["extras"] = {**extras} if extras else {}
@@ -81,7 +85,9 @@ def animated_glb(
         stored = {name: file.vectors(primitive["attributes"][name]) for name in _morphed(first, normals)}
         primitive["targets"] = [
             {
-                name: file.add(_single(_morphed(other, normals)[name] - base, f"{label}: {name}"), "VEC3")
+                name: file.add(
+                    _single(_morphed(standing(other, "glb", up), normals)[name] - base, f"{label}: {name}"), "VEC3"
+                )
                 for name, base in stored.items()
             }
             for other, label in zip(others, labels[1:], strict=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, is_folder, is_terminal
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS
+from gtb_cli.vocabulary import FORMATS, Up
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -29,15 +29,15 @@ class MeshOptions:
     format : str or None
         None: what the name of the output says.
     uv, ascii : bool
-    up : "z" or "y"
-        Where the z of the spec is up, which axis is so in the file.
+    up : "z", "y" or None
+        Where the z of the spec is up, which axis is so in the file. None: what the format prescribes.
     """
 
     recipe: Recipe
     format: str | None = None
     uv: bool = False
     ascii: bool = False
-    up: Literal["z", "y"] = "z"
+    up: Up | None = None
 
     @property
     def settings(self) -> dict[str, object]:
@@ -51,7 +51,7 @@ class MeshOptions:
             "normals": recipe.normals,
             "uv": self.uv,
             "ascii": self.ascii,
-            "up": self.up,
+            "up": self.up or FORMATS[self.format or "obj"].up,
             "radius": recipe.radius,
             "thickness": recipe.thickness,
             "attributes": list(recipe.attributes),
@@ -64,21 +64,17 @@ class MeshOptions:
             return {}
         return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
 
-    def placed(self, mesh: Mesh) -> Mesh:
-        """The mesh as it stands in the file."""
-        return mesh.with_y_up if self.up == "y" else mesh
-
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Bytes of a mesh in a format, block by block."""
         from gtb_cli.formats.export import encode_mesh
 
-        return encode_mesh(self.placed(mesh), kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv)
+        return encode_mesh(mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv, up=self.up)
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
         """What the user should know of such a file."""
         from gtb_cli.formats.export import warnings_for
 
-        messages = warnings_for(self.placed(mesh), kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv)
+        messages = warnings_for(mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv)
         if self.recipe.attributes and kind != "ply":
             messages.append(f"{kind.upper()}: holds no attributes, none are written; PLY does")
         return messages

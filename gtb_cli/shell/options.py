@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
@@ -14,7 +14,7 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import refuse_overwriting
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP, Up
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -257,9 +257,8 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
     @click.option(
         "--up",
         type=click.Choice(UP),
-        default=UP[0],
-        help="Which axis of the file is up where z is in the spec: z, as it is, in all formats; or y, as many viewers "
-        "take GLB and OBJ.",
+        help="Which axis of the file is up where z is in the spec; without this option y in GLB files, as glTF "
+        "prescribes, and z in all others.",
     )
     @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
     @max_faces_option
@@ -303,7 +302,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         format: str | None,
         normals: bool,
         uv: bool,
-        up: Literal["z", "y"],
+        up: Up | None,
         ascii: bool,
         max_faces: int,
         radius: float | None,

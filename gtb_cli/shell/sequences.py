@@ -234,13 +234,14 @@ def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, s
     file = "" if out.place == STANDARD else f"{out.place}: "
     with out.console.progress(len(labels)) as progress:
         for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
-            meshes.append(options.placed(member.mesh))
+            meshes.append(member.mesh)
             entries.append(sequence.entry(member, label, "label"))
             warnings = [text for text in options.warnings(member.mesh, ANIMATED) if text not in said]
             said.update(warnings)
             _say(f"{file}{label}", sequence, member, warnings, out.console)
     extras = {"sequence": sequence.record(entries)}
-    yield from animated_glb(meshes, labels, normals=options.recipe.normals, uv=options.uv, extras=extras)
+    recipe, uv, up = options.recipe, options.uv, options.up
+    yield from animated_glb(meshes, labels, normals=recipe.normals, uv=uv, up=up, extras=extras)
 
 
 def _members(sequence: MeshSequence, names: list[str], progress: Progress, source: str) -> Iterator[Member]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -252,22 +253,41 @@ def test_y_may_be_up(tmp_path):
         before, after = vertices_of(plain, kind), vertices_of(turned, kind)
         assert np.array_equal(after, np.stack([before[:, 0], before[:, 2], -before[:, 1]], axis=1))
     assert " -0.00000000" not in turned
-    for name in ("pentagon", "hebesphenorotunda"):
-        path, manifest = tmp_path / f"{name}.glb", tmp_path / "m.json"
-        options = ["-n", 2, "--up", "y", "-o", path, "--manifest", manifest]
-        assert gtb("mesh", SPECS / f"{name}.toml", *options).status == 0
-        low, high = tessellate(gtb_cli.load(SPECS / f"{name}.toml"), 2).bounds
-        found = json.loads(manifest.read_text())
-        assert found["options"]["up"] == "y"
-        expected = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
-        np.testing.assert_allclose(found["files"][0]["bounds"], expected, atol=1e-12)
-        np.testing.assert_allclose(read_mesh(path).bounds, expected, atol=1e-5)
-    sequence = ["degenerate", SPECS / "example-3.4.toml", "-x5", "-n2", "--no-distance"]
-    for name in ("one.glb", "folder"):
-        assert gtb(*sequence, "--up", "y", "-o", tmp_path / name).status == 0
+    assert gtb("mesh", PENTAGON, "-n", 3, "--normals", "--up", "z").text == plain
+    sequence = ["degenerate", SPECS / "example-3.4.toml", "-x5", "-n2", "--no-distance", "--up", "y"]
+    assert gtb(*sequence, "-o", tmp_path / "folder").status == 0
     first = vertices_of((tmp_path / "folder" / "example-3.4-x5.obj").read_text())
     assert np.ptp(first[:, 2]) > 0 == np.ptp(first[:, 1])  # a plane curve: its y is -z now
-    np.testing.assert_allclose(read_mesh(tmp_path / "one.glb").vertices, first, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["pentagon", "hebesphenorotunda", "example-3.1"])
+def test_y_is_up_in_glb_and_meshes_that_are_read_stand_as_in_the_spec(name, tmp_path):
+    """glTF 2.0, section 3.3: +Y is up. So viewers show it, and trimesh gives the numbers of the file."""
+    spec, path, lying, manifest = SPECS / f"{name}.toml", tmp_path / "a.glb", tmp_path / "z.glb", tmp_path / "m.json"
+    low, high = tessellate(gtb_cli.load(spec), 2).bounds
+    upright = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
+    for file, options, up, bounds in ((path, [], "y", upright), (lying, ["--up", "z"], "z", [low, high])):
+        assert gtb("mesh", spec, "-n", 2, *options, "-o", file, "--manifest", manifest).status == 0
+        found = json.loads(manifest.read_text())
+        assert found["options"]["up"] == up
+        np.testing.assert_allclose(found["files"][0]["bounds"], bounds, atol=1e-12)
+        np.testing.assert_allclose(trimesh.load_scene(file).bounds, bounds, atol=1e-5)
+        np.testing.assert_allclose(read_mesh(file).bounds, [low, high], atol=1e-5)
+        same = gtb("diff", file, spec, "-n", 2)
+        assert (same.status, "the same faces" in same.text) == (0, True)
+    assert gtb("diff", path, lying).status == 0
+
+
+def test_y_is_up_in_an_animation(tmp_path):
+    sequence = ["degenerate", SPECS / "example-3.4.toml", "-x5", "-n2", "--no-distance"]
+    for name, options in (("folder", []), ("y.glb", []), ("z.glb", ["--up", "z"])):
+        assert gtb(*sequence, *options, "-o", tmp_path / name).status == 0
+    first = vertices_of((tmp_path / "folder" / "example-3.4-x5.obj").read_text())
+    upright, lying = (trimesh.load_scene(tmp_path / name).bounds for name in ("y.glb", "z.glb"))
+    np.testing.assert_allclose(lying, [first.min(axis=0), first.max(axis=0)], atol=1e-6)
+    np.testing.assert_allclose(upright[:, 2], -lying[::-1, 1], atol=1e-6)
+    for name in ("y.glb", "z.glb"):
+        np.testing.assert_allclose(read_mesh(tmp_path / name).vertices, first, atol=1e-6)
 
 
 def test_parametrization_moves_vertices_only():

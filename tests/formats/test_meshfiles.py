@@ -19,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtb_cli.errors import GtbError
+from gtb_cli.formats.glb import glb_chunks
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, read_mesh
 from gtb_cli.formats.obj import read_obj
 from gtb_cli.meshes.mesh import Mesh
@@ -35,6 +36,12 @@ DECIMALS = 0.5e-8 + 1e-15
 OPTIONS = [("obj", {}), ("ply", {}), ("ply", {"ascii": True}), ("stl", {}), ("stl", {"ascii": True}), ("glb", {})]
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def with_z_up(points) -> np.ndarray:
+    """What is up along y, as in glTF, upright along z."""
+    x, y, z = np.moveaxis(np.asarray(points, dtype=float), -1, 0)
+    return np.stack([x, -z, y], axis=-1)
 
 
 def decoded(data: bytes | str, format: str | None = None) -> Mesh:
@@ -126,7 +133,8 @@ def test_files_that_meshio_writes(format, binary, tmp_path):
 def test_files_that_trimesh_writes(format):
     shape = trimesh.creation.icosphere(subdivisions=2)
     read = decoded(shape.export(file_type=format), format)
-    assert np.allclose(read.vertices[read.cells], shape.triangles, atol=1e-6)
+    corners = with_z_up(shape.triangles) if format == "glb" else shape.triangles
+    assert np.allclose(read.vertices[read.cells], corners, atol=1e-6)
 
 
 def test_nodes_of_a_scene_as_trimesh_places_them():
@@ -138,8 +146,8 @@ def test_nodes_of_a_scene_as_trimesh_places_them():
     data = scene.export(file_type="glb")
     read = decoded(data)
     theirs = trimesh.load(io.BytesIO(data), file_type="glb").to_geometry()
-    ours = read.vertices[read.cells]
-    assert np.allclose(np.sort(ours.mean(axis=1), axis=0), np.sort(theirs.triangles.mean(axis=1), axis=0), atol=1e-6)
+    ours, places = read.vertices[read.cells].mean(axis=1), with_z_up(theirs.triangles.mean(axis=1))
+    assert np.allclose(np.sort(ours, axis=0), np.sort(places, axis=0), atol=1e-6)
     assert {name for name, _, _ in read.groups} == {"box0", "box1"}
 
 
@@ -329,7 +337,25 @@ POINTS = np.arange(15, dtype="<f4").reshape(5, 3)
 def test_glb_of_every_mode(mode, cells):
     read = decoded(glb(primitive(mode), POINTS.tobytes()))
     assert read.cells.tolist() == cells
-    assert np.array_equal(read.vertices, POINTS)
+    assert np.array_equal(read.vertices, with_z_up(POINTS))
+
+
+@pytest.mark.parametrize("make", [surface, model, two_curves])
+@pytest.mark.parametrize("up", [None, "y", "z"])
+def test_glb_stands_upright_and_reads_back_as_it_was(make, up):
+    """glTF 2.0, section 3.3: +Y is up. A file with z up says so, and so it reads back, too."""
+    mesh, data = make(), encoded(make(), "glb", up=up)
+    theirs = trimesh.load(io.BytesIO(data), file_type="glb", process=False)
+    bounds = mesh.bounds if up == "z" else mesh.with_y_up.bounds
+    assert np.allclose(theirs.bounds, bounds, atol=1e-6)
+    assert np.array_equal(decoded(data).vertices, mesh.vertices.astype(np.float32))
+    for extras in ("z", {"up": "x"}, ["up"], None):
+        tree, body = glb_chunks(data)
+        tree["asset"]["extras"] = extras  # those of others
+        found = decoded(glb(tree, body)).vertices
+        assert np.array_equal(
+            found, with_z_up(mesh.vertices.astype(np.float32)) if up == "z" else decoded(data).vertices
+        )
 
 
 def test_glb_nodes_within_nodes_and_interleaved_numbers():
@@ -344,7 +370,7 @@ def test_glb_nodes_within_nodes_and_interleaved_numbers():
     rows[:, :3] = TRIANGLE
     read = decoded(glb(tree, rows.tobytes()))
     turned = [[1, 0, 0], [1, 2, 0], [-1, 0, 0]]  # a quarter turn around z, twice the size, and moved
-    assert np.allclose(read.vertices, [*turned, *(TRIANGLE + np.array([1, 0, 5]))], atol=1e-12)
+    assert np.allclose(read.vertices, with_z_up([*turned, *(TRIANGLE + np.array([1, 0, 5]))]), atol=1e-12)
 
 
 # --- damage

@@ -100,6 +100,12 @@ def animation(*meshes: Mesh, labels="abcdefgh", **options: object) -> Animation:
     return Animation(b"".join(animated_glb(meshes, list(labels[: len(meshes)]), **options)))
 
 
+def in_gltf(vectors: np.ndarray) -> np.ndarray:
+    """Vectors with y for up, in place of z."""
+    x, y, z = np.asarray(vectors).T
+    return np.stack([x, z, -y], axis=1)
+
+
 def moved(mesh: Mesh, height: float) -> Mesh:
     return Mesh(mesh.vertices + np.array([0, 0, height]), mesh.cells, mesh.parameters, mesh.normals, name=mesh.name)
 
@@ -117,7 +123,9 @@ def test_morph_targets_are_the_meshes(make):
     meshes = [make(), moved(make(), 1.5), moved(make(), -2)]
     read = animation(*meshes, normals=True, uv=True)
     for number, expected in enumerate(meshes[1:]):
-        np.testing.assert_allclose(read.base() + read.target(number), expected.vertices, rtol=0, atol=8 * STORED)
+        np.testing.assert_allclose(
+            read.base() + read.target(number), in_gltf(expected.vertices), rtol=0, atol=8 * STORED
+        )
         assert set(read.targets[number]) == ({"POSITION", "NORMAL"} if make is surface else {"POSITION"})
     assert (read.cells() == meshes[0].cells).all()
     assert read.mesh["extras"]["targetNames"] == ["b", "c"]
@@ -131,8 +139,8 @@ def test_normals_are_morphed():
     turned = surface()
     turned = Mesh(-turned.vertices, turned.cells, turned.parameters, turned.normals[:, [1, 2, 0]])
     read = animation(surface(), turned, normals=True)
-    np.testing.assert_allclose(read.base("NORMAL"), surface().normals, atol=2 * STORED)
-    np.testing.assert_allclose(read.base("NORMAL") + read.target(0, "NORMAL"), turned.normals, atol=4 * STORED)
+    np.testing.assert_allclose(read.base("NORMAL"), in_gltf(surface().normals), atol=2 * STORED)
+    np.testing.assert_allclose(read.base("NORMAL") + read.target(0, "NORMAL"), in_gltf(turned.normals), atol=4 * STORED)
 
 
 def test_it_plays_from_mesh_to_mesh():
@@ -142,7 +150,10 @@ def test_it_plays_from_mesh_to_mesh():
     assert times.tolist() == [0, 1, 2]
     assert weights.tolist() == [[0, 0], [1, 0], [0, 1]]
     for time, height in ((0, 0), (0.5, 0.5), (1, 1), (1.75, 4), (2, 5)):
-        np.testing.assert_allclose(read.shape_at(time), moved(surface(), height).vertices, atol=16 * STORED)
+        expected = in_gltf(moved(surface(), height).vertices)
+        np.testing.assert_allclose(read.shape_at(time), expected, atol=16 * STORED)
+        lying = animation(*meshes, up="z").shape_at(time)
+        np.testing.assert_array_equal(in_gltf(lying), read.shape_at(time))
 
 
 def test_far_from_the_origin_a_target_ends_where_its_mesh_is_stored():
@@ -150,7 +161,7 @@ def test_far_from_the_origin_a_target_ends_where_its_mesh_is_stored():
     far = moved(surface(), 1e6 / 3)
     read = animation(far, moved(far, 1e-3))
     stored = (far.vertices + np.array([0, 0, 1e-3])).astype(np.float32)
-    np.testing.assert_array_equal(read.shape_at(1), stored)
+    np.testing.assert_array_equal(read.shape_at(1), in_gltf(stored))
 
 
 def test_one_mesh_stands_still():
@@ -212,7 +223,7 @@ def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path
     assert ((weights != 0).sum(axis=1) == [0, *[1] * (len(files) - 1)]).all()
     size = max(np.abs(numbers(path, "v")).max() for path in files)
     for time, path in zip(times, files, strict=True):
-        np.testing.assert_allclose(read.shape_at(time), numbers(path, "v"), rtol=0, atol=4 * STORED * size)
+        np.testing.assert_allclose(read.shape_at(time), in_gltf(numbers(path, "v")), rtol=0, atol=4 * STORED * size)
     assert read.mesh["extras"]["targetNames"] == labels[1:]
     said = read.mesh["extras"]["sequence"]
     assert [entry.pop("label") for entry in said["meshes"]] == labels
@@ -228,7 +239,7 @@ def test_normals_in_a_file(tmp_path):
     for number, label in enumerate(("x100", "x1e30", "limit")):
         normals = numbers(tmp_path / "folder" / f"example-4.4-{label}.obj", "vn")
         morphed = read.base("NORMAL") + read.target(number, "NORMAL")
-        np.testing.assert_allclose(morphed, normals, rtol=0, atol=1e-6)  # OBJ has eight digits of them
+        np.testing.assert_allclose(morphed, in_gltf(normals), rtol=0, atol=1e-6)  # OBJ has eight digits of them
         np.testing.assert_allclose(np.linalg.norm(morphed, axis=1), 1, rtol=0, atol=8 * STORED)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gtb_cli.formats.export import standing
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.sequence import degeneration_sequence
@@ -46,27 +47,37 @@ class Kind:
         return f"{self.name.lower().replace(' ', '-')}.{self.format}"
 
     @functools.cached_property
-    def mesh(self) -> Mesh:
-        """What is in the file, as it was before it was written."""
+    def made(self) -> Mesh:
+        """The mesh that is written."""
         return self.options.recipe.mesh(load(SPECS / f"{self.spec}.toml"))[0]
+
+    @functools.cached_property
+    def mesh(self) -> Mesh:
+        """What is in the file."""
+        return standing(self.made, self.format)
 
     @functools.cached_property
     def groups(self) -> tuple[str, ...]:
         return tuple(name for name, _, _ in self.mesh.groups)
 
     def encoded(self) -> bytes:
-        return b"".join(self.options.encoded(self.mesh, self.format))
+        return b"".join(self.options.encoded(self.made, self.format))
 
 
 class Film(Kind):
     """A sequence in one file that plays: a degeneration, as of `gtb degenerate`."""
 
     @functools.cached_property
-    def meshes(self) -> dict[str, Mesh]:
+    def all_made(self) -> dict[str, Mesh]:
         """The meshes, by the names that they have in the file; the first is the one that is shown at first."""
         patch = load(SPECS / f"{self.spec}.toml")
         sequence = degeneration_sequence(patch, (1, 100), resolution=self.options.recipe.resolution)
         return dict(zip(("x=1", "x=100", "limit"), sequence.meshes, strict=True))
+
+    @functools.cached_property
+    def meshes(self) -> dict[str, Mesh]:
+        """What is in the file."""
+        return {name: standing(mesh, self.format) for name, mesh in self.all_made.items()}
 
     @functools.cached_property
     def mesh(self) -> Mesh:
@@ -74,7 +85,7 @@ class Film(Kind):
 
     def encoded(self) -> bytes:
         return b"".join(
-            animated_glb(tuple(self.meshes.values()), tuple(self.meshes), normals=self.options.recipe.normals)
+            animated_glb(tuple(self.all_made.values()), tuple(self.all_made), normals=self.options.recipe.normals)
         )
 
 
