@@ -34,7 +34,7 @@ def test_is_a_schema_and_plain_json() -> None:
 def test_names_every_key_and_no_other() -> None:
     definitions = schema()["$defs"]
     assert set(definitions["patch"]["properties"]) == PATCH_KEYS | {"ribbon"}
-    assert set(definitions["single"]["properties"]) == PATCH_KEYS | {"let"}
+    assert set(definitions["single"]["properties"]) == PATCH_KEYS | {"let", "ribbon"}
     assert set(definitions["model"]["properties"]) == MODEL_KEYS
 
 
