@@ -13,11 +13,16 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.formats.export import standing
 from gtb_cli.formats.morph import animated_glb
+from gtb_cli.formats.vtu import encode_vtu
+from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.theory.bezier_pieces import bezier_pieces
+from gtb_cli.theory.model import Model
+from tests.readers.libraries import SAMPLES
 from tests.shell import SPECS
 
 SINGLE = 2.0**-22
@@ -89,6 +94,27 @@ class Film(Kind):
         )
 
 
+class Cells(Kind):
+    """Exact Bézier cells. Readers evaluate them; the mesh is of triangles (of curves, segments) at `SAMPLES`."""
+
+    @functools.cached_property
+    def mesh(self) -> Mesh:
+        """Points of the patches themselves, or of their exact pieces."""
+        spec = load(SPECS / f"{self.spec}.toml")
+        patches = spec.patches if isinstance(spec, Model) else (spec,)
+        points = []
+        for patch in patches:
+            for piece in (patch,) if lattice_of(patch.domain) else bezier_pieces(patch):
+                v = piece.domain.vertices
+                sides = v[[1, -1]] - v[0] if piece.dimension == 2 else v[1:] - v[0]
+                points.append(piece.evaluate(v[0] + np.array(SAMPLES)[:, : len(sides)] @ sides))
+        vertices, width = np.concatenate(points), patches[0].dimension + 1
+        return Mesh(vertices, np.arange(len(vertices)).reshape(-1, width), name=spec.name)
+
+    def encoded(self) -> bytes:
+        return encode_vtu(load(SPECS / f"{self.spec}.toml"))[0]
+
+
 KINDS = (
     Kind("OBJ", "pentagon", MeshOptions(Recipe(6))),
     Kind("OBJ normals uv", "pentagon", MeshOptions(Recipe(6, normals=True), uv=True)),
@@ -116,6 +142,10 @@ KINDS = (
     Kind("GLB normals uv", "pentagon", MeshOptions(Recipe(6, normals=True), uv=True)),
     Kind("GLB model", "teapot", MeshOptions(Recipe(4, normals=True))),
     Kind("GLB curve", "example-3.1", MeshOptions(Recipe(16))),
+    Cells("VTU", "example-4.1-integer", MeshOptions(Recipe())),
+    Cells("VTU triangle", "bezier-triangle", MeshOptions(Recipe())),
+    Cells("VTU model", "teapot", MeshOptions(Recipe())),
+    Cells("VTU curve", "cubic-bezier", MeshOptions(Recipe())),
     Film("GLB film", "example-4.4", MeshOptions(Recipe(4, normals=True))),
 )
 

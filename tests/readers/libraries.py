@@ -19,6 +19,10 @@ Found = dict[str, Any]
 """As `kinds.agreement` takes it."""
 
 
+SAMPLES = [(0.1, 0.2), (0.7, 0.1), (0.3, 0.6), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+"""Parameters at which curved cells are evaluated, three of them a triangle; of curves the first ones, two a segment."""
+
+
 def joined(parts: Iterable[Found]) -> Found:
     """Make one mesh of several; `points`, `normals` and `uv` may be flat."""
     found: Found = {"points": [], "cells": [], "names": [], "attributes": {}, "targets": {}}
@@ -118,6 +122,8 @@ def read_vtk(path: str) -> Found:
     import vtk
     from vtk.util.numpy_support import vtk_to_numpy
 
+    if path.endswith("vtu"):
+        return vtk_cells(path)
     readers = {"obj": vtk.vtkOBJReader, "ply": vtk.vtkPLYReader, "stl": vtk.vtkSTLReader, "glb": vtk.vtkGLTFReader}
     reader = readers[path[-3:]]()
     reader.SetFileName(path)
@@ -148,6 +154,25 @@ def read_vtk(path: str) -> Found:
         parts.append(part)
     animations = reader.GetNumberOfAnimations() if path.endswith("glb") else 0
     return joined(parts) | {"animations": animations}
+
+
+def vtk_cells(path: str) -> Found:
+    """Curved cells where VTK has their points."""
+    import vtk
+
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path)
+    reader.Update()
+    grid = reader.GetOutput()
+    points, width = [], 3
+    for number in range(grid.GetNumberOfCells()):
+        cell = grid.GetCell(number)
+        width = cell.GetCellDimension() + 1
+        for sample in SAMPLES:
+            place = [0.0, 0.0, 0.0]
+            cell.EvaluateLocation(vtk.reference(0), [*sample, 0.0], place, [0.0] * cell.GetNumberOfPoints())
+            points.append(place)
+    return joined([{"points": points, "cells": np.arange(len(points)).reshape(-1, width)}])
 
 
 def read_open3d(path: str) -> Found:

@@ -38,15 +38,16 @@ class Reader:
 NO_LINES = {"OBJ curve": "leaves lines out"}
 NO_EDGES = {"PLY curve": "leaves edges out", "PLY curve ascii": "leaves edges out"}
 REFUSES_EDGES = {"PLY curve": "refuses edges", "PLY curve ascii": "refuses edges"}
+NO_CELLS = dict.fromkeys(("VTU", "VTU triangle", "VTU model", "VTU curve"), "knows no Bézier cells")
 NO_GLB_LINES = {"GLB curve": "leaves lines out"}
 
 LIBRARIES = (
     Reader("trimesh", "trimesh", "trimesh scipy", "obj ply stl glb", limits=NO_LINES),
-    Reader("meshio", "meshio", "meshio", "obj ply stl", limits=NO_LINES | REFUSES_EDGES),
+    Reader("meshio", "meshio", "meshio", "obj ply stl vtu", limits=NO_LINES | REFUSES_EDGES | NO_CELLS),
     Reader("plyfile", "plyfile", "plyfile", "ply"),
     Reader("numpy-stl", "numpy_stl", "numpy-stl", "stl"),
     Reader("PyMeshLab", "pymeshlab", "pymeshlab", "obj ply stl glb", limits={"GLB curve": "crashes"}),
-    Reader("VTK", "vtk", "vtk", "obj ply stl glb", limits=NO_EDGES),
+    Reader("VTK", "vtk", "vtk", "obj ply stl glb vtu", limits=NO_EDGES),
     Reader("Open3D", "open3d", "open3d", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
     Reader(
         "Gmsh",
