@@ -16,6 +16,7 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.spec.writer import dump
+from gtb_cli.theory.curvature import curvature_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.loops import ARC, homogeneous, random_sides
@@ -413,6 +414,12 @@ def test_ribbons_are_for_fill_alone(command):
 # --- holes of models
 
 
+def mean_curvature(patch, p):
+    """(m,) by the linear parametrisation."""
+    where = list(patch.rational_basis.locations(p, "linear"))
+    return curvature_at(patch, where, len(p)).mean
+
+
 @pytest.fixture(scope="module")
 def box() -> Model:
     found = load(SPECS / "box-corner.toml")
@@ -430,6 +437,32 @@ def test_the_corner_of_a_box_is_filled_and_fairer_than_by_hand(box):
     assert len(filled.joints.shared) == 12
     assert energy(filling.patch) < energy(box.patches[0]) / 5
     assert len(parse(dump(filled)).patches) == 7
+    assert any(remark.startswith("--elevate 2 is fairer, with an energy of 4") for remark in filling.remarks)
+
+
+def test_patches_are_elevated_where_stripes_would_wave():
+    """Three quarters of cylinders at a corner. With quarters of circles as they are, mean curvature along the middle
+    of a side goes from -1.4 to 1; a sphere's is 1, and a cylinder's 1/2.
+    """
+    post = """
+    weights = [1, "sqrt(1/2)", 1, 1, "sqrt(1/2)", 1]
+    knots = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]
+    control_points = [[1, 0, -4], [1, 1, -4], [0, 1, -4], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    """
+    turned = "[[patches]]\ncopy = 'post'\nrepeat = 2\nrotate = {axis = [1, 1, 1], degrees = '120*k'}"
+    rest = parse(f"[[patches]]\nname = 'post'\n{post}\n{turned}")
+    filled, filling = fill_hole(rest, "post edge 2")
+    plain = fill_hole(rest, "post edge 2", raises=0)[1]
+    assert plain.raises == (0,) * 3
+    assert filling.raises == (2,) * 3
+    assert len(filled.joints.shared) == 3
+    assert filling.energy < 0.6 * plain.energy
+    for patch, waves in ((filling.patch, False), (plain.patch, True)):
+        middle, start = patch.domain.vertices.mean(axis=0), patch.domain.vertices[:2].mean(axis=0)
+        share = np.array([1e-4, 1e-3, 1e-2, 0.1, 0.3])[:, None]
+        bent = mean_curvature(patch, start + share * (middle - start))
+        assert (np.ptp(np.sign(bent)) > 0) == waves
+        assert np.abs(bent).max() < 1.6
 
 
 def test_the_command_says_which_holes_there_are(box, tmp_path):
