@@ -242,6 +242,9 @@ class Sampler:
 
     Where `wholes` are given, each patch only says where a part of a larger one lies, which is evaluated in its place;
     `faces` (patches, faces) has the number of the larger one's face that holds each face of the part.
+
+    With a `resolution`, all parameters at once may be those of triangulations with so many cells along an edge: linear
+    ones are found sooner then.
     """
 
     patches: Sequence[Patch]
@@ -250,6 +253,7 @@ class Sampler:
     flipped: Sequence[bool] = ()
     wholes: Sequence[Patch] = ()
     faces: IntArray | None = None
+    resolution: int = 0
 
     def __post_init__(self) -> None:
         if self.parametrization not in get_args(Parametrization):
@@ -292,10 +296,10 @@ class Sampler:
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
-        yield from self._locators[index](u, face, within)
+        yield from self._locators[index](u, face, within, self.resolution)
         if self.parametrization == "toric" and self.shared_edges and face.any():
             rows = np.flatnonzero(face)
-            for location in self._edge_locators[index](u[rows], face[rows], 0.0):
+            for location in self._edge_locators[index](u[rows], face[rows], 0.0, 0):
                 yield location._replace(rows=rows[location.rows])
 
 

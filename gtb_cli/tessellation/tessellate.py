@@ -80,7 +80,8 @@ def tessellate(
         joints = shape.joints
     if tolerance is not None and parametrization == "toric":
         raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
-    sampler = Sampler(patches, parametrization, isinstance(shape, Model), joints.flipped if joints else ())
+    flipped, even = joints.flipped if joints else (), 0 if tolerance else resolution
+    sampler = Sampler(patches, parametrization, isinstance(shape, Model), flipped, resolution=even)
     if tolerance is None:
         refuse_too_many(sum(cell_count(patch.domain, resolution) for patch in patches), max_faces)
         mosaic = joined_complex(patches, joints, resolution)

@@ -6,21 +6,30 @@ coefficients alone, so that patches which share an edge share its points. Each f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.theory.basis import Location, face_knots
+from gtb_cli.knots.sheets import sheets
+from gtb_cli.newton import put
+from gtb_cli.theory.basis import Location, block_length, face_knots
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.threads import in_threads
 
 WORTH_THREADS = 20_000
 """Points for which threads are started: fewer are found in less time than it takes."""
+
+COARSE = 1e-10
+"""Residual that is enough for points that others are only started from."""
+
+HOPELESS = 0.5
+"""Share of points not found from coarser ones from which none are sought like that, as with x^λ where x is 1e30."""
 
 LAST_CORNER = 1e-6
 """How near the last corner of its edge, as a fraction of the hull's size, coordinates of a point start from there."""
@@ -45,11 +54,18 @@ class LinearParametrization:
     shape: Domain
     log_weights: FloatArray
 
-    def locations(self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0) -> Iterator[Location]:
+    def locations(
+        self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0, resolution: int = 0
+    ) -> Iterator[Location]:
         """Locate (m, d) points of Δ: s such that |μ(s) − p| ≤ `RESIDUAL`, or `within`, times the hull's size.
 
         See `gtb_cli.theory.parametrization.RationalBasis.locations`.
         """
+        if resolution and faces is not None and self.shape.dimension == 2:
+            rest = yield from self._even(p, faces, resolution)
+            for location in self.locations(p[rest], faces[rest], within):
+                yield location._replace(rows=rest[location.rows])
+            return
         shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
         on_boundary = (heights == 0).any(axis=0)
@@ -61,15 +77,57 @@ class LinearParametrization:
                 s = self._edge(number).inverse(shape.along(face.index, p[rows])[:, None], within)
             yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
 
-        def located(part: tuple[IntArray, tuple[_Chart, MomentMap]]) -> Location:
-            rows, (chart, moments) = part
-            here = heights[:, rows]
-            s = moments.inverse(chart.coordinates(p[rows], here), within)
-            return Location(rows, shape.faces[INTERIOR], moments.knots, s, here)
+        def located(part: tuple[IntArray, _Chart]) -> Location:
+            rows, chart = part
+            here = heights.take(rows, axis=1)
+            s = chart.moments.inverse(chart.coordinates(p.take(rows, axis=0), here), within)
+            return Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
 
         # Each chart has its own moment map, which learns from its own points only.
-        parts = [(inside[members], self._inner(number)) for number, members in groups(self._charts(heights[:, inside]))]
+        parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
         yield from in_threads(located, parts, worth=len(inside) > WORTH_THREADS)
+
+    def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
+        """Locate the inner vertices of `triangulation`, and return the rows of all others and of those not found.
+
+        They are started from what is interpolated from a few of them, all in the chart of the longest edge.
+        """
+        shape, inner, lattice = self.shape, np.flatnonzero(faces == INTERIOR), sheets(self.shape, resolution)
+        if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
+            return np.arange(len(p))
+        sides = np.roll(shape.vertices, -1, axis=0) - shape.vertices
+        chart = self._chart(2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax()))
+        moments = chart.moments
+
+        def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
+            places = chart.columns(points)
+            s, left = np.empty_like(places), np.arange(len(points))
+            if start is not None:
+                s, left = moments.nearly(places, start)
+                if len(left) > HOPELESS * len(points):
+                    raise ToleranceError("interpolation says nothing")
+            put(s, left, moments.inverse(places.take(left, axis=1).T, COARSE))
+            return moments.corrections(places, s)
+
+        def located(block: tuple[slice, slice]) -> tuple[Location, IntArray]:
+            rows = inner[block[1]]
+            span = slice(int(rows[0]), int(rows[-1]) + 1)
+            places, known = chart.columns(p[span]), faces[span]
+            within = rows - span.start  # vertices on edges may lie between them
+            s, left = moments.nearly(places.take(within, axis=1), lattice.values(lines, block[0]))
+            s = s.take(np.maximum(np.cumsum(known == INTERIOR) - 1, 0), axis=1)
+            heights = shape.heights_of_columns(p[span], 0, known)
+            return Location(span, shape.faces[INTERIOR], moments.knots, s, heights), rows[left]
+
+        try:
+            lines = lattice.lines(solve)
+        except ToleranceError:
+            return np.arange(len(p))
+        rest = [np.flatnonzero(faces)]
+        for location, left in in_threads(located, lattice.blocks(block_length(len(shape.knots)))):
+            yield location
+            rest.append(left)
+        return np.concatenate(rest)
 
     def _charts(self, heights: FloatArray) -> IntArray:
         """(m,) numbers of charts for points inside: twice the nearest edge, and 1 more near its last corner."""
@@ -88,20 +146,18 @@ class LinearParametrization:
             self._edges[number] = MomentMap(face_knots(self.shape, face), self.log_weights[face.knots])
         return self._edges[number]
 
-    def _inner(self, number: int) -> tuple[_Chart, MomentMap]:
-        """A chart, and the moment map of Δ in its coordinates."""
-        if number not in self._inners:
-            chart, shape = _Chart(self.shape, *divmod(number, 2)), self.shape
-            moments = MomentMap(chart.coordinates(shape.knots, shape.heights.T), self.log_weights)
-            self._inners[number] = chart, moments
-        return self._inners[number]
+    def _chart(self, number: int) -> _Chart:
+        """A chart by its number, with what it has learnt."""
+        if number not in self._made:
+            self._made[number] = _Chart(self.shape, self.log_weights, *divmod(number, 2))
+        return self._made[number]
 
     @cached_property
     def _edges(self) -> dict[int, MomentMap]:
         return {}
 
     @cached_property
-    def _inners(self) -> dict[int, tuple[_Chart, MomentMap]]:
+    def _made(self) -> dict[int, _Chart]:
         return {}
 
 
@@ -110,6 +166,7 @@ class _Chart:
     """Coordinates along an edge and over it, from its first corner or its last; of a curve, from one of its ends."""
 
     shape: Domain
+    log_weights: FloatArray
     edge: int
     last: int
 
@@ -120,3 +177,20 @@ class _Chart:
         if shape.dimension == 1:
             return np.asarray(steps)
         return np.column_stack([steps @ shape.direction(edge), heights[edge] / shape.normal_lengths[edge]])
+
+    def columns(self, points: FloatArray) -> FloatArray:
+        """(2, m) coordinates of (m, 2) points, to rounding."""
+        corner = self.shape.vertices[(self.edge + self.last) % len(self.shape.vertices)]
+        steps = np.empty((2, len(points)))
+        return np.asarray(self.axes @ np.subtract(points.T, corner[:, None], out=steps))
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """(2, 2): unit vectors along the edge and over it, in rows."""
+        shape, edge = self.shape, self.edge
+        return np.array([shape.direction(edge), shape.normals[edge] / shape.normal_lengths[edge]])
+
+    @cached_property
+    def moments(self) -> MomentMap:
+        """The moment map of Δ in these coordinates."""
+        return MomentMap(self.coordinates(self.shape.knots, self.shape.heights.T), self.log_weights)

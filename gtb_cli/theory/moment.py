@@ -15,6 +15,8 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.hulls import CellStarts, Hull, cells_with_gradients, extents_of, hull_of, origin_of
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
+from gtb_cli.knots.starts import Corrections
+from gtb_cli.newton import State, dot, plain_step, put, regularised_step, size
 from gtb_cli.theory.basis import (
     NOTHING,
     SAFE_EXPONENT,
@@ -22,8 +24,6 @@ from gtb_cli.theory.basis import (
     block_length,
     weighted_sums,
 )
-from gtb_cli.theory.newton import State, dot, plain_step, regularised_step, size
-from gtb_cli.theory.starts import Corrections
 
 RESIDUAL = 1e-12
 """Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
@@ -116,10 +116,7 @@ class MomentMap:
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         target = max(TARGET, within)
-        unit = (p - self._origin) / self._extents
-        if len(self._extents) == 1:  # far from the origin, rounding may be more than the hull's
-            unit = np.clip(unit, self._unit_knots.min(), self._unit_knots.max())
-        unit = unit.T
+        unit = self._unit(np.ascontiguousarray(p.T))
         safe = self._hull.starts(unit)
         if self._bezier_shift is not None:
             return np.asarray((safe + self._bezier_shift) / self._extents[:, None])
@@ -140,6 +137,33 @@ class MomentMap:
             self._learn(part[seldom], unit[:, seldom], safe[:, seldom], s[:, seldom])
         return np.asarray(s / self._extents[:, None])
 
+    def nearly(self, p: FloatArray, corrections: FloatArray) -> tuple[FloatArray, IntArray]:
+        """(d, m) torus coordinates of (d, m) points, from what their `corrections` are, nearly.
+
+        And which points were not found like that.
+        """
+        unit = self._unit(p)
+        start = self._hull.starts(unit)
+        start += corrections
+        bound = self._reach[:-1] @ np.abs(start) + self._reach[-1]
+        if not bound.max(initial=0.0) <= SAFE_EXPONENT:
+            start[:, ~(bound <= SAFE_EXPONENT)] = np.nan
+        found, left = self._short_steps(unit, start, TARGET)
+        found /= self._extents[:, None]
+        return found, left
+
+    def corrections(self, p: FloatArray, s: FloatArray) -> FloatArray:
+        """(d, m) differences of torus coordinates of (d, m) points from those that the nearest layers give."""
+        return np.asarray(s * self._extents[:, None] - self._hull.starts(self._unit(p)))
+
+    def _unit(self, p: FloatArray) -> FloatArray:
+        """(d, m) points in the coordinates in which they are solved."""
+        unit = p - self._origin[:, None]
+        unit /= self._extents[:, None]
+        if len(unit) == 1:  # far from the origin, rounding may be more than the hull's
+            np.clip(unit, self._unit_knots.min(), self._unit_knots.max(), out=unit)
+        return np.asarray(unit)
+
     @cached_property
     def _bezier_shift(self) -> FloatArray | None:
         """(d, 1) what all starts of layers are off by, for Bézier weights, up to affine ones; None for others.
@@ -157,12 +181,12 @@ class MomentMap:
         shift = np.asarray(-np.linalg.lstsq(affine, rest)[0][:-1, None], dtype=np.float64)
         # Any points inside will do to see whether that is exact: the knots drawn to the middle.
         p = (0.7 * self._unit_knots + 0.3 * self._unit_knots.mean(axis=0)).T
-        _, mu, _ = self._evaluate(self._hull.starts(p) + shift)
+        mu, *_ = self._evaluate(self._hull.starts(p) + shift)
         return shift if np.abs(mu - p).max() <= 10 * TARGET else None
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
         """Remember what was added to the starts of some points that were solved."""
-        _, _, (xx, yy, xy) = self._evaluate(solution)
+        _, (xx, yy, xy), *_ = self._evaluate(solution)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._hull.starts.slopes(unit)
         self._corrections.learn(part, unit, solution - start, slopes)
@@ -214,8 +238,11 @@ class MomentMap:
             return ()
         return cells_with_gradients(self._hull, self._unit_knots, w)
 
-    def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """log Σ c ω e^<a, s>, its gradient μ (d, m) and its Hessian's entries: (1, m), or xx, yy, xy as (3, m)."""
+    def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | float]:
+        """Gradient μ (d, m) of log Σ c ω e^<a, s>, its Hessian's entries: (1, m), or xx, yy, xy as (3, m); the sum.
+
+        That is given as a factor of the exponential of what is last.
+        """
         d, count = s.shape
         columns = np.empty((d + 1, count))
         columns[:d], columns[d] = s, 1.0
@@ -231,7 +258,7 @@ class MomentMap:
         mu, hessian = moments[:d], moments[d:]
         hessian[:d] -= CANCELLED * mu**2
         hessian[d:] -= mu[:1] * mu[1:]
-        return np.log(sums[0]) + shift, mu, hessian
+        return mu, hessian, sums[0], shift
 
     def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
         """Solve by short steps from `start`; others by `_newton` from `safe` first, or else from `start`."""
@@ -257,25 +284,32 @@ class MomentMap:
         large the residual is after a step is known before it is taken, and a point that it brings near enough is done.
         """
         s, p = start, unit
-        solution = start.copy()
-        active = np.arange(start.shape[1])
+        solution, active = start, np.arange(start.shape[1])
         left = []
-        for _ in range(SHORT_STEPS):
-            _, mu, hessian = self._evaluate(s)
-            gradient = mu - p
-            step = plain_step(gradient, hessian)
+        for turn in range(SHORT_STEPS):
+            mu, hessian, *_ = self._evaluate(s)
+            mu -= p
+            step = plain_step(mu, hessian)
             length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
             short = length <= SHORT
-            going = -0.5 * np.exp(np.minimum(length, SHORT)) * dot(gradient, step) > target
-            s = s + step
-            done = np.flatnonzero(short & ~going)
-            solution[:, active[done]] = s.take(done, axis=1)
+            decrease = dot(mu, step)
+            step += s
+            longest = length.max(initial=0.0)
+            if turn == 0 and longest <= SHORT and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target:
+                return step, NOTHING  # as most often after a good start
+            done = short & ~(-0.5 * np.exp(np.minimum(length, SHORT)) * decrease > target)
+            if turn == 0:
+                solution = np.where(done, step, start)
+            else:
+                put(solution, active[done], step[:, done])
             left.append(active[~short])
-            keep = np.flatnonzero(short & going)
-            active, s, p = active[keep], s.take(keep, axis=1), p.take(keep, axis=1)
+            keep = np.flatnonzero(short & ~done)
             if not len(keep):
                 break
-        return solution, np.concatenate([*left, active])
+            active, s, p = active[keep], step.take(keep, axis=1), p.take(keep, axis=1)
+        else:
+            left.append(active)
+        return solution, np.concatenate(left)
 
     def _newton(self, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
         """Minimise log Σ c ω e^<a, s> − <p, s> by regularised steps.
@@ -315,8 +349,8 @@ class MomentMap:
         return solution, residuals
 
     def _state(self, p: FloatArray, s: FloatArray) -> State:
-        value, mu, hessian = self._evaluate(s)
-        return State(s, value - dot(p, s), mu - p, hessian)
+        mu, hessian, total, shift = self._evaluate(s)
+        return State(s, np.log(total) + shift - dot(p, s), mu - p, hessian)
 
     def _better_start(self, p: FloatArray, at: State) -> State:
         """Go over to a cell's limit where the objective is lower there."""

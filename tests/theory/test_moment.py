@@ -10,11 +10,13 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import binomial_coefficients
+from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.theory import moment
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.threads import limit_threads
 from tests import exact
 from tests.laws import RESIDUAL, heights, linear_points, parameters
 from tests.marks import mostly_long
@@ -130,29 +132,28 @@ def test_the_linear_parametrization_is_the_identity_of_its_knots():
 
 @pytest.mark.parametrize("name", ["pentagon", "irrational_hexagon", "trapezoid"])
 def test_s_agrees_with_50_digits(name):
-    # An independent solution: Newton's method of mpmath, from far away, on Σ c ω e^<a, s> (a − p) = 0.
     patch = named(name)
     v = patch.domain.vertices
     for p in (v.mean(axis=0), 0.9 * v[0] + 0.1 * v[2], 0.999 * v[1] + 0.001 * v[3]):
-
-        def moments(x, y, p=p):
-            terms = [
-                exact.Number(float(w)) * exact.CONTEXT.exp(exact.Number(a) * x + exact.Number(b) * y)
-                for w, (a, b) in zip(np.exp(patch.log_products), patch.knots.tolist(), strict=True)
-            ]
-            return [
-                sum(
-                    t * (exact.Number(a[axis]) - exact.Number(float(p[axis])))
-                    for t, a in zip(terms, patch.knots.tolist(), strict=True)
-                )
-                / sum(terms)
-                for axis in (0, 1)
-            ]
-
         (location,) = locations(patch, p[None])
         s = gradient_in_the_plane(patch, location)
-        solution = exact.CONTEXT.findroot(moments, [float(x) for x in s])
-        assert [float(x) for x in solution] == pytest.approx(s, rel=1e-9, abs=1e-9)
+        assert exact_gradient(patch, p, s) == pytest.approx(s, rel=1e-9, abs=1e-9)
+
+
+def exact_gradient(patch, p, start):
+    """(2,) torus coordinates of a point: Newton's method of mpmath on Σ c ω e^<a, s> (a − p) = 0."""
+    knots = [
+        [exact.Number(x) - exact.Number(float(y)) for x, y in zip(a, p, strict=True)] for a in patch.knots.tolist()
+    ]
+
+    def moments(x, y):
+        terms = [
+            exact.CONTEXT.exp(exact.Number(float(w)) + a * x + b * y)
+            for w, (a, b) in zip(patch.log_products, knots, strict=True)
+        ]
+        return [sum(t * a[axis] for t, a in zip(terms, knots, strict=True)) / sum(terms) for axis in (0, 1)]
+
+    return [float(x) for x in exact.CONTEXT.findroot(moments, [float(x) for x in start])]
 
 
 def gradient_in_the_plane(patch, location):
@@ -215,6 +216,90 @@ def test_corners_are_exactly_the_corners(name):
     patch = named(name)
     v = patch.domain.vertices
     assert linear_points(patch, v).tolist() == patch.evaluate(v).tolist()
+
+
+# Even meshes
+
+RESOLUTION = 70
+"""Of meshes that are found from coarser ones; lower ones are not."""
+
+
+def hostile(name):
+    """Surfaces on which interpolation is poor, or whose rounding is."""
+    knots = np.array([[0, 0], [1, 0], [1.2, 0.9], [0.3, 1.4], [-0.4, 0.8], [0.5, 1e-6], [0.4, 0.5]])
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 1e-4], [1e-3, 0.5], [0.5, 0.5]])
+    bent = np.random.default_rng(7).uniform(-30, 30, len(pentagon().knots))
+    scale, _, shift = name.partition("+")
+    return {
+        "near an edge": lambda: Patch(knots, bumps(knots)),
+        "near two edges": lambda: Patch(square, bumps(square), [1, 2, 3, 4, 5, 6, 7]),
+        "weights of e^30": lambda: pentagon().replace(log_weights=bent),
+        "triangle": lambda: Patch(knots[[0, 1, 3, 6]], bumps(knots[[0, 1, 3, 6]]), [1, 2, 3, 40]),
+    }.get(
+        name,
+        lambda: Patch(pentagon().knots * float(scale) + float(shift), pentagon().control_points, pentagon().weights),
+    )()
+
+
+def even_locations(patch, resolution=RESOLUTION):
+    """Vertices of a triangulation, and where they lie when they are known to be its."""
+    part = triangulation(patch.domain, resolution)
+    face = np.zeros(len(part.parameters), dtype=np.int64)
+    face[part.boundary] = patch.domain.faces.edges[:, None]
+    face[part.boundary[:, 0]] = patch.domain.faces.corners
+    return part.parameters, list(patch.rational_basis.linear().locations(part.parameters, face, 0.0, resolution))
+
+
+HOSTILE = ["near an edge", "near two edges", "weights of e^30", "triangle", "1e-9+0", "1e9+0", "1+1e7"]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_even_meshes_are_found_from_coarser_ones(name):
+    patch = hostile(name)
+    p, where = even_locations(patch)
+    found = patch.rational_basis.blend(patch.knots - patch.domain.center, where, len(p))
+    size = max(patch.domain.size, 16 * EPS / RESIDUAL * np.abs(patch.domain.vertices).max())
+    assert np.abs(found - (p - patch.domain.center)).max() <= RESIDUAL * size
+    # Most are not left to the safe method, whose rows are numbers.
+    assert sum(location.s.shape[1] for location in where if isinstance(location.rows, slice)) > 0.9 * len(p)
+    points = patch.points_at(where, len(p))
+    assert np.abs(points - linear_points(patch, p)).max() < 1e-11 * np.abs(patch.control_points).max() * max(
+        1, 16 * EPS / RESIDUAL * np.abs(patch.domain.vertices).max() / patch.domain.size
+    )
+
+
+@pytest.mark.parametrize("name", mostly_long(HOSTILE, 3))
+def test_s_of_even_meshes_agrees_with_50_digits(name):
+    patch = hostile(name)
+    p, where = even_locations(patch)
+    location = next(location for location in where if isinstance(location.rows, slice))
+    found_later = np.concatenate([other.rows for other in where if not isinstance(other.rows, slice)])
+    rows = np.setdiff1d(np.arange(len(p))[location.rows], found_later)
+    for row in (rows[len(rows) // 3], rows[len(rows) // 2]):
+        s = gradient_in_the_plane(patch, location._replace(s=location.s[:, [row - location.rows.start]]))
+        error = 1e-9 * max(1, np.abs(patch.domain.vertices).max() / patch.domain.size)
+        assert exact_gradient(patch, p[row], s) == pytest.approx(s, rel=error, abs=error / patch.domain.size)
+
+
+def test_even_meshes_have_the_same_bytes_with_any_number_of_threads():
+    patch = pentagon()
+    results = []
+    for count in (1, 2):
+        limit_threads(count)
+        try:
+            p, where = even_locations(patch, 160)
+            results.append(patch.points_at(where, len(p)).tobytes())
+        finally:
+            limit_threads(0)
+    assert results[0] == results[1]
+
+
+def test_an_even_mesh_takes_little_more_than_one_evaluation(monkeypatch):
+    counted = []
+    evaluate = MomentMap._evaluate
+    monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: (counted.append(s.shape[1]), evaluate(self, s))[1])
+    p, _ = even_locations(pentagon(), 320)
+    assert sum(counted) < 1.6 * len(p)
 
 
 # Extreme weights

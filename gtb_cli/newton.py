@@ -30,6 +30,12 @@ class State(NamedTuple):
             mine[..., rows] = theirs
 
 
+def put(columns: FloatArray, where: IntArray, values: FloatArray) -> None:
+    """Write (d, k) values to some of (d, m) columns, row by row: numpy takes longer for all at once."""
+    for row, new in zip(columns, values, strict=True):
+        row[where] = new
+
+
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """(m,) scalar products of (d, m) columns; for one or two rows faster than a reduction."""
     return np.asarray(a[0] * b[0] if len(a) == 1 else a[0] * b[0] + a[1] * b[1])
@@ -42,15 +48,20 @@ def size(a: FloatArray) -> FloatArray:
 
 def plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
     """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
-    first = np.where(hessian[0] > 0, hessian[0], np.nan)
+    first = _positive(hessian[0])
     if len(gradient) == 1:
         return np.asarray(-gradient / first)
     ratio = hessian[2] / first
     rest = hessian[1] - ratio * hessian[2]
     step = np.empty_like(gradient)
-    step[1] = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.nan)
+    step[1] = (ratio * gradient[0] - gradient[1]) / _positive(rest)
     step[0] = -gradient[0] / first - ratio * step[1]
     return step
+
+
+def _positive(curvatures: FloatArray) -> FloatArray:
+    """Curvatures, NaN where they are not positive."""
+    return curvatures if curvatures.min(initial=1.0) > 0 else np.where(curvatures > 0, curvatures, np.nan)
 
 
 def regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:

@@ -1,0 +1,186 @@
+"""The inner vertices of a triangulation as lattices: what is sought at them is found on coarse ones first.
+
+Smooth values at every fourth vertex each way are interpolated to all others, along the columns of a lattice and then
+along its rows, so well that a step of Newton's method makes them right.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.knots.domain import Domain
+
+STRIDE = 4
+"""Steps of a lattice for one of the next coarser: with 3, more nodes are solved, with 6, polynomials are off."""
+
+ORDER = 6
+"""Nodes of the polynomials along a line."""
+
+COARSEST = 12
+"""Steps along a side that the next coarser lattice should have: near edges a coarser one would say little."""
+
+Solver: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
+"""Finds (2, m) values at (m, 2) points, from what they are nearly or from nothing."""
+
+
+def _lagrange(first: int, places: ArrayLike) -> FloatArray:
+    """(ORDER, places) factors of values at consecutive nodes in those at places: Lagrange's polynomials."""
+    nodes = first + np.arange(ORDER)
+    ratio = (np.asarray(places) - nodes[:, None]) / (nodes[:, None] - nodes + np.eye(ORDER))[..., None]
+    ratio[np.arange(ORDER), np.arange(ORDER)] = 1.0
+    return np.asarray(ratio.prod(axis=1))
+
+
+BEFORE, AFTER = ORDER // 2 - 1, ORDER // 2 + 1
+"""How many nodes of a polynomial are before that which a place follows or is at, and beyond."""
+
+BETWEEN = _lagrange(-BEFORE, np.arange(STRIDE) / STRIDE)
+AHEAD = _lagrange(0, np.arange(-BEFORE, 0))
+BEYOND = _lagrange(0, np.arange(ORDER, ORDER + AFTER))
+"""What makes the polynomials of the first cells of a line, and of the last, those of its first and last nodes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """Lattices over equal parts of Δ, each ``origin + x along + y across + x y twist`` with whole x and y from 0.
+
+    Attributes
+    ----------
+    origin, along, across, twist : (c, 2) float
+    last : int
+        Largest x, and largest y.
+    triangular : bool
+        Whether only places with x + y ≤ `last` are meant.
+    """
+
+    origin: FloatArray
+    along: FloatArray
+    across: FloatArray
+    twist: FloatArray
+    last: int
+    triangular: bool
+
+    @cached_property
+    def counts(self) -> IntArray:
+        """(rows,) vertices of each row in the order of `triangulation`, of all lattices together.
+
+        Several lattices are sectors, whose rows are rings: the inner ones come first, each with one end of each row.
+        """
+        if len(self.origin) > 1:
+            return np.maximum(len(self.origin) * np.arange(self.last + 1), 1)
+        return self.last + 1 - np.arange(self.last + 1) * self.triangular
+
+    @property
+    def is_worth_it(self) -> bool:
+        """Whether a coarser lattice says anything of this one."""
+        return self.last >= STRIDE * COARSEST
+
+    @property
+    def _coarse(self) -> Sheets:
+        steps = self.along * STRIDE, self.across * STRIDE, self.twist * STRIDE**2
+        return Sheets(self.origin, *steps, self.last // STRIDE, self.triangular)
+
+    def solved(self, solve: Solver) -> FloatArray:
+        """(2, c, y, x) values at all places, 0 elsewhere."""
+        shape = len(self.origin), self.last + 1, self.last + 1
+        y, x = np.ogrid[: shape[1], : shape[2]]
+        place = np.flatnonzero(np.broadcast_to(x + y * self.triangular <= self.last, shape))
+        start = None
+        if self.is_worth_it:
+            start = _between(self.lines(solve))[..., : self.last + 1].reshape(2, -1).take(place, axis=1)
+        values = np.zeros((2, math.prod(shape)))
+        for row, value in zip(values, solve(self._points(place), start), strict=True):
+            row[place] = value
+        return values.reshape(2, *shape)
+
+    def _points(self, place: IntArray) -> FloatArray:
+        """(m, 2) points of (m,) places, which are numbered by lattice, y and x."""
+        rest, x = np.divmod(place, self.last + 1)
+        sheet, y = np.divmod(rest, self.last + 1)
+        return np.stack(
+            [
+                o.take(sheet) + x * a.take(sheet) + y * (b.take(sheet) + x * t.take(sheet))
+                for o, a, b, t in zip(self.origin.T, self.along.T, self.across.T, self.twist.T, strict=True)
+            ],
+            axis=1,
+        )
+
+    def lines(self, solve: Solver) -> FloatArray:
+        """(2, c, y, nodes) values at every `STRIDE`-th place of all rows, from those of a coarser lattice."""
+        ends = self.last - np.arange(self.last + 1) * self.triangular
+        columns = _extended(np.swapaxes(self._coarse.solved(solve), 2, 3), ends[::STRIDE] // STRIDE)
+        return _extended(np.swapaxes(_between(columns)[..., : self.last + 1], 2, 3), ends // STRIDE)
+
+    def blocks(self, length: int) -> list[tuple[slice, slice]]:
+        """Rows of about so many vertices together, and the numbers of these vertices among all."""
+        ends = np.concatenate([[0], np.cumsum(self.counts)])
+        cuts = np.unique(np.append(np.searchsorted(ends, np.arange(0, ends[-1], length)), len(ends) - 1)).tolist()
+        return [(slice(a, b), slice(int(ends[a]), int(ends[b]))) for a, b in itertools.pairwise(cuts)]
+
+    def values(self, lines: FloatArray, rows: slice) -> FloatArray:
+        """(2, m) values at the vertices of some rows, nearly, in the order of `counts`."""
+        first, end, _ = rows.indices(len(self.counts))
+        rings = len(self.origin) > 1
+        chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
+        between = _between(chosen)
+        result = np.empty((2, int(self.counts[rows].sum())))
+        begin = 0
+        for row, count in enumerate(self.counts[rows].tolist()):
+            part = result[:, begin : begin + count].reshape(2, -1, max(count // len(self.origin), 1))
+            part[...] = between[:, : part.shape[1], row, : part.shape[2]]
+            begin += count
+        return result
+
+
+def sheets(domain: Domain, resolution: int) -> Sheets:
+    """Return the lattices of the inner vertices of `triangulation`."""
+    v, n = domain.vertices, resolution
+    if len(v) > 4:
+        following = np.roll(v, -1, axis=0)
+        along, across = (following - v) / n, (v.mean(axis=0) - v) / n
+        return Sheets(v + across, along, across, np.zeros_like(v), n - 1, True)
+    along, across = (v[1] - v[0])[None] / n, (v[-1] - v[0])[None] / n
+    twist = (v[0] - v[1] + v[2] - v[-1])[None] / n**2 if len(v) == 4 else np.zeros((1, 2))
+    origin = v[:1] + along + across + twist
+    return Sheets(origin, along + twist, across + twist, twist, n - (2 if len(v) == 4 else 3), len(v) == 3)
+
+
+def _extended(values: FloatArray, last: IntArray) -> FloatArray:
+    """(k, c, lines, nodes + ORDER) values along lines with some last nodes, and as many about as `_between` needs."""
+    nodes = values.shape[-1]
+    lines = np.zeros((*values.shape[:-1], nodes + ORDER))
+    lines[..., BEFORE : BEFORE + nodes] = values
+    lines[..., :BEFORE] = lines[..., BEFORE : BEFORE + ORDER] @ AHEAD
+    long = np.flatnonzero(last >= ORDER - 1)
+    end = BEFORE + 1 + last[long, None]
+    lines[..., long[:, None], end + np.arange(AFTER)] = (
+        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ BEYOND
+    )
+    for line in np.flatnonzero(last < ORDER - 1).tolist():  # too short for a polynomial
+        lines[..., line, :BEFORE] = lines[..., line, BEFORE, None]
+        lines[..., line, BEFORE + last[line] + 1 :] = lines[..., line, BEFORE + last[line], None]
+    return lines
+
+
+def _between(lines: FloatArray) -> FloatArray:
+    """(..., STRIDE * nodes) values at and between the nodes of extended lines."""
+    flat = np.ascontiguousarray(lines).ravel()
+    count = len(flat) - ORDER + 1
+    values = np.empty((len(flat), STRIDE))
+    values[:count, 0] = flat[BEFORE : BEFORE + count]
+    for place in range(1, STRIDE):
+        value = flat[:count] * BETWEEN[0, place]
+        for node in range(1, ORDER):
+            value += flat[node : node + count] * BETWEEN[node, place]
+        values[:count, place] = value
+    nodes = lines.shape[-1] - ORDER
+    return values.reshape(*lines.shape, STRIDE)[..., :nodes, :].reshape(*lines.shape[:-1], -1)
