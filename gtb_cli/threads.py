@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextvars import copy_context
 from typing import TYPE_CHECKING, TypeVar
 
@@ -52,16 +52,41 @@ def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = 
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    waiting: deque[Future[R]] = deque()
     with ThreadPoolExecutor(count) as executor:
-        try:
-            for task in tasks:
-                # In the context of this thread, which says how numpy treats overflow.
-                waiting.append(executor.submit(copy_context().run, function, task))
-                if len(waiting) > WAITING_RESULTS * count:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            for future in waiting:
-                future.cancel()
+        # In the context of this thread, which says how numpy treats overflow.
+        yield from in_order(
+            lambda task: executor.submit(copy_context().run, function, task),
+            tasks,
+            lambda: WAITING_RESULTS * count,
+        )
+
+
+def in_order(
+    submit: Callable[[T], Future[R]],
+    tasks: Iterable[T],
+    limit: Callable[[], int],
+    result_of: Callable[[Future[R]], R] = lambda future: future.result(),
+) -> Generator[R]:
+    """Yield the results of tasks in their order, whoever computes them.
+
+    Parameters
+    ----------
+    submit : callable
+        Hands a task to whoever computes it.
+    tasks : iterable
+    limit : callable
+        How many results may wait for their turn; it is asked again after each task.
+    result_of : callable, optional
+        Waits for a result.
+    """
+    waiting: deque[Future[R]] = deque()
+    try:
+        for task in tasks:
+            waiting.append(submit(task))
+            if len(waiting) > limit():
+                yield result_of(waiting.popleft())
+        while waiting:
+            yield result_of(waiting.popleft())
+    finally:
+        for future in waiting:
+            future.cancel()

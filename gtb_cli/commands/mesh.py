@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -17,14 +17,12 @@ from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import (
     INPUT,
     OUTPUT,
-    WholeNumber,
     check_outputs,
     console_option,
     mesh_options_of,
     output_option,
     spec_format_option,
 )
-from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 from gtb_cli.shell.several import inputs_of
 from gtb_cli.shell.solids import surface_format, write_surfaces
 from gtb_cli.shell.streams import (
@@ -37,6 +35,7 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
+from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS
 
 if TYPE_CHECKING:
@@ -54,15 +53,7 @@ MAX_TERMINAL_LINES = 1000
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
 @output_option
 @mesh_options_of((*FORMATS, *CAD_FORMATS, *CELL_FORMATS))
-@click.option(
-    "-j",
-    "--jobs",
-    type=WholeNumber(0, MAX_JOBS),
-    metavar="JOBS",
-    default=1,
-    help="Processes that share the work on several specs; 0: as many as there are processors; 1 without this option. "
-    "Any number makes the same files.",
-)
+@workers_option
 @click.option(
     "--manifest",
     metavar="FILE",
@@ -95,7 +86,7 @@ def mesh(
     output: str,
     options: MeshOptions,
     unit: str,
-    jobs: int,
+    workers: Workers,
     manifest: str | None,
     resume: bool,
     deps: str | None,
@@ -141,7 +132,7 @@ def mesh(
         limits = {"max_faces": options.recipe.max_faces, "require": options.recipe.require, "spec_format": spec_format}
         book = Manifest(manifest, settings | limits, place, resume=resume)
     if into_folder:
-        _write_folder(specs, spec_format, output, options, jobs or processors(), console, book, deps, resume)
+        _write_folder(specs, spec_format, output, options, workers, console, book, deps, resume)
     elif book is not None and (entry := book.kept(output, specs[0])) is not None:
         book.replace()
         _write_rules(deps, [(output, specs[0])], spec_format)
@@ -149,7 +140,7 @@ def mesh(
     else:
         kind, sums = options.format_for(output), _sums(book, specs[0], spec_format)
         task = Task(read_spec(specs[0], spec_format), specs[0], options, kind, sums)
-        _write_file(task, output, console, book)
+        _write_file(task, output, console, book, workers)
         _write_rules(deps, [(output, specs[0])], spec_format)
 
 
@@ -175,14 +166,16 @@ def _size_of(entry: Mapping[str, Any]) -> str:
     return f"{entry['vertices']} vertices, {entry[cells]} {cells}, up to date"
 
 
-def _write_file(task: Task, output: str, console: Console, manifest: Manifest | None) -> None:
+def _write_file(task: Task, output: str, console: Console, manifest: Manifest | None, workers: Workers) -> None:
     """Write one mesh to a file or to standard output."""
     faces = task.options.recipe.faces(task.spec)
     with console.progress(2 * faces) as progress:
         progress.label = shown_input(task.path)
         with about(progress.label):
             task.options.recipe.check_size(task.spec)
-        made = _encoded(task)
+        made = next(workers.results(_attempted_whole, [task], _encoded))
+        if isinstance(made, GtbError):
+            raise made
         progress.advance(faces)
         if is_terminal(output) and made.lines > MAX_TERMINAL_LINES:
             raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
@@ -199,7 +192,7 @@ def _write_folder(
     spec_format: str | None,
     folder: str,
     options: MeshOptions,
-    jobs: int,
+    workers: Workers,
     console: Console,
     manifest: Manifest | None,
     deps: str | None,
@@ -230,7 +223,6 @@ def _write_folder(
     names = _file_names(planned, kind)
     check_outputs(*(os.path.join(folder, name) for name in names))
     tasks = [task for task in planned if isinstance(task, Task)]
-    jobs = min(jobs, len(tasks))
     reports = []
     with ExitStack() as stack:
         files: StagedFiles | OneByOne
@@ -240,9 +232,7 @@ def _write_folder(
             files = stack.enter_context(OneByOne(folder, manifest, [os.path.join(folder, name) for name in names]))
         else:
             files = stack.enter_context(StagedFiles(folder))
-        encoded: Generator[Encoded | GtbError] = (_attempted(task) for task in tasks)
-        if jobs > 1:
-            encoded = in_processes(_attempted_whole, tasks, jobs)
+        encoded = workers.results(_attempted_whole, tasks, _attempted)
         stack.enter_context(closing(encoded))
         sizes = [options.recipe.faces(task.spec) if isinstance(task, Task) else 0 for task in planned]
         progress = stack.enter_context(console.progress(2 * sum(sizes)))

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.threads import limit_threads
+from gtb_cli.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor
@@ -69,15 +68,13 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     if os.name == "posix":
         os.set_blocking(sign.fileno(), False)  # where nobody listens for hours, the pipe is full
     executor = ProcessPoolExecutor(jobs, context, _start_worker, (sign,))
-    waiting: deque[Future[R]] = deque()
     try:
-        for task in tasks:
-            with _signals_later():  # this may start processes
-                waiting.append(_submitted(executor, function, task))
-            if len(waiting) > jobs:
-                yield _awaited(waiting.popleft(), life)
-        while waiting:
-            yield _awaited(waiting.popleft(), life)
+        yield from in_order(
+            lambda task: _submitted(executor, function, task),
+            tasks,
+            lambda: jobs,
+            lambda future: _awaited(future, life),
+        )
         executor.shutdown()
     except BrokenProcessPool:
         raise GtbError("a process was killed (is there too little memory? -j 1 needs less)") from None
@@ -112,7 +109,8 @@ def _awaited(result: Future[R], life: Connection) -> R:
 
 def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: T) -> Future[R]:
     try:
-        return executor.submit(function, task)
+        with _signals_later():  # this may start processes
+            return executor.submit(function, task)
     except (OSError, RuntimeError) as error:
         if "process pool" in str(error):  # a worker was killed
             raise

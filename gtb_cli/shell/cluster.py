@@ -1,0 +1,177 @@
+"""Work shared on a cluster, by Dask: an executor like that of the standard library's processes."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import logging
+import os
+import re
+import socket
+import threading
+from collections.abc import Callable, Generator, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gtb_cli.errors import GtbError
+from gtb_cli.threads import in_order, limit_threads
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+CONNECTION_SECONDS = 10.0
+"""Seconds in which a scheduler must answer."""
+
+WORKER_SECONDS = 60.0
+"""Seconds for which a cluster may be without workers, as one is that starts, or loses the last."""
+
+PATIENCE_SECONDS = 5.0
+"""Seconds of waiting for a result between two looks at whether there are workers."""
+
+ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
+"""HOST:PORT; addresses with colons of their own in brackets."""
+
+PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
+"""What the bytes of a file depend on: all workers must have the versions of this process."""
+
+ONE_THREAD = "OPENBLAS_NUM_THREADS"
+"""Environment variable that must be 1 on workers: how a sum is split among threads decides its last digit."""
+
+MISSING = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
+
+
+def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> Generator[R]:
+    """Yield ``function(task)`` for each task, in their order, computed by the workers of a Dask cluster.
+
+    Parameters
+    ----------
+    function : callable
+        At the top of a module.
+    tasks : iterable
+    address : str
+        That of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file.
+
+    Raises
+    ------
+    GtbError
+        Dask is not installed, no scheduler answers, there are no workers, or theirs are other versions; a task ends
+        one worker after another; or what `function` raises.
+
+    Notes
+    -----
+    What a worker had not finished when it died is done by another. Workers that join later take part; they should
+    have the same versions. Results wait for their turn, two for each thread of the workers.
+    """
+    client = _connected(address)
+    from distributed.scheduler import KilledWorker
+
+    try:
+        _check_workers(client, address)
+        executor = client.get_executor(pure=False)
+        yield from in_order(
+            lambda task: executor.submit(_alone, function, task),
+            tasks,
+            lambda: 2 * max(1, sum(client.ncores().values())),
+            lambda future: _awaited(future, client, address),
+        )
+    except KilledWorker as error:
+        raise GtbError(f"--cluster {address}: workers died of a task, one after another: {error}") from None
+    finally:
+        client.close(timeout=CONNECTION_SECONDS)
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler."""
+    from concurrent.futures import Future
+
+    try:
+        from distributed import Client
+    except ImportError:
+        raise GtbError(MISSING) from None
+
+    class Connection(Client):  # type: ignore[misc]
+        def __del__(self) -> None:  # one that failed would be closed as if it had not, which takes long and says so
+            pass
+
+    logging.disable()  # what Dask and its servers would say is said here, in the user's words
+    connection: Future[Any] = Future()
+
+    def connect(place: str) -> None:
+        try:
+            connection.set_result(Connection(place, timeout=CONNECTION_SECONDS, set_as_default=False))
+        except BaseException as error:  # noqa: BLE001 -- raised where it is waited for
+            connection.set_exception(error)
+
+    try:
+        place = _scheduler(address)
+        host, _, port = place.partition("://")[2].rpartition(":")
+        socket.create_connection((host.strip("[]"), int(port)), CONNECTION_SECONDS).close()
+        # Something else that listens there, and says nothing, would be waited for without end.
+        threading.Thread(target=connect, args=(place,), daemon=True).start()
+        return connection.result(2 * CONNECTION_SECONDS)
+    except (OSError, ValueError, AssertionError) as error:
+        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0] or "not in time"
+        raise GtbError(f"--cluster {address}: no scheduler answers: {reason}") from None
+
+
+def _scheduler(address: str) -> str:
+    """The address of a scheduler, which may be in a file."""
+    if os.path.isfile(address):
+        import json
+
+        try:
+            with open(address, encoding="utf-8") as file:
+                address = json.load(file)["address"]
+        except (ValueError, KeyError, TypeError):
+            raise ValueError("this is not a scheduler file of Dask") from None
+    scheme, separator, place = address.rpartition("://")
+    if not (separator and scheme not in ("tcp", "tls")) and ADDRESS.fullmatch(place):
+        return f"{scheme or 'tcp'}://{place}"
+    raise ValueError("expected tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file")
+
+
+def _alone(function: Callable[[T], R], task: T) -> R:
+    """Call a function in a worker, whose threads share the processors already."""
+    limit_threads(1)
+    return function(task)
+
+
+def _awaited(future: Future[R], client: Any, address: str) -> R:
+    """Return a result when it is there, unless there is nobody left who would compute it."""
+    from concurrent.futures import CancelledError, wait
+
+    while not wait([future], PATIENCE_SECONDS).done:
+        if client.status != "running":
+            raise GtbError(f"--cluster {address}: the scheduler has gone")
+        if not client.ncores():
+            _wait_for_workers(client, address)
+    try:
+        return future.result()
+    except CancelledError:
+        raise GtbError(f"--cluster {address}: the scheduler has gone") from None
+
+
+def _wait_for_workers(client: Any, address: str) -> None:
+
+    try:
+        client.wait_for_workers(1, timeout=WORKER_SECONDS)
+    except TimeoutError:
+        raise GtbError(f"--cluster {address}: no workers within {WORKER_SECONDS:g} seconds") from None
+
+
+def _check_workers(client: Any, address: str) -> None:
+    """Refuse workers whose files would differ from those of this process."""
+    _wait_for_workers(client, address)
+    for package in PACKAGES:
+        expected = importlib.metadata.version(package)
+        for worker, found in client.run(importlib.metadata.version, package, on_error="return").items():
+            if isinstance(found, importlib.metadata.PackageNotFoundError):
+                raise GtbError(f"--cluster {address}: {worker} has no {package}, and this process has {expected}")
+            if isinstance(found, BaseException):
+                raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
+            if found != expected:
+                raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process {expected}")
+    for worker, threads in client.run(os.getenv, ONE_THREAD).items():
+        if threads != "1":
+            raise GtbError(f"--cluster {address}: {worker} was started without {ONE_THREAD}=1, which its digits need")

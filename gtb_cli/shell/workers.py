@@ -1,0 +1,70 @@
+"""Who does the work on several meshes: this process, several processes, or a cluster."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import click
+
+from gtb_cli.shell.options import Function, WholeNumber
+from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Workers(NamedTuple):
+    """Some processes, or those of a cluster.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of processes; 1: this one.
+    cluster : str or None
+        Where the scheduler of a cluster is.
+    """
+
+    jobs: int
+    cluster: str | None
+
+    def results(
+        self, function: Callable[[T], R], tasks: Sequence[T], here: Callable[[T], R] | None = None
+    ) -> Generator[R]:
+        """Yield ``function(task)`` for each task, in their order; `here` is called in place of it in this process."""
+        if self.cluster is not None and tasks:
+            from gtb_cli.shell.cluster import in_cluster
+
+            return in_cluster(function, tasks, self.cluster)
+        jobs = min(self.jobs, len(tasks))
+        if jobs > 1:
+            return in_processes(function, tasks, jobs)
+        return (result for result in map(here or function, tasks))
+
+
+def workers_option(function: Function) -> Function:
+    """Add ``-j`` and ``--cluster``; the command gets `Workers`."""
+
+    @click.option(
+        "-j",
+        "--jobs",
+        type=WholeNumber(0, MAX_JOBS),
+        metavar="JOBS",
+        default=1,
+        help="Processes that share the work on several meshes; 0: as many as there are processors; 1 without this "
+        "option. Any number makes the same files.",
+    )
+    @click.option(
+        "--cluster",
+        metavar="ADDRESS",
+        help="Share the work on a cluster: where a Dask scheduler listens, or its scheduler file. By the extra "
+        "gtb-cli[cluster]; makes the same files, too.",
+    )
+    @functools.wraps(function)
+    def command(*args: Any, jobs: int, cluster: str | None, **values: Any) -> object:
+        if cluster is not None and jobs != 1:
+            raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
+        return function(*args, workers=Workers(jobs or processors(), cluster), **values)
+
+    return command

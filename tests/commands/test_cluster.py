@@ -1,0 +1,175 @@
+"""`gtb mesh --cluster`: a scheduler and workers that the test starts, one of which it kills."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.marks import long
+from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
+
+SPECS = 10
+SECONDS = 90
+"""Within which a process that was started does what is waited for, on a busy machine."""
+
+
+def test_dask_is_an_extra(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", "127.0.0.1:8786")
+    assert result.status == 2
+    assert "pip install 'gtb-cli[cluster]'" in result.err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "http://127.0.0.1:80", "127.0.0.1:port", "", PENTAGON])
+def test_an_address_is_one(address, tmp_path):
+    result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", address)
+    assert result.status == 2
+    assert f"--cluster {address}: no scheduler answers: " in result.err
+    assert "tcp://HOST:PORT" in result.err or "not a scheduler file" in result.err
+
+
+def test_a_cluster_says_how_many_workers_there_are(tmp_path):
+    result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", "127.0.0.1:8786", "-j", 2)
+    assert result.status == 2
+    assert "--cluster and -j exclude each other" in result.err
+
+
+def test_nobody_listens(tmp_path):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+        result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", address)
+    assert result.status == 2
+    assert result.err == f"gtb: error: --cluster {address}: no scheduler answers: Connection refused\n"
+
+
+def until(condition) -> None:
+    end = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+class Cluster:
+    """Processes of Dask in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.file, self.processes = folder, folder / "scheduler.json", []
+        self.start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
+        until(self.file.exists)
+
+    def start(self, kind: str, *options: str, **variables: str) -> subprocess.Popen:
+        code = f"import sys; from distributed.cli.dask_{kind} import main; sys.exit(main())"
+        with (self.folder / f"{len(self.processes)}.log").open("wb") as log:
+            started = subprocess.Popen(
+                [sys.executable, "-c", code, "--no-dashboard", *options],
+                env=environment(**{"OPENBLAS_NUM_THREADS": "1", **variables}),
+                stdout=log,
+                stderr=log,
+            )
+        self.processes.append(started)
+        return started
+
+    def worker(self, **variables: str) -> subprocess.Popen:
+        number = len(self.processes)
+        started = self.start(
+            "worker",
+            "--scheduler-file",
+            str(self.file),
+            "--no-nanny",
+            "--nthreads",
+            "1",
+            "--memory-limit",
+            "0",
+            **variables,
+        )
+        until(lambda: b"Registered to" in (self.folder / f"{number}.log").read_bytes())
+        return started
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    folder = tmp_path / "cluster"
+    folder.mkdir()
+    started = Cluster(folder)
+    yield started
+    for running in started.processes:
+        running.kill()
+        running.wait()
+
+
+@pytest.fixture
+def specs(tmp_path):
+    folder = tmp_path / "specs"
+    folder.mkdir()
+    for number in range(SPECS):
+        (folder / f"spec{number}.toml").write_bytes(Path(PENTAGON).read_bytes())
+    (folder / "curve.toml").write_bytes(Path(CURVE).read_bytes())
+    (folder / "broken.toml").write_text("knots = 1\n")
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@long
+def test_the_work_of_a_worker_that_dies_is_done_by_another(cluster, specs, tmp_path):
+    mesh = ["mesh", specs, "-n", 150, "-q", "--resume"]
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    expected = process(*mesh, "-o", here / "out", "--manifest", here / "manifest.json")
+    workers = [cluster.worker() for _ in range(2)]
+    out = there / "out"
+    line = command(*mesh, "-o", out, "--manifest", there / "manifest.json", "--cluster", cluster.file)
+    with subprocess.Popen(line, env=environment(), stderr=subprocess.PIPE, text=True) as running:
+        until(lambda: out.is_dir() and any(out.glob("spec*.obj")))
+        assert running.poll() is None
+        assert len(list(out.glob("spec*.obj"))) < SPECS
+        workers[0].send_signal(signal.SIGKILL)
+        errors = running.communicate(timeout=SECONDS)[1]
+    assert (running.returncode, errors) == (expected.status, expected.err)
+    assert expected.status == 2  # as of a broken spec
+    assert contents(out) == contents(here / "out")
+    assert (there / "manifest.json").read_bytes() == (here / "manifest.json").read_bytes()
+
+
+@long
+def test_workers_of_other_versions_are_refused(cluster, tmp_path):
+    folder = tmp_path / "other" / "numpy-0.1.dist-info"
+    folder.mkdir(parents=True)
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
+    paths = environment()["PYTHONPATH"]
+    cluster.worker(PYTHONPATH=f"{folder.parent}:{paths}")
+    result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
+    assert result.status == 2
+    assert f"has numpy 0.1, and this process {importlib.metadata.version('numpy')}" in result.err
+    assert not (tmp_path / "x.obj").exists()
+
+
+@long
+def test_workers_must_sum_in_one_thread(cluster, tmp_path):
+    cluster.worker(OPENBLAS_NUM_THREADS="2")
+    result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
+    assert result.status == 2
+    assert "was started without OPENBLAS_NUM_THREADS=1" in result.err
+
+
+@long
+def test_one_mesh_may_be_made_elsewhere_too(cluster, tmp_path):
+    cluster.worker()
+    expected = process("mesh", PENTAGON, "-n", 4)
+    result = process("mesh", PENTAGON, "-n", 4, "--cluster", cluster.file)
+    assert result == expected
+    refused = process("mesh", PENTAGON, "-n", 4, "--require", "watertight", "--cluster", cluster.file)
+    assert refused == process("mesh", PENTAGON, "-n", 4, "--require", "watertight")
+    assert refused.status == 1
