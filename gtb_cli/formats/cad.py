@@ -234,6 +234,9 @@ def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, 
     if not writer.AddShape(shape):
         raise ExportError("IGES: the kernel cannot write it")
     writer.ComputeModel()
+    header = writer.Model().GlobalSection()
+    header.SetAuthorName(_kernel("TCollection").TCollection_HAsciiString("gtb"))  # else it is the user's name
+    writer.Model().SetGlobalSection(header)
     if not writer.Write(path):
         raise ExportError("IGES: the kernel cannot write it")
 

@@ -120,7 +120,7 @@ def _write_cad(
     prefix = "" if output == STANDARD else f"{output}: "
     if found.reasons:
         name, reason = found.reasons[0]
-        others = f" (and {len(found.reasons) - 1} other patches)" if len(found.reasons) > 1 else ""
+        others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
         console.warn(f"{prefix}fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
     counts = {"exact": body.faces - found.fitted, "fitted": found.fitted}

@@ -163,6 +163,12 @@ def test_names_of_patches_and_the_unit_are_in_the_file() -> None:
     assert "CARTESIAN_POINT('',(3.,3.," in inches  # numbers as they are in the spec
 
 
+def test_an_iges_file_does_not_have_the_users_name() -> None:
+    lines = encoded("pillow", "iges").decode().splitlines()
+    header = "".join(line[:72].rstrip() for line in lines if line[72:73] == "G")
+    assert header.split(",")[20:22] == ["3Hgtb", ""]  # author and organization
+
+
 @pytest.mark.parametrize("kind", CAD_FORMATS)
 def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
     again = encode_cad(sheets_of(box()).sheets, kind, name="pillow").data
