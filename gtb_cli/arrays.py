@@ -32,12 +32,21 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
             raise TypeError("complex")
         array = read_only(values)
     except (TypeError, ValueError) as error:
-        raise DomainError(f"{name}: not a regular array of numbers ({error})") from None
+        raise DomainError(f"{name}: not a regular array of numbers ({error}){_hint(values)}") from None
     if not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         place = "".join(f"[{i}]" for i in index)
         raise DomainError(f"{name}{place}: must be finite, got {array[index]}")
     return array
+
+
+def _hint(values: ArrayLike) -> str:
+    """Say what takes expressions, where there are some."""
+    try:
+        is_text = np.asarray(values).dtype.kind == "U"
+    except ValueError:  # rows of different lengths
+        is_text = False
+    return "; gtb_cli.from_dict takes expressions" if is_text else ""
 
 
 def positive(name: str, values: ArrayLike) -> FloatArray:

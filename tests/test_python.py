@@ -126,6 +126,51 @@ def test_values_are_short_to_look_at(values):
     assert repr(Patch([0, 1], [[0, 0], [1, 1]])) == "<Patch without a name: curve, 2 knots>"
 
 
+def test_results_are_short_to_look_at(pentagon, box):
+    """A notebook shows what the last line gives: hundreds of numbers hide what is asked for."""
+    doubled = pentagon.replace(control_points=2 * pentagon.control_points)
+    report = gtb_cli.check(pentagon)
+    statuses = [finding.status for finding in report.findings]
+    shown = {
+        repr(report): f"<Report pentagon: {statuses.count('holds')} hold, 0 fail, ",
+        repr(gtb_cli.check(Model([pentagon]))): "<ModelReport without a name: ",
+        repr(gtb_cli.diff(pentagon, doubled, 1)): "<Difference: different, vertices 4.58 apart, tolerance 1>",  # (1, 2, 4) moves by √21
+        repr(
+            gtb_cli.regular_decomposition(pentagon.knots, pentagon.lifting)
+        ): "<RegularDecomposition: 8 knots, 5 cells, 0",
+        repr(pentagon.domain): "<Domain: 5-sided polygon, 8 knots>",
+        repr(Patch([0, 1], [[0, 0], [1, 1]]).domain): "<Domain: interval, 2 knots>",
+        repr(gtb_cli.fill(box)): "<Filling: 6 sides, planes met within ",
+    }
+    for found, start in shown.items():
+        assert found.startswith(start)
+        assert len(found) < 120
+
+
+def test_what_is_not_meant_is_said(pentagon, tmp_path):
+    for call, message in (
+        (lambda: pentagon.replace(weights=1), r"weights: expected 8 entries, one per knot, got shape \(\)"),
+        (lambda: pentagon.replace(lifting=np.ones((8, 1))), r"lifting: expected 8 entries.*got shape \(8, 1\)"),
+        (lambda: pentagon.replace(weights=["1/2"] * 8), "weights: .*gtb_cli.from_dict takes expressions"),
+        (lambda: Patch([0, 1], [["pi", 0], [1, 1]]), "control_points: .*gtb_cli.from_dict takes expressions"),
+        (lambda: gtb_cli.joints(pentagon), "joints: expected a Model, got Patch"),
+        (
+            lambda: gtb_cli.write_mesh(pentagon, tmp_path / "x.stl"),
+            "expected a Mesh, such as .*tessellate makes, got Patch",
+        ),
+        (
+            lambda: gtb_cli.write_mesh(gtb_cli.tessellate(pentagon, 1), tmp_path / "x.glb", up="x"),
+            "up: expected z or y",
+        ),
+        (lambda: gtb_cli.save(pentagon, tmp_path / "x.obj"), r"x\.obj: expected a name that ends in \.toml or \.json"),
+        (lambda: gtb_cli.save(pentagon, tmp_path / "x.step"), r"x\.step: expected a name that ends in"),
+    ):
+        with pytest.raises(gtb_cli.GtbError, match=message) as caught:
+            call()
+        assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_model_is_a_sequence_of_its_patches(box, pentagon):
     assert len(box) == len(list(box)) == len(box.patches) == 7
     assert box[0] is box.patches[0]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.errors import DomainError
 from gtb_cli.theory.curvature import curvature_at
 from gtb_cli.theory.joints import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
@@ -50,12 +51,19 @@ class Seam:
 def joints(model: Model) -> tuple[Seam, ...]:
     """Measure each joint of a model of surfaces; one of curves has none.
 
+    Raises
+    ------
+    DomainError
+        Something else than a model.
+
     Notes
     -----
     The angle is by formula, not by differences: where planes are the same, it is rounding. Where they are, the curves
     along the seam have the same normal curvature on both sides, so that by Euler's theorem the difference across is
     twice that of the mean curvatures.
     """
+    if not isinstance(model, Model):
+        raise DomainError(f"joints: expected a Model, got {type(model).__name__}")
     if model.dimension == 1:
         return ()
     flipped = model.joints.flipped

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -85,12 +87,24 @@ class Finding:
     reason: str
 
 
-@dataclass(frozen=True)
+def counts(findings: Iterable[Finding]) -> str:
+    """Return how many properties hold, fail, are measured and are not applicable, in words."""
+    count = Counter(found.status for found in findings)
+    return (
+        f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured, "
+        f"{count['not applicable']} not applicable"
+    )
+
+
+@dataclass(frozen=True, repr=False)
 class Report:
     """Findings about one patch, in the order of `PROPERTIES`."""
 
     name: str | None
     findings: tuple[Finding, ...]
+
+    def __repr__(self) -> str:
+        return f"<Report {self.name or 'without a name'}: {counts(self.findings)}>"
 
     @property
     def holds(self) -> bool:
@@ -98,13 +112,17 @@ class Report:
         return all(finding.status != "fails" for finding in self.findings)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ModelReport:
     """Findings about the patches of a model, and about their joints."""
 
     name: str | None
     patches: tuple[Report, ...]
     joints: tuple[Finding, ...]
+
+    def __repr__(self) -> str:
+        findings = (*self.joints, *(found for part in self.patches for found in part.findings))
+        return f"<ModelReport {self.name or 'without a name'}: {counts(findings)}>"
 
     @property
     def holds(self) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -77,7 +76,7 @@ def check(
     fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.check import check as measure
-    from gtb_cli.checks.report import Report
+    from gtb_cli.checks.report import Report, counts
     from gtb_cli.tessellation.recipe import Recipe, welded
 
     refused: list[str] = []
@@ -107,7 +106,7 @@ def check(
                 parts = (row,) if isinstance(row, Report) else row.patches
                 every = [found for part in parts for found in part.findings]
                 every += [] if isinstance(row, Report) else row.joints
-                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {_summary(tuple(every))}\n"
+                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {counts(every)}\n"
                 continue
             text += f"{printable(name)}\n" if several else ""
             text += _table(row.findings, colours) if isinstance(row, Report) else _model_text(row, colours)
@@ -150,7 +149,9 @@ def _figures(found: Finding) -> dict[str, float | None]:
 
 
 def _table(findings: tuple[Finding, ...], colours: bool) -> str:
-    return f"{_rows(findings, colours)}{_summary(findings)}\n"
+    from gtb_cli.checks.report import counts
+
+    return f"{_rows(findings, colours)}{counts(findings)}\n"
 
 
 def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
@@ -168,18 +169,12 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
     return "".join(lines)
 
 
-def _summary(findings: tuple[Finding, ...]) -> str:
-    count = Counter(found.status for found in findings)
-    return (
-        f"{count['holds']} hold, {count['fails']} fail, {count['measured']} measured, "
-        f"{count['not applicable']} not applicable"
-    )
-
-
 def _model_text(report: ModelReport, colours: bool) -> str:
+    from gtb_cli.checks.report import counts
+
     text = _table(report.joints, colours)
     for index, part in enumerate(report.patches):
         failing = tuple(found for found in part.findings if found.status == "fails")
         name = f"patch {index}" + (f" ({part.name})" if part.name else "")
-        text += f"{name}: {_summary(part.findings)}\n{_rows(failing, colours)}"
+        text += f"{name}: {counts(part.findings)}\n{_rows(failing, colours)}"
     return text

@@ -60,7 +60,7 @@ CORNER = 0.02
 """Parameters nearer to the ends of an edge than this are a corner, when angles are measured."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Filling:
     """A patch that fills a hole. Made by `fill`.
 
@@ -93,6 +93,9 @@ class Filling:
     folds: int
     remarks: tuple[str, ...]
     model: Model | None = None
+
+    def __repr__(self) -> str:
+        return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
 
     @property
     def is_sound(self) -> bool:

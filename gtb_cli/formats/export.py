@@ -59,6 +59,8 @@ def write_mesh(
     BrokenPipeError
         The reader of a pipe has gone.
     """
+    if not isinstance(mesh, Mesh):
+        raise ExportError(f"expected a Mesh, such as gtb_cli.tessellate makes, got {type(mesh).__name__}")
     if isinstance(path_or_file, (str, os.PathLike)):
         kind = format or _format_of(os.fspath(path_or_file))
         replace_file(path_or_file, encode_mesh(mesh, kind, ascii=ascii, normals=normals, uv=uv, up=up))

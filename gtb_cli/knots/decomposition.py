@@ -17,7 +17,7 @@ from gtb_cli.values import by_value
 
 
 @by_value
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RegularDecomposition:
     """Cells of knots under the upper faces of the lifted knots (a_i, λ_i). Made by `regular_decomposition`.
 
@@ -52,6 +52,9 @@ class RegularDecomposition:
     gradients: FloatArray
     offsets: FloatArray
     polygons: tuple[tuple[int, ...], ...]
+
+    def __repr__(self) -> str:
+        return f"<RegularDecomposition: {len(self.knots)} knots, {len(self.cells)} cells, {len(self.absent)} absent>"
 
     @property
     def dimension(self) -> int:

@@ -30,7 +30,7 @@ CANCELLING_DISTANCE = 2.0**-10
 
 
 @by_value
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Domain:
     """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
 
@@ -63,6 +63,10 @@ class Domain:
     heights: FloatArray
     edge_normals: EdgeNormals
     edge_scale: float | FloatArray
+
+    def __repr__(self) -> str:
+        what = "interval" if self.dimension == 1 else f"{len(self.vertices)}-sided polygon"
+        return f"<Domain: {what}, {len(self.knots)} knots>"
 
     @property
     def dimension(self) -> int:

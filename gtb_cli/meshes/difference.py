@@ -46,7 +46,7 @@ class Farthest:
     at: Point
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Difference:
     """How two meshes differ. Made by `difference`.
 
@@ -98,6 +98,10 @@ class Difference:
     second: Measures | None = None
     same_kind: bool = True
     turned: int = 0
+
+    def __repr__(self) -> str:
+        what = "same" if self.same else "different"
+        return f"<Difference: {what}, {self.method} {self.distance:.3g} apart, tolerance {self.tolerance:.3g}>"
 
     @property
     def same(self) -> bool:

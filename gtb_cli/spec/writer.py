@@ -15,6 +15,7 @@ from gtb_cli.spec.loading import parse
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS
 
 
 def to_dict(spec: Patch | Model) -> dict[str, Any]:
@@ -63,7 +64,7 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     SpecError
-        A spec cannot hold it; nothing is written.
+        A spec cannot hold it, or the path is that of another kind of file; nothing is written.
     ExportError
         The file cannot be written.
 
@@ -74,7 +75,10 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     """
     data = to_dict(spec)
     target = os.fspath(path)
-    is_json = target.lower().endswith(".json")
+    suffix = os.path.splitext(target)[1][1:].lower()
+    if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
+        raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
+    is_json = suffix == "json"
     text = json.dumps(data, indent=1) + "\n" if is_json else _toml(data)
     again = parse(text, target, "json" if is_json else "toml")
     if again.replace(name=spec.name) != spec:

@@ -110,7 +110,7 @@ class Patch:
             set_field(self, "lifting", finite("lifting", self.lifting))
         for label in ("control_points", "weights", "coefficients", "lifting"):
             values = getattr(self, label)
-            if (values is not None and len(values) != n) or (label != "control_points" and np.ndim(values) > 1):
+            if values is not None and np.shape(values) != ((n, 3) if label == "control_points" else (n,)):
                 raise DomainError(f"{label}: expected {n} entries, one per knot, got shape {values.shape}")
         if self.name is not None and not isinstance(self.name, str):
             raise DomainError(f"name: expected a string, got {self.name!r}")

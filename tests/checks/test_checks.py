@@ -137,7 +137,7 @@ def test_conditions_are_named_where_they_are_not_fulfilled():
     assert "not convex" in finding(Patch(range(9), spiral), "convexity").reason
     line = Patch([0, 1, 3], [[0, 0], [1, 1], [2, 2]])
     assert "on a line" in finding(line, "convexity").reason
-    assert "no rectangle" in finding(spec("bezier-triangle"), "isoparametric curves").reason
+    assert "not a rectangle" in finding(spec("bezier-triangle"), "isoparametric curves").reason
     assert "equally spaced" in finding(spec("example-3.1"), "classical Bézier").reason
     double = Patch([0, 1, 1, 2], [[0, 0], [1, 1], [2, 0], [3, 3]])
     for name in ("strict total positivity", "progressive iteration", "coefficients of unity"):
