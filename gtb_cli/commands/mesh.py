@@ -100,7 +100,7 @@ def mesh(
 
     A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
-    status is 2.
+    status is 2; it is 1 where nothing is wrong but what --require asks for.
 
     STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: the exact rational Bézier pieces of each patch
     that has them, others fitted within --tolerance; sewn, and a solid where closed. VTU files hold exact curved cells

@@ -107,8 +107,10 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option(
     "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG. On standard output png."
 )
-@click.option("--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="In inches.")
-@click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, help="Pixels per inch.")
+@click.option(
+    "--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="Width and height in inches."
+)
+@click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
 @click.option(
     "--camera",
     callback=camera_of,
@@ -130,9 +132,20 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
 @click.option("--colours", "colour_map", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
 @click.option(
-    "--isolines", type=WholeNumber(0, 200), default=0, metavar="N", help="Lines of constant u, and of constant v."
+    "--isolines",
+    type=WholeNumber(0, 200),
+    default=0,
+    metavar="N",
+    help="Lines of constant u, and of constant v; none without this option.",
 )
-@click.option("--index", "indices", type=WholeNumber(0), multiple=True, help="Basis functions to draw; else all.")
+@click.option(
+    "--index",
+    "indices",
+    type=WholeNumber(0),
+    multiple=True,
+    metavar="I",
+    help="Draw this basis function, and not all. May be repeated.",
+)
 @click.option("--unnormalised", is_flag=True, help="Draw the basis β_i in place of the rational one, T_i.")
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
 @click.option(
@@ -142,7 +155,11 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     help="Draw a curve, or its basis, for several values of one of its knots, weights or coefficients.",
 )
 @click.option(
-    "-n", "--resolution", type=WholeNumber(1, 1000), metavar="N", help="Segments along each edge of the domain."
+    "-n",
+    "--resolution",
+    type=WholeNumber(1, 1000),
+    metavar="N",
+    help="Segments along each edge of the domain; without it as fine as the figure shows.",
 )
 @limit_options
 @spec_format_option

@@ -38,10 +38,18 @@ MAX_PAGE_FACES = 1_000_000
     type=OUTPUT,
     help="Write the page to this file. Without it to a temporary file, which the browser opens.",
 )
-@click.option("-n", "--resolution", type=WholeNumber(1, 1000), metavar="N", help="Segments along each edge.")
+@click.option(
+    "-n",
+    "--resolution",
+    type=WholeNumber(1, 1000),
+    metavar="N",
+    help="Segments along each edge; without it by the number of patches.",
+)
 @click.option("--no-open", is_flag=True, help="Open no browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
-@click.option("--port", type=WholeNumber(0, 65535), default=0, help="That of --watch; else any that is free.")
+@click.option(
+    "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; without it one that is free."
+)
 @limit_options
 @spec_format_option
 @console_option

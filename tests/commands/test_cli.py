@@ -700,3 +700,13 @@ def test_progress_goes_from_nothing_to_all():
         progress.advance(1.0)
         assert list(progress.over([b"1234", b"5678", b"90"], 1.0, 5.0)) == [b"1234", b"5678", b"90"]
     assert progress._done == 2.0
+
+
+def test_help_says_what_options_take_and_what_they_are_without():
+    """In the words of the project: click's own, such as INTEGER RANGE, name neither the unit nor the number."""
+    for name in COMMANDS:
+        text = gtb("help", name).text
+        assert "INTEGER" not in text
+        assert "TEXT" not in text.replace("CONTEXT", "")
+    assert "Exit status" in gtb("help", "diff").text
+    assert "status is 2; it is 1" in " ".join(gtb("help", "mesh").text.split())
