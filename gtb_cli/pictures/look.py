@@ -57,6 +57,9 @@ NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}
 
 MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
 
+LETTER_WIDTH = 0.62
+"""Of a letter of a title, in sizes of its font, with a little room."""
+
 MAX_NUMBERED_POINTS = 30
 """Largest number of points that are numbered without being asked."""
 
@@ -155,6 +158,7 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
     width, height = figure.get_size_inches()
     columns = min(range(1, count + 1), key=lambda n: _waste(n, count, width / height))
     rows = -(-count // columns)
+    longest = max(map(len, titles))
     left, below, above = (0.42, 0.34, 0.26) if plane else (0.06, 0.06, 0.26)
     found = []
     for k, title in enumerate(titles):
@@ -168,7 +172,7 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
                 max(box[3] - (below + above) / height, 0.02),
             )
         )
-        ax.set_title(title, pad=4)
+        ax.set_title(title, pad=4, fontsize=min(9.5, 72 * width / columns / (LETTER_WIDTH * longest)))
         found.append(ax)
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import domain
 from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, line_style, patch_colour
 from gtb_cli.pictures.look import Look, subscript
 from gtb_cli.pictures.nets import curve_path, net_of
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 BASIS_POINTS = 480
 """Number of points at which a basis is evaluated; knots and their neighbours are among them."""
+
+LABEL_WIDTH = 0.13
+"""Width of a label of a curve's knot, as a fraction of Δ: one that is nearer to the last stands in another row."""
 
 HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 """Behind a label, so that lines do not run through it."""
@@ -156,7 +160,8 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
             _number_edges(ax, shape.vertices)
     draw_knots(ax, flat)
     if numbered:
-        _label_knots(ax, flat, [f"{subscript('a', i)}  ω={weight:.4g}" for i, weight in enumerate(patch.weights)])
+        texts = [f"{subscript('a', i)}\nω={weight:.4g}" for i, weight in enumerate(patch.weights)]
+        _label_knots(ax, flat, texts, shape.vertices)
 
 
 def _grouped(places: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, float], str]]:
@@ -167,32 +172,61 @@ def _grouped(places: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float
     return [(place, "\n".join(lines)) for place, lines in found.items()]
 
 
-def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str]) -> None:
-    """Write texts beside knots, towards the middle of all, where no edge runs."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    half = float((high - low).max()) / 2
-    for place, text in _grouped(places, texts):
-        x, y = ((low + high) / 2 - place) / half
+def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str], corners: FloatArray) -> None:
+    """Write texts beside knots, towards the inside of Δ, where no edge runs; above those of a curve, in two rows."""
+    last = [-np.inf, -np.inf]
+    for place, text in sorted(_grouped(places, texts)):
+        if corners.shape[1] == 1:
+            near = LABEL_WIDTH * float(np.ptp(corners))
+            row = 0 if place[0] - last[0] >= near or last[0] < last[1] else 1
+            last[row] = place[0]
+            ax.annotate(
+                text,
+                place,
+                (0, 7 + 24 * row),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=8,
+                zorder=7,
+            )
+            continue
+        x, y = _inward(np.array(place), corners)
         across = 0.0 if abs(x) < 0.3 else float(np.sign(x))
-        up = 1.0 if abs(y) < 0.3 else float(np.sign(y))
+        sharp = bool((corners == place).all(axis=1).any())  # edges run above and below
+        up = float(not sharp) if abs(y) < 0.3 else float(np.sign(y))
         ax.annotate(
             text,
             place,
             (5 * across, 6 * up),
             textcoords="offset points",
             ha={0: "center", 1: "left", -1: "right"}[int(across)],
-            va="bottom" if up > 0 else "top",
+            va={0: "center", 1: "bottom", -1: "top"}[int(up)],
             fontsize=8,
             zorder=7,
             bbox=HALO,
         )
 
 
+def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
+    """Direction into a polygon from a place on its boundary; from one inside, to its middle."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    depths = ((place - corners) * normals).sum(axis=1)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = float((high - low).max())
+    here = depths < 1e-6 * size
+    if not here.any():
+        return np.asarray(((low + high) / 2 - place) / (size / 2))
+    direction = normals[here].sum(axis=0)
+    return np.asarray(direction / np.hypot(*direction))
+
+
 def _number_edges(ax: Axes, corners: FloatArray) -> None:
     for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
         along = (b - a) / np.hypot(*(b - a))
         ax.annotate(
-            f"edge {edge}", (a + b) / 2, (11 * along[1], -11 * along[0]), textcoords="offset points", ha="center",
+            f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), textcoords="offset points", ha="center",
             va="center", fontsize=7.5, color=LINE_COLOURS[0], rotation=_upright(along), zorder=6,
         )  # fmt: skip
 
@@ -222,9 +256,8 @@ def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> Non
         ax.fill(*corners.T, facecolor=patch_colour(cell), edgecolor=INK, lw=1.3, joinstyle="round", zorder=1)
     draw_knots(ax, found.knots, found.absent)
     if numbered:
-        _label_knots(
-            ax, found.knots, [f"{subscript('a', i)}  λ={height:.4g}" for i, height in enumerate(found.lifting)]
-        )
+        texts = [f"{subscript('a', i)}\nλ={height:.4g}" for i, height in enumerate(found.lifting)]
+        _label_knots(ax, found.knots, texts, domain(found.knots).vertices)
     level(ax, found.knots)
     ax.set_xlabel("u")
     ax.set_ylabel("v")

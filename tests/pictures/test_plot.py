@@ -6,8 +6,12 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+import gtb_cli
 from gtb_cli.pictures.colours import OPEN, TWO_SIDED, scale_of
+from gtb_cli.pictures.figures import figure_of
+from gtb_cli.pictures.look import Look
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long
 from tests.pictures.images import near, pixels
@@ -45,6 +49,28 @@ def test_every_spec_is_drawn(name, what):
     assert image.shape == (108, 144, 3)
     assert (image != 255).any(axis=2).mean() > 0.02
     assert (image == 255).all(axis=2).mean() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "width"),
+    [
+        ("cubic-bezier", "domain", 6),
+        ("hexagon", "domain", 6),
+        ("pentagon", "decomposition", 4),
+        ("hexagon", "basis", 4),
+    ],
+)
+def test_texts_do_not_cover_each_other(name, what, width):
+    figure = figure_of(gtb_cli.load(SPECS / f"{name}.toml"), what, Look(size=(width, 0.75 * width), dpi=100))
+    FigureCanvasAgg(figure).draw()
+    texts = [text for ax in figure.axes for text in (*ax.texts, ax.title) if text.get_text()]
+    assert len(texts) > 3
+    boxes = [text.get_window_extent() for text in texts]
+    for text, one in zip(texts, boxes, strict=True):
+        others = [other.get_text() for other, box in zip(texts, boxes, strict=True) if box.overlaps(one)]
+        assert others == [text.get_text()]
+        assert one.x0 > 0
+        assert one.x1 < 100 * width
 
 
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
