@@ -7,7 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.theory.joints import CURVE_TOLERANCE, Curve, EdgeRef, Joints, diagonal_of, edge_curve, edge_name
+from gtb_cli.theory.joints import (
+    CURVE_TOLERANCE,
+    EDGE_SAMPLES,
+    Curve,
+    EdgeRef,
+    Joints,
+    diagonal_of,
+    edge_curve,
+    edge_name,
+    edge_points,
+)
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -16,6 +26,15 @@ MOST_COMPARED = 2000
 
 MOST_SHOWN = 8
 """Numbers of an edge, edges of a ring and nearly closed seams of a mesh that a line shows."""
+
+MOST_LIKENED = 200
+"""Most pairs of edges of which it is looked for whether they are one curve at other parameters, in some seconds."""
+
+FINE_SAMPLES = 1025
+"""Points of a polygon in place of a curve: its segments are off by a millionth of the size."""
+
+SAME_CURVE = 1e-5
+"""Distance of two curves from each other, of the size, below which they are one but for the parameters."""
 
 FAR_WELD = 0.01
 """Fraction of an edge's size beyond which welding is warned of."""
@@ -42,10 +61,12 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         return []
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
     curves = {ref: edge_curve(patches[ref[0]], ref[1]) for ref in joints.open}
-    found = []
+    found: list[tuple[EdgeRef, EdgeRef, str]] = []
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
-        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
+        reason = _difference(curves[first], curves[second], tolerance, distance)
+        meets = len(found) < MOST_LIKENED and _meet(curves[first], curves[second], tolerance)
+        found.append((first, second, (_likeness(patches, first, second) if meets else None) or str(reason)))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told][:MOST_COMPARED]
     ends = np.array([curves[ref].ends for ref in left]).reshape(-1, 2, 3)
@@ -56,12 +77,39 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         apart = np.minimum(*(np.abs(later - way).max(axis=(1, 2), initial=0) for way in (ends[row], ends[row, ::-1])))
         for k in np.flatnonzero(apart <= tolerance).tolist():
             second = left[row + 1 + k]
-            reason = None if second in told else _difference(curves[first], curves[second], tolerance, None)
+            if second in told:
+                continue
+            reason = _likeness(patches, first, second) if len(found) < MOST_LIKENED else None
+            reason = reason or _difference(curves[first], curves[second], tolerance, None)
             if reason is not None:
                 found.append((first, second, reason))
                 told |= {first, second}
                 break
     return sorted(found)
+
+
+def _meet(one: Curve, other: Curve, tolerance: float) -> bool:
+    """Whether curves have the same ends, either way."""
+    return min(float(np.abs(one.ends - ends).max()) for ends in (other.ends, other.ends[::-1])) <= tolerance
+
+
+def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str | None:
+    """Say that two edges with the same ends are one curve at other parameters; None if they are not."""
+    rows = [edge_points(patches[p], e, count) for (p, e), count in ((first, EDGE_SAMPLES), (second, FINE_SAMPLES))]
+    points, way = rows
+    starts, steps = way[:-1], np.diff(way, axis=0)
+    offsets = points[:, None] - starts
+    lengths = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip((offsets * steps).sum(axis=2) / lengths, 0, 1)
+    nearest = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
+    apart, size = float(np.sqrt(nearest.min(axis=1).max())), float(np.ptp(way, axis=0).max())
+    # Both ways, else a part of the other would do.
+    places = np.sort(nearest.argmin(axis=1))
+    if apart > SAME_CURVE * size or np.diff(places).max() > FINE_SAMPLES / 4:
+        return None
+    ours, theirs = (len(edge_curve(patches[p], e).points) for p, e in (first, second))
+    way_out = "gtb elevate may make them equal" if ours != theirs else "knots and weights must be the same"
+    return f"the same curve as {{}}, but at other parameters ({ours} control points against {theirs}): {way_out}"
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:

@@ -7,11 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from gtb_cli.assembly.openings import obstacles, seam_remarks
+from gtb_cli.assembly.openings import near_misses, obstacles, seam_remarks
 from gtb_cli.errors import ToleranceError
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.elevation import elevate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -148,3 +149,28 @@ def test_info_and_check_weld(tmp_path):
     assert "distance of the 1 edges that were welded" in checked.text
     assert "welded" not in gtb("check", tmp_path / "x.toml").text
     assert gtb("info", tmp_path / "x.toml", "--weld", "0").status == 2
+
+
+def quarter(name: str, height: float, weights: tuple[float, float, float]) -> Patch:
+    """A quarter of a cylinder that begins with that of a circle."""
+    points = [(x, y, z) for z in (0, height) for x, y in ((1, 0), (1, 1), (0, 1))]
+    return Patch([(i, j) for j in range(2) for i in range(3)], points, [*weights, *weights], name=name)
+
+
+def test_the_same_curve_at_other_parameters_is_known():
+    """A Möbius map gives weights a factor to the power of i, which changes nothing; more knots change parameters."""
+    circle, mapped = (1, 0.5**0.5, 1), (1, 2 * 0.5**0.5, 4)
+    above = quarter("above", 1, circle)
+    assert len(Model((above, quarter("below", -1, mapped))).joints.shared) == 1
+    for below in (elevate(quarter("below", -1, circle), 2), elevate(quarter("below", -1, mapped), 2)):
+        model = Model((above, below))
+        assert not model.joints.shared
+        (reason,) = [line.format("B") for _, _, line in near_misses(model.joints, model.patches)]
+        assert reason.startswith(
+            "the same curve as B, but at other parameters (3 control points against 5): gtb elevate"
+        )
+    both = Model((elevate(above, 2), elevate(quarter("below", -1, circle), 2)))
+    assert len(both.joints.shared) == 1
+    other = Model((above, quarter("below", -1, (1, 0.9, 1))))
+    (reason,) = [line.format("B") for _, _, line in near_misses(other.joints, other.patches)]
+    assert reason == "same ends and control points as B, but weights × coefficients 1 0.7071 1 against 1 0.9 1"
