@@ -87,59 +87,58 @@ def _with_exact_boundary(domain: Domain, u: FloatArray, cells: IntArray, boundar
 
 def _triangle(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Rows parallel to edge 0; row j has n + 1 − j vertices."""
-    first = np.concatenate([[0], np.cumsum(n + 1 - np.arange(n + 1))])
-    j = np.repeat(np.arange(n + 1), n + 1 - np.arange(n + 1))
-    i = np.arange(len(j)) - first[j]
-    u = v[0] + (i / n)[:, None] * (v[1] - v[0]) + (j / n)[:, None] * (v[2] - v[0])
-    inner = i + j < n
-    here, above = np.arange(len(j))[inner], (first[j + 1] + i)[inner]
-    upward = np.stack([here, here + 1, above], axis=1)
-    second = (i + j < n - 1)[inner]
-    downward = np.stack([here + 1, above + 1, above], axis=1)[second]
-    cells = np.empty((n * n, 3), dtype=np.int64)
-    order = np.cumsum(1 + second) - (1 + second)
-    cells[order] = upward
-    cells[order[second] + 1] = downward
+    lengths = n + 1 - np.arange(n + 1)
+    first = np.concatenate([[0], np.cumsum(lengths)])
+    numbers = np.arange(first[-1])
+    s, t = (numbers - np.repeat(first[:-1], lengths)) / n, np.repeat(np.arange(n + 1) / n, lengths)
+    u, cells = np.empty((len(numbers), 2)), np.empty((n * n, 3), dtype=np.int64)
+    for column, (start, end, top) in zip(u.T, v.T.tolist(), strict=True):
+        column[:] = start + s * (end - start) + t * (top - start)
+    for row in range(n):
+        here, above = numbers[first[row] : first[row + 1]], numbers[first[row + 1] : first[row + 2]]
+        strip = cells[n * n - (n - row) ** 2 : n * n - (n - row - 1) ** 2]
+        strip[::2, 0], strip[::2, 1], strip[::2, 2] = here[:-1], here[1:], above
+        strip[1::2, 0], strip[1::2, 1], strip[1::2, 2] = here[1:-1], above[1:], above[:-1]
     side = np.arange(n)
     return u, cells, np.stack([side, first[side] + n - side, first[n - side]])
 
 
 def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Rows from edge 0 to edge 2, n + 1 vertices each."""
-    j, i = (index.ravel() for index in np.mgrid[: n + 1, : n + 1])
-    s, t = (i / n)[:, None], (j / n)[:, None]
-    u = (1 - t) * ((1 - s) * v[0] + s * v[1]) + t * ((1 - s) * v[3] + s * v[2])
-    row, column = (index.ravel() for index in np.mgrid[:n, :n])
-    a = row * (n + 1) + column
-    b, c, d = a + 1, a + n + 2, a + n + 1
-    cells = np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3)
+    steps = (np.arange(n + 1) / n)[:, None]
+    low, high = (1 - steps) * v[0] + steps * v[1], (1 - steps) * v[3] + steps * v[2]
+    u = (1 - steps[:, :, None]) * low + steps[:, :, None] * high
+    number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    cells = np.empty((n, n, 6), dtype=np.int64)
+    for column, corner in enumerate((a, b, c, a, c, d)):
+        cells[:, :, column] = corner
     side = np.arange(n)
-    return u, cells, np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
+    boundary = np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
+    return u.reshape(-1, 2), cells.reshape(-1, 3), boundary
 
 
 def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """The centroid, then rings of r·k vertices, k = 1 … n, each from the ray to corner 0."""
-    r = len(v)
-    center = v.mean(axis=0)
-    ring = np.repeat(np.arange(1, n + 1), r * np.arange(1, n + 1))
-    first = 1 + r * (np.arange(n + 2) * (np.arange(n + 2) - 1)) // 2
-    place = np.arange(len(ring)) + 1 - first[ring]
-    sector, i = place // ring, place % ring
-    along = v[sector] * (1 - i / ring)[:, None] + v[(sector + 1) % r] * (i / ring)[:, None]
-    u = np.concatenate([center[None], center + (along - center) * (ring / n)[:, None]])
-
-    def at(k: IntArray, position: IntArray) -> IntArray:
-        """Vertex of ring k at a position counted around it."""
-        return np.where(k == 0, 0, first[k] + position % np.maximum(r * k, 1))
-
-    inside = at(ring - 1, sector * (ring - 1) + i)
-    outer = at(ring, sector * ring + i)
-    following = at(ring, sector * ring + i + 1)
-    outward = np.stack([inside, outer, following], axis=1)
-    second = i < ring - 1
-    inward = np.stack([inside, following, at(ring - 1, sector * (ring - 1) + i + 1)], axis=1)[second]
-    cells = np.empty((r * n * n, 3), dtype=np.int64)
-    order = np.cumsum(1 + second) - (1 + second)
-    cells[order] = outward
-    cells[order[second] + 1] = inward
-    return u, cells, (first[n] + np.arange(r)[:, None] * n + np.arange(n)[None]).astype(np.int64)
+    r, center = len(v), v.mean(axis=0)
+    lengths = np.repeat(np.arange(1, n + 1), r)  # of rings' sides
+    numbers, starts = np.arange(2 + lengths.sum()), np.cumsum(lengths) - lengths
+    s = (numbers[:-2] - np.repeat(starts, lengths)) / np.repeat(lengths, lengths)
+    t = np.repeat(lengths / n, lengths)
+    u, cells = np.empty((len(numbers) - 1, 2)), np.empty((r * n * n, 3), dtype=np.int64)
+    for column, corners, middle in zip(u.T, v.T, center.tolist(), strict=True):
+        start, end = (np.repeat(np.tile(ends, n), lengths) for ends in (corners, np.roll(corners, -1)))
+        column[0], column[1:] = middle, middle + (start * (1 - s) + end * s - middle) * t
+    sectors, inner = np.arange(r)[:, None], 0
+    for k in range(1, n + 1):
+        # From each vertex of the ring to the next one, with those inside; the last of them is the first.
+        first = 1 + r * k * (k - 1) // 2
+        here, after = (numbers[begin : begin + r * k].reshape(r, k) for begin in (first, first + 1))
+        inside = numbers[inner : inner + k] + sectors * (k - 1)
+        strip = cells[r * (k - 1) ** 2 : r * k**2].reshape(r, -1, 3)
+        strip[:, 1::2, 0], strip[:, 1::2, 1], strip[:, 1::2, 2] = inside[:, :-1], after[:, :-1], inside[:, 1:]
+        strip[:, ::2, 0], strip[:, ::2, 1], strip[:, ::2, 2] = inside, here, after
+        strip[-1, -1, 0], strip[-1, -1, 2] = inner, first
+        strip[-1, -2:-1, 2] = inner
+        inner = first
+    return u, cells, numbers[inner:-1].reshape(r, n)

@@ -268,7 +268,10 @@ class Sampler:
         face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
             where = self.locations(index, parameters[rows], face[rows], within)
-            result[rows] = self.evaluated[index].points_at(where, len(parameters[rows]))
+            points = self.evaluated[index].points_at(where, len(parameters[rows]))
+            if isinstance(rows, slice):
+                return points
+            result[rows] = points
         return result
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:

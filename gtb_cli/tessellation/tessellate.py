@@ -132,13 +132,14 @@ def _mesh(
 ) -> Mesh:
     name = shape.name or ("model" if isinstance(shape, Model) else "patch")
     cells, rows = mosaic.without_collapsed
-    cell_patch, used = mosaic.cell_patch[rows], np.arange(len(points))
+    cell_patch, vertices = mosaic.cell_patch, points
+    patch, parameters, face = mosaic.patch, mosaic.parameters, mosaic.face
     if not len(cells):
         raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     if len(mosaic.collapsed):
         used, cells = np.unique(cells, return_inverse=True)
-        cells = cells.reshape(-1, mosaic.cells.shape[1])
-    vertices = points[used]
+        cells, cell_patch = cells.reshape(-1, mosaic.cells.shape[1]), cell_patch[rows]
+        vertices, patch, parameters, face = points[used], patch[used], parameters[used], face[used]
     normals = None
     shared: tuple[IntArray, FloatArray] | tuple[()] = ()
     inward = np.zeros(len(sampler.patches), dtype=bool)
@@ -146,12 +147,13 @@ def _mesh(
         inward = inside_out(vertices, cells, cell_patch, len(sampler.patches))
         cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
     if with_normals and cells.shape[1] == 3:
-        normals = sampler.normals(mosaic.patch[used], mosaic.parameters[used], mosaic.face[used])
-        normals = np.where(inward[mosaic.patch[used], None], -normals, normals)
+        normals = sampler.normals(patch, parameters, face)
+        normals = np.where(inward[patch, None], -normals, normals)
         normals = vertex_normals(normals, vertices, cells)
         if joints is not None:
             owners, places = mosaic.further_places
-            owners[:, 0] = np.searchsorted(used, owners[:, 0])
+            if len(mosaic.collapsed):
+                owners[:, 0] = np.searchsorted(used, owners[:, 0])
             shared = (owners, places)
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
@@ -161,11 +163,11 @@ def _mesh(
     return Mesh(
         vertices,
         cells,
-        parameters=mosaic.parameters[used],
+        parameters=parameters,
         normals=normals,
         groups=groups,
         name=name,
-        origin=None if joints is None else Origin(mosaic.patch[used], inward ^ np.array(joints.flipped), *shared),
+        origin=None if joints is None else Origin(patch, inward ^ np.array(joints.flipped), *shared),
     )
 
 
