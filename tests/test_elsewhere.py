@@ -35,7 +35,7 @@ def test_the_action_compares_with_golden_meshes(tmp_path):
     command.parent.mkdir(parents=True)
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m gtb_cli "$@"\n', encoding="utf-8")
     command.chmod(0o755)
-    values = {name: defaults[key] for name, key in given.items()}
+    values = {name: defaults[key].strip('"') for name, key in given.items()}
 
     def status() -> int:
         variables = environment(RUNNER_TEMP=str(tmp_path), **values)

@@ -320,6 +320,8 @@ def _encoded(task: Task) -> Encoded:
     warnings = [*remarks, *options.warnings(mesh, kind)]
     assurance = options.recipe.assurance(spec)
     size = summary(mesh) + (f", tolerance {assurance}" if assurance else "")
+    if kind == "stl" and options.recipe.leaves_open(spec):
+        size += ", open: --thickness D makes a solid"
     return Encoded(blocks, size, warnings, expected_bytes(mesh), measures, lines)
 
 

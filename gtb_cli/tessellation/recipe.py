@@ -242,6 +242,15 @@ class Recipe:
         patches = spec.patches if isinstance(spec, Model) else (spec,)
         return "certified" if patches[0].dimension == 1 and self.radius is None else "sampled"
 
+    def leaves_open(self, spec: Patch | Model) -> bool:
+        """Whether the mesh is that of a surface with a boundary."""
+        from gtb_cli.theory.model import Model
+
+        if self.radius is not None or self.thickness is not None:
+            return False
+        model = welded(spec, self.weld)
+        return not (isinstance(model, Model) and model.joints.closed)
+
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
         from gtb_cli.knots.triangulation import cell_count

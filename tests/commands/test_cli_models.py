@@ -89,3 +89,17 @@ def test_a_patch_that_closes_on_itself_is_joined_as_a_model(tmp_path):
     assert len(joined.err.splitlines()) == 2
     solid = ("--thickness", "0.1", "--require", "watertight", "-o", str(tmp_path / "band.stl"))
     assert gtb("mesh", str(tmp_path / "model.json"), *solid).status == 0
+
+
+def test_an_stl_file_of_an_open_surface_says_so(tmp_path):
+    """A slicer would take it, and print something else."""
+    way_out = ", open: --thickness D makes a solid"
+    for name, options, is_open in (
+        ("pentagon", (), True),
+        ("pentagon", ("--thickness", 0.1), False),
+        ("box-corner", (), True),
+        ("hebesphenorotunda", (), False),
+    ):
+        result = gtb("mesh", SPECS / f"{name}.toml", "-n", 2, *options, "-o", tmp_path / "x.stl")
+        assert (way_out in result.err) == is_open
+    assert way_out not in gtb("mesh", SPECS / "pentagon.toml", "-n", 2, "-o", tmp_path / "x.obj").err
