@@ -125,4 +125,6 @@ def _write_cad(
         console.warn(f"{prefix}fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
     counts = {"exact": body.faces - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
-    console.note(f"{prefix}{faces} faces, {body.solids} solids, {body.shells} open shells")
+    bodies = {"solid": body.solids, "open shell": body.shells}
+    parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
+    console.note(f"{prefix}{', '.join([f'{faces} faces', *parts])}")
