@@ -237,7 +237,7 @@ def _group(mesh: Mesh, vertex: int) -> str:
 
 
 def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None:
-    """Indices of the vertices that belong together, if both meshes have the same cells, else None."""
+    """Indices of matching vertices if both meshes have the same cells, otherwise None."""
     if a.cells.shape != b.cells.shape:
         return None
     if len(a.vertices) == len(b.vertices) and np.array_equal(a.cells, b.cells):

@@ -1,4 +1,4 @@
-"""The nearest cell of a mesh to each of many points, found exactly: a tree of boxes, walked for all points at once."""
+"""The exact nearest cell of a mesh for each of many points: a tree of boxes, walked for all points at once."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ BRANCHES = 8
 """Number of boxes in each box of the tree."""
 
 PAIR_BATCH = 1 << 18
-"""Number of pairs of a point and a box that are examined together; more are halved, which bounds the memory."""
+"""Number of pairs of a point and a box examined together; longer lists are halved, which bounds the memory."""
 
 CANDIDATE_CELLS = 8
-"""Number of cells that are tried before a search."""
+"""Number of cells tried before a search."""
 
 MORTON_BITS = 20
-"""Bits of each coordinate in the key by which cells and points are brought into an order that keeps neighbours near."""
+"""Bits of each coordinate in the key that orders cells and points so that neighbours stay together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,24 +38,24 @@ class NearestCells:
 
     Notes
     -----
-    Cells are sorted along a space-filling curve; eight boxes that follow each other make a box of the next level. A
-    point starts from the cell whose centre is nearest, and then looks into all boxes that are nearer than the nearest
-    cell it knows. About 3 s for 1 million points and triangles of similar meshes.
+    Cells are sorted along a space-filling curve; eight consecutive boxes make a box of the next level. The search for a
+    point starts from the cell with the nearest centre and visits all boxes nearer than the nearest cell so far. It
+    takes about 3 s for 1 million points and triangles of similar meshes.
     """
 
     corners: FloatArray
 
     def start(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """(m,) distances of (m, 3) points from the cells with the nearest centres, upper bounds, and those cells."""
+        """(m,) distances of (m, 3) points from the cells with the nearest centres (upper bounds), and these cells."""
         cells = np.asarray(self._centres.query(points)[1], dtype=np.int64)
         return self.distances(points, cells), cells
 
     def nearby(
         self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
     ) -> tuple[FloatArray, IntArray]:
-        """The nearest one of the cell that each point has and the `CANDIDATE_CELLS` ones with the nearest centres.
+        """The nearest of each point's own cell and the `CANDIDATE_CELLS` cells with the nearest centres.
 
-        For a point with a cell no farther than `enough` no more of them are tried.
+        No further cells are tried for a point whose cell is within `enough`.
         """
         bounds, cells = bounds.copy(), cells.copy()
         number = min(CANDIDATE_CELLS, len(self.corners))
@@ -85,7 +85,7 @@ class NearestCells:
         ----------
         points : (m, 3) float
         bounds, cells : (m,)
-            A cell for each point, and the distance from it, such as `start` gives.
+            A cell for each point, and its distance from the point, such as `start` returns.
 
         Returns
         -------
@@ -161,7 +161,7 @@ def middles(corners: FloatArray) -> FloatArray:
 
 
 def spatial_order(points: FloatArray) -> IntArray:
-    """Order of (m, 3) points along a curve through space (Morton's), in which neighbours are mostly near."""
+    """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
     low = points.min(axis=0)
     extent = float(np.ptp(points, axis=0).max()) or 1.0
     grid = ((points - low) * ((2**MORTON_BITS - 1) / extent)).astype(np.uint64)

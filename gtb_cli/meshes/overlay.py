@@ -11,11 +11,11 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells, middles
 
 CUT_DEPTH = 1e-9
-"""Fraction of a piece's size that its corners must be beyond a plane, on both sides, for the plane to cut it."""
+"""A plane cuts a piece only if corners on both sides are farther from it than this fraction of the piece's size."""
 
 HEIGHT_ROUNDING = 1e-15
-"""Height over a plane, for coordinates up to 1, that may be rounding: a plane that cuts off no more cuts a tiny piece
-thousands of times, and leaves it as it is."""
+"""Height over a plane, for coordinates up to 1, that may be rounding: a plane that cuts off no more would cut a tiny
+piece thousands of times without changing it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +26,13 @@ class Pieces:
     ----------
     corners : (m, 2, 3) or (m, 3, 3) float
     bounds : (m,) float
-        No point of the piece is farther from the other mesh.
+        No point of the piece is farther than this from the other mesh.
     likely : (m,) int
-        A cell of the other mesh that is near.
+        A nearby cell of the other mesh.
     worst : (m,) int
-        The corner at which the bound may be reached.
+        The corner at which the bound may be attained.
     samples : (m,) float
-        Distance of a point of the piece, or somewhat more.
+        Distance of one point of the piece, or an upper bound of it.
     """
 
     corners: FloatArray
@@ -59,7 +59,7 @@ class Pieces:
 
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
-        """All pieces of some."""
+        """The pieces of all parts."""
         return Pieces(
             np.concatenate([part.corners for part in parts]),
             np.concatenate([part.bounds for part in parts]),
@@ -74,11 +74,11 @@ class Pieces:
         return middles(self.corners)
 
     def at(self, rows: IntArray | BoolArray) -> Pieces:
-        """Some of the pieces."""
+        """The pieces in the given rows."""
         return Pieces(self.corners[rows], self.bounds[rows], self.likely[rows], self.worst[rows], self.samples[rows])
 
     def bounded(self, tree: NearestCells, likely: IntArray, samples: FloatArray) -> Pieces:
-        """Bound each piece by its corners' distances from one cell, which is kept as the one below it."""
+        """Bound each piece by its corners' distances from one cell, which becomes the cell below it."""
         number = self.corners.shape[1]
         away = tree.distances(self.corners.reshape(-1, 3), np.repeat(likely, number)).reshape(-1, number)
         worst = away.argmax(axis=1)
@@ -95,8 +95,9 @@ class Pieces:
     def cut(self, tree: NearestCells) -> Pieces:
         """Cut each piece in two or three.
 
-        Where it leaves the region over that part of the cell below it, its face, an edge or a corner, which is nearest
-        to the middle; where it does not leave that, the same for the worst corner; or else across its longest side.
+        The cell below a piece has a part nearest to the piece's middle: its face, an edge or a corner. The piece is cut
+        where it leaves the region over this part. If it does not leave it, the part nearest to the worst corner is
+        used; failing that, the cut runs across the longest side.
         """
         number = self.corners.shape[1]
         rows = np.arange(len(self.bounds))
@@ -139,7 +140,7 @@ class Pieces:
 
 
 def _radii(corners: FloatArray) -> FloatArray:
-    """(m,) a triangle has no point farther from every corner than 1/√3 of its longest side; a segment, 1/2."""
+    """(m,) distance within which each point has a corner: 1/√3 of a triangle's longest side, half of a segment."""
     longest = np.sqrt(_squares(corners).max(axis=1, initial=0.0))
     return np.asarray(longest / (2.0 if corners.shape[1] == 2 else np.sqrt(3.0)))
 

@@ -1,4 +1,4 @@
-"""Paths: segments of a polyline in the order in which they are run through, with directions."""
+"""Paths: segments of a polyline in order of traversal, with directions."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 
 SHORTEST_SEGMENT = 1024
-"""Roundings of the largest coordinate: shorter segments have no direction of their own, and are passed over."""
+"""Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped."""
 
 MIN_TANGENT_COSINE = 0.5
-"""Least cosine of the angle between a tangent and the segments beside it: if it is less, the mesh is too coarse for the
+"""Least cosine of the angle between a tangent and the adjacent segments: below it the mesh is too coarse for the
 tangent, and the segments' directions are used."""
 
 CLOSING_GAP = 1e-9
-"""Distance, as a fraction of the extent, within which the ends of a closed polyline meet."""
+"""Largest distance between the ends of a closed polyline, as a fraction of its extent."""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A polyline from end to end, or around: each segment with its directions at both ends.
+    """An open or closed polyline: segments with their directions at both ends.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Path:
         Cells of the mesh.
     vertices : (s + 1,) or, closed, (s,) int
     points : (s + 1, 3) float
-        Where the segments begin and end.
+        The ends of the segments.
     directions : (s, 2, 3) float
         Unit vectors.
     closed : bool
@@ -46,7 +46,7 @@ class Path:
 
 
 def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
-    """Yield the paths of a mesh of segments, whose directions are the tangents (k, 2, 3) where these make sense.
+    """Yield the paths of a mesh of segments. Their directions are the tangents (k, 2, 3) where these make sense.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
         points = mesh.vertices[vertices]
         steps = np.diff(points, axis=0)
         lengths = np.abs(steps).max(axis=1)
-        # Where segments are passed over, the next one begins at their start; the last ends at the very end.
+        # The segment after skipped ones begins at their start; the last segment ends at the end of the path.
         long = np.flatnonzero(lengths > shortest)
         if not len(long):
             raise DomainError(f"radius: the curve {mesh.name!r} is a single point at {_place(points[0])}")
@@ -75,15 +75,15 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
             given = np.where(backwards[long, None, None], -given[:, ::-1], given)
             along = np.einsum("sij,sj->si", given, chords)
             directions = np.where((along > MIN_TANGENT_COSINE)[:, :, None], given, directions)
-        # Two segments that end where they begin are not a ring, but the same way there and back.
+        # Two segments that end where they begin are not a ring: they lead there and back.
         closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
         yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
 
 
 def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, BoolArray]]:
-    """Order segments into chains between vertices that are not in two of them, then into rings.
+    """Order segments into chains between vertices that do not belong to exactly two segments, then into rings.
 
-    Yields the s + 1 vertices of each, its s segments, and which of these it runs through backwards.
+    Yields the s + 1 vertices of each, its s segments, and which of these are traversed backwards.
     """
     degree = np.bincount(cells.ravel(), minlength=count)
     order = np.argsort(cells.ravel(), kind="stable")
@@ -95,7 +95,7 @@ def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, B
     for start in (*starts, *range(len(ends))):
         if used[start]:
             continue
-        # A chain begins at an end or a branching, forwards where both of a segment's ends are.
+        # A chain begins at an end or a branching; a segment with two such ends is traversed forwards.
         vertex = ends[start][0] if not inner[ends[start][0]] or inner[ends[start][1]] else ends[start][1]
         vertices, segments, backwards = [vertex], [], []
         segment = start

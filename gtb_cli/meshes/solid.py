@@ -15,32 +15,32 @@ from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
 
 SMALLEST = 64
-"""A thickness of fewer roundings of the largest coordinate is none; boundary edges as short have one end."""
+"""Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point."""
 
 SMOOTH = math.cos(math.radians(15))
-"""Cosine of the largest angle between a vertex' normal and the facets of a patch around it at which it is theirs. On an
-edge between patches at this angle the solid is 3 % too thin."""
+"""Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share
+the normal. A solid is 3 % too thin on an edge between patches at this angle."""
 
 SAME = 1 - 1e-9
-"""Cosine of two normals that are one, a few seconds of arc apart."""
+"""Cosine of the angle, a few seconds of arc, within which two normals count as equal."""
 
 MITRE = 2.0
-"""Largest offset at a sharp edge or corner, in units of the thickness: that of an edge of 60°."""
+"""Largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°."""
 
 
 def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> Mesh:
-    """Close a surface with its offset: a solid between both.
+    """Close a surface with its offset, to a solid between the two.
 
     Parameters
     ----------
     mesh : Mesh
         Triangles, with unit normals; an oriented manifold, with or without boundary.
     thickness : float
-        How far the offset is, in model units: along the normals if positive, against them if negative. The surface
-        itself stays, as one side of the solid.
+        Distance of the offset, in model units: along the normals if positive, against them if negative. The surface
+        itself remains one side of the solid.
     beside : (q, 3) float, optional
-        The surface's unit normals at `Origin.shared`, NaN where it has none. Without them the normals of patches at
-        an edge are guessed from the facets.
+        The surface's unit normals at `Origin.shared`, NaN where undefined. Without them, the normals of patches at an
+        edge are estimated from the facets.
 
     Returns
     -------
@@ -52,17 +52,16 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
     Raises
     ------
     DomainError
-        A curve, a mesh without normals, a thickness that is zero or no number, or more than two faces, or two of
-        opposite orientations, at an edge.
+        The mesh is a curve or has no normals, the thickness is zero or not finite, or an edge has more than two faces
+        or two of opposite orientations.
 
     Notes
     -----
-    At an edge or corner where patches meet at an angle, the offset is where those of all patches meet, but not farther
-    than `MITRE` times the thickness. Where a normal is not that of the facets around the vertex, and the surface's own
-    normals are not given, the facets count; and so they do on the boundary of a surface whose normal turns there within
-    less than a facet: the offset goes on as inside. Ends of a boundary edge that coincide become one vertex. Where the
-    surface bends more sharply than the thickness, the offset folds: see `folded_faces`; where distant parts meet,
-    `gtb_cli.meshes.crossings` finds it.
+    If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MITRE` times
+    the thickness. The facets decide in two cases: if a normal disagrees with the facets around the vertex and the
+    surface's own normals are not given, and if the normal turns within a facet of the boundary; the offset then
+    continues as inside. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
+    the thickness, the offset folds: see `folded_faces`. `gtb_cli.meshes.crossings` finds distant parts that meet.
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)
@@ -93,19 +92,19 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
 
 
 def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> IntArray:
-    """Triangles whose offset has turned over: one of their principal radii of curvature is less than the thickness.
+    """Triangles whose offset is turned over, because a principal radius of curvature is less than the thickness.
 
     Parameters are those of `thicken`.
 
     Returns
     -------
     (f,) int
-        Indices of cells, ascending. Those without area are left out.
+        Indices of cells, ascending, without cells of zero area.
 
     Notes
     -----
-    The offset of a triangle, seen along its normal, is a linear map of it. Unfolded, its eigenvalues 1 − D κ are
-    positive; past one centre of curvature its determinant is negative, past both its trace.
+    The offset of a triangle, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this map are
+    positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace is.
     """
     mesh = _checked(mesh, thickness)
     corners = mesh.vertices[mesh.cells]
@@ -135,7 +134,7 @@ def _checked(mesh: Mesh, thickness: float) -> Mesh:
 
 
 def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """(b, 2) sides of one face only, and (b,) that face."""
+    """(b, 2) sides that belong to one face only, and (b,) this face."""
     sides = sides_of(mesh.cells)
     wrong = np.flatnonzero(~sides.is_manifold & sides.is_proper)
     if len(wrong):
@@ -148,7 +147,7 @@ def _boundary(mesh: Mesh) -> tuple[IntArray, IntArray]:
 
 
 def _welded(mesh: Mesh) -> Mesh:
-    """Make one vertex of both ends of a boundary edge that coincide within rounding, as on a collapsed edge."""
+    """Merge the ends of each boundary edge that coincide within rounding, as on a collapsed edge."""
     edges, _ = _boundary(mesh)
     ends = mesh.vertices[edges]
     short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= SMALLEST * EPS * np.abs(mesh.vertices).max()
@@ -193,10 +192,10 @@ def _cell_groups(mesh: Mesh) -> IntArray:
 
 
 def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
-    """(m, 3) movement of each vertex for an offset by 1: its normal, if all patches around it have this one.
+    """(m, 3) displacement of each vertex for an offset by 1: its normal, if all patches around it share it.
 
-    Else ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the surface's own, or, where
-    these are not known or differ from the facets beside an open edge, the means of facets.
+    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the surface's own, or the
+    means of the facets if these normals are unknown or differ from the facets beside an open edge.
     """
     assert mesh.normals is not None
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
@@ -207,7 +206,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     vertex = pairs // groups
     facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
     own, known = _own_normals(mesh, pairs, beside)
-    # Facets as small as the mesh is inexact, as at a pole, may stand upright: they have angles, but no area.
+    # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH
     agree |= known | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
@@ -219,10 +218,10 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     normals = normals[chosen]
     right = np.add.reduceat(normals, first)
     values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
-    # Bounded, so that directions in which the normals hardly differ do not count.
+    # The bound discards directions in which the normals hardly differ.
     inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH))
     w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
-    # At the edge of a blade no direction is left but the one between its sides.
+    # At the edge of a blade the only direction left is the one between its sides.
     blade = np.linalg.norm(w, axis=1) < SMOOTH
     w[blade] = MITRE * unit(right[blade])
     length = np.linalg.norm(w, axis=1, keepdims=True)
@@ -232,9 +231,9 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
 
 
 def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tuple[FloatArray, BoolArray]:
-    """(p, 3) normals of the surface for ascending pairs of a vertex and a group, and which of them are to be trusted.
+    """(p, 3) surface normals for ascending pairs of a vertex and a group, and which of them are reliable.
 
-    Where it has none, or they are not given, it is the vertex' normal.
+    The vertex normal is returned where the surface has none, or none is given.
     """
     assert mesh.normals is not None
     groups = max(1, len(mesh.groups))
@@ -257,7 +256,8 @@ def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tupl
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
     """(count, 3) mean unit normals of the facets with corners in each (k, 3) `place`, 0 where they have no area.
 
-    Weighted by the angle at the corner, so that the way a surface is cut does not count; and by area.
+    The first mean is weighted by the angle at the corner, so that it does not depend on the triangulation; the second,
+    by area.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]

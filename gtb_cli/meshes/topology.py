@@ -1,4 +1,4 @@
-"""How cells hang together: their sides, the edges that sides share, and the vertices in use.
+"""Connectivity of cells: their sides, the edges that sides share, and the vertices in use.
 
 Cells are segments (k, 2) or triangles (k, 3). A segment has one side, from its first vertex to its second; side i of a
 triangle runs from its vertex i to the next.
@@ -21,15 +21,15 @@ class Sides:
     Attributes
     ----------
     directed : (k s, 2) int
-        Sides in the order of the cells: s = 1 for segments, 3 for triangles.
+        Sides in the order of the cells, s = 1 for segments and 3 for triangles.
     edges : (e, 2) int
-        Each pair of vertices between which sides run once, ascending, sorted.
+        Pairs of vertices joined by at least one side, each pair once, ascending, sorted.
     edge : (k, s) int
         The edge of each side.
     first : (e,) int
         The first side, a row of `directed`, that runs along each edge.
     uses : (e,) int
-        How many sides run along each edge.
+        Number of sides along each edge.
     """
 
     directed: IntArray
@@ -40,7 +40,7 @@ class Sides:
 
     @cached_property
     def balance(self) -> IntArray:
-        """(e,) how many more sides run upwards along an edge, from the lower vertex to the higher, than downwards."""
+        """(e,) number of sides that run along an edge from the lower vertex to the higher, less those that run back."""
         upwards = np.where(self.directed[:, 0] < self.directed[:, 1], 1.0, -1.0)
         return np.bincount(self.edge.ravel(), upwards, len(self.edges)).astype(np.int64)
 
@@ -56,12 +56,12 @@ class Sides:
 
     @property
     def alone(self) -> IntArray:
-        """(b,) rows of `directed`, ascending: sides along whose edge no other one runs."""
+        """(b,) rows of `directed`, ascending: sides that do not share their edge."""
         return np.sort(self.first[(self.uses == 1) & self.is_proper])
 
     @property
     def open(self) -> IntArray:
-        """(b,) rows of `directed`, ascending: sides that do not meet just one other, in the opposite direction."""
+        """(b,) rows of `directed`, ascending: sides that do not meet exactly one other, in the opposite direction."""
         met = (self.uses == 2) & (self.balance == 0)
         return np.flatnonzero(~(met | ~self.is_proper)[self.edge.ravel()])
 
@@ -71,7 +71,7 @@ def sides_of(cells: IntArray) -> Sides:
 
     Notes
     -----
-    About 0.3 s for a million triangles: pairs are sorted as one number each.
+    About 0.3 s for a million triangles, since each pair is sorted as one number.
     """
     around = [0, 1] if cells.shape[1] == 2 else [0, 1, 1, 2, 2, 0]
     directed = cells[:, around].reshape(-1, 2)
@@ -99,13 +99,13 @@ def are_used(cells: IntArray, count: int) -> BoolArray:
 
 
 def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the vertices that cells use, ascending, and the cells as numbers of these."""
+    """Return the vertices that cells use, ascending, and the cells as indices of these."""
     used, places = np.unique(cells, return_inverse=True)
     return used, places.reshape(cells.shape)
 
 
 def component_count(cells: IntArray, count: int) -> int:
-    """How many parts of a mesh of `count` vertices have no vertex in common; unused vertices are not parts."""
+    """The number of connected components of a mesh of `count` vertices; unused vertices do not count."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -1,7 +1,7 @@
 """Tubes: a circle swept along a polyline, so that a curve can be printed.
 
-Rings of vertices stand in planes across the curve, and a rotation-minimising frame says where each ring begins, so that
-the tube has no twist. Where the direction changes at a vertex, the ring lies in the mitre plane, half-way between both.
+Rings of vertices lie in planes across the curve, and a rotation-minimising frame says where each ring begins, so that
+the tube has no twist. If the direction changes at a vertex, its ring lies in the mitre plane, halfway between the two.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
 
 SIDES = 24
-"""Vertices of a ring: the polygon is within 0.9 % of the radius from the circle, and has corners on both axes."""
+"""Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes."""
 
 ROUNDING = 1e-9
-"""Cosines, and distances as fractions of the radius, that are taken for zero: a turn of 90° is not a sharp one, and
-vertices of the two rings of a sharp turn can be one."""
+"""Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
+of a sharp turn may share vertices."""
 
 
 def tube(
@@ -48,33 +48,35 @@ def tube(
     sides : int, optional
         Vertices of each ring, at least 3.
     tolerance : float, optional
-        Largest distance between the circle and its polygon, in place of `sides`. With neither, there are `SIDES`.
+        Largest distance between the circle and its polygon, instead of `sides`. Without either, a ring has `SIDES`
+        sides.
     tangents : (k, 2, 3) float, optional
-        Unit tangents of the curve at both ends of each segment, such as `curve_tangents`, NaN where it has none.
-        Without them, directions are those of the segments.
+        Unit tangents of the curve at both ends of each segment, as `curve_tangents` returns them; NaN where undefined.
+        Without them, the directions of the segments are used.
     max_faces : int
-        More triangles than this are refused before they are made.
+        A tube with more triangles is refused before it is made.
 
     Returns
     -------
     Mesh
-        Closed, with outward unit normals. Each polyline between ends or branchings makes one tube and, if there are
-        several, one group: closed if its ends coincide, else with flat caps. Attributes are those of the curve.
+        Closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one group if
+        there are several. The tube is a ring if the ends of the polyline coincide; otherwise it has flat caps.
+        Attributes are those of the curve.
 
     Raises
     ------
     DomainError
-        The mesh is not a polyline, a polyline is a single point, or a number makes no sense.
+        The mesh is not a polyline, a polyline is a single point, or a number is out of range.
     ToleranceError
-        Too many triangles.
+        The tube would have too many triangles.
 
     Notes
     -----
-    A turn at a vertex is mitred, one of more than 90° in two steps, so that no joint is farther than √2 radii from
-    the curve. The frame is that of double reflection; its error is of fourth order in the length of segments. In a
-    closed tube the angle by which the frame misses itself is spread over the length, less whole sides.
-    Where the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`.
-    On the rim of a cap the normals are those of the tube.
+    A turn at a vertex is mitred, and a turn of more than 90° is mitred in two steps, so that no vertex is farther than
+    √2 radii from the curve. The frame comes from double reflection; its error is of fourth order in the length of
+    segments. The frame of a closed tube misses itself by an angle; this angle, less whole sides, is spread over the
+    length. If the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`. Vertices on
+    the rim of a cap have the normals of the tube.
 
     References
     ----------
@@ -113,7 +115,7 @@ def tube(
 
 
 def ring_size(radius: float, tolerance: float | None = None) -> int:
-    """Vertices of a regular polygon that is within a distance of the circle around it; `SIDES` without one."""
+    """The number of sides of a regular polygon within `tolerance` of its circumscribed circle; by default `SIDES`."""
     if tolerance is None:
         return SIDES
     if not tolerance > 0:
@@ -124,9 +126,9 @@ def ring_size(radius: float, tolerance: float | None = None) -> int:
 
 
 def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = None) -> IntArray:
-    """Segments of a polyline beside which its tube runs backwards, as the radius of curvature is less than `radius`.
+    """Segments beside which a tube runs backwards, because the radius of curvature is less than `radius`.
 
-    Parameters are those of `tube`. That distant parts of a tube meet is not found.
+    Parameters are those of `tube`. Distant parts of a tube that meet are not found.
 
     Returns
     -------
@@ -155,7 +157,7 @@ def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
 
 
 def _name(mesh: Mesh, path: Path) -> str:
-    """The group of a path's first segment."""
+    """The name of the group of a path's first segment."""
     first = int(path.segments[0])
     return next((name for name, start, stop in mesh.groups if start <= first < stop), mesh.name)
 
@@ -168,7 +170,7 @@ class _Sweep:
     ----------
     vertices, normals : (m, 3) float
     owners : (m,) int
-        Vertices of the curve that they belong to.
+        The vertex of the curve to which each vertex belongs.
     cells : (k, 3) int
     folded : (s,) bool
         Segments of the path beside which the tube runs backwards.
@@ -183,7 +185,7 @@ class _Sweep:
 
 @dataclass(frozen=True, eq=False)
 class _Sections:
-    """Where rings stand, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors."""
+    """Positions of rings, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors."""
 
     at: IntArray
     centers: FloatArray
@@ -193,7 +195,7 @@ class _Sections:
 
 
 def _sections(path: Path) -> _Sections:
-    """A section at each vertex of a path, two where the turn is sharp."""
+    """Sections of a path: one at each vertex, two at a sharp turn."""
     before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
     after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
     count = len(path.vertices)
@@ -215,7 +217,7 @@ def _sweep(path: Path, radius: float, sides: int) -> _Sweep:
     angle, shift = _frame(sections, sides)
     rings, normals = _rings(sections, radius, angle, sides)
     index = np.arange(len(rings) * sides).reshape(-1, sides)
-    # Each ring with the one that follows: in a closed tube the first one, `shift` sides ahead, after the last.
+    # Each ring with the next one; in a closed tube the last is followed by the first, `shift` sides ahead.
     ahead = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
     behind = index[: len(ahead)]
     tube = _Sweep(
@@ -239,7 +241,7 @@ def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) ->
     other = cross(sections.before, start)
     radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
     before, after = sections.before[:, None], sections.after[:, None]
-    # Slid along the tube before it into the plane of the mitre, where the tube after it has the same vertices.
+    # Slide each ring along the tube before it into the mitre plane, where the tube after it has the same vertices.
     beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
     rings = sections.centers[:, None] + radius * (radial - beyond * before)
     normals = radial + (radial - beyond * (before + after))
@@ -253,7 +255,7 @@ def _bands(behind: IntArray, ahead: IntArray) -> IntArray:
 
 
 def _folded(path: Path, sections: _Sections, steps: FloatArray) -> BoolArray:
-    """(s,) segments of the path along which a (rings, sides, 3) step from ring to ring leads backwards."""
+    """(s,) whether a (rings, sides, 3) step from ring to ring along each segment of the path leads backwards."""
     start = sections.at[: len(steps)]
     end = np.append(sections.at, 0)[1 : len(steps) + 1]
     chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]
@@ -278,7 +280,7 @@ def _capped(tube: _Sweep, path: Path, sections: _Sections, sides: int) -> _Sweep
 
 
 def _joined(tube: _Sweep, pairs: IntArray) -> _Sweep:
-    """The tube with (c, 2) pairs of vertices made one, without the triangles that vanish."""
+    """The tube with (c, 2) pairs of vertices merged, without the triangles that vanish."""
     cells = merged(len(tube.vertices), pairs)[tube.cells]
     used, cells = compacted(cells[are_proper(cells)])
     return replace(
@@ -287,10 +289,10 @@ def _joined(tube: _Sweep, pairs: IntArray) -> _Sweep:
 
 
 def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
-    """The angle at which each ring begins, from `_perpendicular`, and by how many vertices the last ring is ahead.
+    """The angle from `_perpendicular` at which each ring begins, and by how many vertices the last ring is ahead.
 
-    Rings of a tube all begin at the same place in a frame that does not rotate about the curve. A closed tube's frame
-    misses itself by some angle: whole sides of it are a shift, the rest is spread over the length.
+    All rings of a tube begin at the same angle in a frame that does not rotate about the curve. A closed tube's frame
+    misses itself by some angle: its whole sides are a shift, the rest is spread over the length.
     """
     before, after, centers = sections.before, sections.after, sections.centers
     start = _perpendicular(before)
@@ -301,7 +303,7 @@ def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
     arrived = np.roll(before, -1, axis=0)
     moving = lengths > 0
     moving[-1] &= sections.closed
-    # Along the segment: reflected in the plane half-way, then so that the direction is right (double reflection).
+    # Along the segment: reflect in the plane halfway, then so that the direction is right (double reflection).
     u = step[moving] / lengths[moving, None]
     direction = after[moving] - 2 * dot(u, after[moving])[:, None] * u
     carried[moving] -= 2 * dot(u, carried[moving])[:, None] * u
@@ -320,7 +322,7 @@ def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
 
 
 def _perpendicular(vectors: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors across given ones: along the axis that is most across, as nearly as can be."""
+    """(m, 3) unit vectors perpendicular to the given ones, as near as possible to the most perpendicular axis."""
     axis = np.eye(3)[np.abs(vectors).argmin(axis=1)]
     across = axis - dot(axis, vectors)[:, None] * vectors
     return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Points at exactly the same place, made one."""
+"""Merging of points at exactly the same place."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def weld(points: FloatArray) -> tuple[IntArray, IntArray]:
 
     Notes
     -----
-    About 0.1 µs for a point: rows are told apart by 64 bits of their own, which are then looked at in full.
+    About 0.1 µs per point: rows are distinguished by 64-bit keys, and equal keys are then confirmed by the full rows.
     """
     rows = np.ascontiguousarray(points, dtype=np.float64) + 0.0
     bits = rows.view(np.uint64)
@@ -37,14 +37,14 @@ def weld(points: FloatArray) -> tuple[IntArray, IntArray]:
     order = np.argsort(key, kind="stable")
     sorted_keys = key[order]
     first, labels = _numbered(order, sorted_keys[1:] != sorted_keys[:-1])
-    if not np.array_equal(rows[first[labels]], rows):  # two keys are the same by chance
+    if not np.array_equal(rows[first[labels]], rows):  # two keys coincide by chance
         order = np.lexsort(rows.T)
         first, labels = _numbered(order, (rows[order][1:] != rows[order][:-1]).any(axis=1))
     return first, labels
 
 
 def _numbered(order: IntArray, is_new: BoolArray) -> tuple[IntArray, IntArray]:
-    """Numbers by first appearance, from an order that is stable and tells which rows are unlike the one before."""
+    """Numbers in order of first appearance, from a stable order and whether each row differs from the one before."""
     starts = np.concatenate([np.ones(min(len(order), 1), dtype=bool), is_new])
     first = order[starts]
     rank = np.empty(len(first), dtype=np.int64)
@@ -55,7 +55,7 @@ def _numbered(order: IntArray, is_new: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:
-    """(count,) smallest index that each index is connected to by (c, 2) pairs."""
+    """(count,) smallest index to which each index is connected by (c, 2) pairs."""
     label = np.arange(count)
     while len(pairs):
         low = label[pairs].min(axis=1)
