@@ -1,4 +1,4 @@
-"""``copy``: patches of a model that are others, mirrored, scaled, rotated and moved, once or several times."""
+"""``copy``: patches of a model made from others, mirrored, scaled, rotated and moved, once or several times."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate",
 ROTATE_KEYS = frozenset(("axis", "degrees", "about"))
 
 MAX_PATCHES = 20_000
-"""Most patches of a model, with those of copies and included files."""
+"""Largest number of patches in a model, copies and included files counted."""
 
 MAX_COPIED_POINTS = 2_000_000
-"""Most control points of all copies: some 200 MB until they are a mesh."""
+"""Largest number of control points of all copies together: about 200 MB by the time they are meshed."""
 
 MAX_SUGGESTED = 1000
-"""Most names among which the one that was meant is looked for."""
+"""Largest number of names searched for the one that was probably meant."""
 
 
 MOST_SHOWN = 8
-"""Names of a circle that a message shows."""
+"""Largest number of names of a circle shown in a message."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Where a copy is: ``R (S b − about) + about + translation``, S with the factors and signs of each coordinate."""
+    """The motion of a copy, ``R (S b − about) + about + translation``; S holds the factor and sign of each
+    coordinate."""
 
     factors: FloatArray
     rotation: FloatArray | None
@@ -56,18 +57,18 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Copy:
-    """What one table of a model with the key ``copy`` asks for.
+    """The copies that one table of a model with the key ``copy`` asks for.
 
     Attributes
     ----------
     path : tuple
-        Key path of its table.
+        Key path of the table.
     original : str
-        Name of the patch that is copied.
+        Name of the copied patch.
     names : tuple of str
         Names of the copies.
     motions : tuple of Motion
-        One for each.
+        One for each copy.
     is_mirrored : bool
     """
 
@@ -78,7 +79,7 @@ class Copy:
     is_mirrored: bool
 
     def of(self, original: Patch) -> list[Patch]:
-        """Carry it out. The copies share Δ and the basis."""
+        """Make the copies. They share Δ and the basis."""
         start = reflected(original) if self.is_mirrored else original
         return [
             start.replace(control_points=motion.moved(original.control_points), name=name)
@@ -87,10 +88,10 @@ class Copy:
 
 
 def reflected(patch: Patch) -> Patch:
-    """The same surface with Δ reflected, so that its normals point to the other side; a curve as it is.
+    """The same surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
 
-    The first coordinate u of the knots becomes min u + max u − u, or −u where that is not exact: rounding would move
-    knots off the edges.
+    The first coordinate u of the knots becomes min u + max u − u, or −u if that is not exact: rounding would move knots
+    off the edges.
     """
     if patch.dimension == 1:
         return patch
@@ -106,13 +107,13 @@ def reflected(patch: Patch) -> Patch:
 
 
 def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
-    """The first of the knots at each end of each edge of Δ."""
+    """The first knot at either end of each edge of Δ."""
     corners = [int(np.flatnonzero((patch.knots == corner).all(axis=1))[0]) for corner in patch.domain.vertices]
     return list(zip(corners, corners[1:] + corners[:1], strict=True))
 
 
 def read_copy(table: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
-    """Read a table with the key ``copy``; `allowed` is how many patches the model may still have."""
+    """Read a table with the key ``copy``; the model may have `allowed` more patches."""
     faults = values.faults
     before = faults.count
     values.unknown_keys(table, path, COPY_KEYS)
@@ -164,7 +165,7 @@ def _or(found: FloatArray | None, otherwise: FloatArray) -> FloatArray:
 
 
 def _vector(table: dict[str, Any], path: Path, key: str, values: Values, counter: dict[str, float]) -> FloatArray:
-    """Read two or three coordinates, 0 where there are none."""
+    """Read two or three coordinates; missing ones are 0."""
     if key not in table:
         return np.zeros(3)
     entries = table[key]
@@ -178,7 +179,7 @@ def _vector(table: dict[str, Any], path: Path, key: str, values: Values, counter
 def _rotation(
     table: object, path: Path, values: Values, counter: dict[str, float]
 ) -> tuple[FloatArray | None, FloatArray]:
-    """Read ``rotate``: its matrix, and the point that stays."""
+    """Read ``rotate``: its matrix, and the fixed point."""
     nothing = None, np.zeros(3)
     if not isinstance(table, dict):
         values.faults.add(path, f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(table)}')
@@ -205,7 +206,7 @@ def _rotation(
 
 
 def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:
-    """(3, 3) rotation around a direction, counter-clockwise seen from its tip; right angles are exact."""
+    """(3, 3) rotation about a direction, counter-clockwise seen from its tip; right angles are exact."""
     turn = math.fmod(degrees, 360.0)
     quarters, rest = divmod(turn, 90.0)
     cos, sin = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][int(quarters) % 4]
@@ -220,21 +221,21 @@ def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:
 def carried_out(
     copies: Mapping[int, Copy], named: Mapping[str, Patch | None], values: Values
 ) -> dict[int, list[Patch] | None]:
-    """Make all copies, in whatever order they depend on each other.
+    """Make all copies, in the order in which they depend on each other.
 
     Parameters
     ----------
     copies : mapping of int to Copy
-        By any number.
+        The copies, under numbers of the caller's choice.
     named : mapping of str to Patch or None
-        The patches that are not copies; None where one is wrong, or two have the name.
+        The patches that are not copies; None if a patch is wrong, or two have this name.
     values : Values
-        For what is wrong.
+        Takes the faults.
 
     Returns
     -------
     dict
-        For each number the copies, or None where they cannot be made.
+        The copies under each number, or None if they cannot be made.
     """
     source = {name: (number, k) for number, copy in copies.items() for k, name in enumerate(copy.names)}
     made: dict[int, list[Patch] | None] = {}

@@ -1,4 +1,4 @@
-"""The text of a spec: TOML or JSON bytes → plain data, and the faults found in it, by line."""
+"""The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER
 Repeated: TypeAlias = tuple[Path, int, int]
 
 MAX_BYTES = 10_000_000
-"""Largest spec; a patch of a thousand knots has a hundred kilobytes."""
+"""Largest size of a spec; a patch of a thousand knots takes a hundred kilobytes."""
 
 MAX_LINES = 1_000_000
-"""Most lines in a spec; 5000 bicubic patches have a fifth of them."""
+"""Largest number of lines in a spec; 5000 bicubic patches take a fifth of them."""
 
 _STRANGERS = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
@@ -24,7 +24,7 @@ _STRANGERS = {
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
 }
-"""How files that are taken for specs begin."""
+"""The beginnings of files that users mistake for specs."""
 
 _BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
 
@@ -36,11 +36,11 @@ class Document:
     Attributes
     ----------
     data : object
-        What the parser gave.
+        The parser's result.
     text : str
     format : "toml" or "json"
     repeated : tuple of (path, first line, line)
-        Keys given twice in one JSON object, which the parser would take in silence.
+        Keys given twice in one JSON object, which the parser would accept silently.
     """
 
     data: object
@@ -49,7 +49,7 @@ class Document:
     repeated: tuple[Repeated, ...]
 
     def lines(self, paths: set[Path]) -> dict[Path, int]:
-        """Find the line of each path, or of the nearest value around it that is there."""
+        """Find the line of each path, or of the innermost existing value around it."""
         around = {path: self._existing(path) for path in paths}
         wanted = set(around.values()) - {()}
         known: dict[Path, int] = {}
@@ -75,12 +75,12 @@ class Document:
 
 
 class Faults:
-    """What is wrong with a document, collected in any order and written in the order of the file.
+    """The faults of a document, collected in any order and written in the order of the file.
 
     Attributes
     ----------
     count : int
-        All faults; those beyond `SHOWN` are counted only.
+        Number of all faults; those beyond `SHOWN` are only counted.
     """
 
     SHOWN = 20
@@ -94,7 +94,7 @@ class Faults:
             self.add(path, _twice(first), line)
 
     def add(self, path: Path, message: str, line: int | None = None) -> None:
-        """Note a fault of the value at a path; its line is found later, unless it is given."""
+        """Note a fault of the value at a path; its line is found later unless given."""
         self.count += 1
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
@@ -146,20 +146,21 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
     Parameters
     ----------
     data : bytes or str
-        UTF-8, a byte order mark allowed.
+        UTF-8, with or without a byte order mark.
     source : str
         File name for messages.
     format : "toml", "json" or None
-        None: JSON where the first character is ``{``, else TOML.
+        None: JSON if the first character is ``{``, otherwise TOML.
 
     Raises
     ------
     SpecError
-        Not text, too large, nested too deeply, or not well-formed: one line, with line and column where known.
+        The data are not text, too large, nested too deeply, or not well-formed: one line, with line and column if
+        known.
 
     Notes
     -----
-    At most about three seconds and 150 MB for anything; a spec of a few kilobytes takes about a millisecond.
+    Any input takes at most about three seconds and 150 MB; a spec of a few kilobytes takes about a millisecond.
     """
     if isinstance(data, bytes):
         _check_kind(data, source)
@@ -173,7 +174,7 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
 
 
 def _check_kind(data: bytes, source: str) -> None:
-    """Refuse what is something else than a spec, and known by how it begins."""
+    """Refuse a file whose beginning shows that it is not a spec."""
     if data.startswith(LFS_POINTER):
         raise SpecError(f"{source}: {LFS_FAULT}")
     kind = next((kind for kind, pattern in _STRANGERS.items() if pattern.match(data)), None)
@@ -199,7 +200,7 @@ def _decode(data: bytes | str, source: str) -> str:
 
 
 def _measure(text: str, source: str, format: Format) -> tuple[Repeated, ...]:
-    """Refuse a text that a parser would choke on; return the keys that are given twice in one table."""
+    """Refuse a text that a parser would choke on; return the keys given twice in one table."""
     if text.count("\n") >= MAX_LINES:
         raise SpecError(f"{source}: is too large, a spec has at most {MAX_LINES} lines")
     first: dict[Path, int] = {}

@@ -14,10 +14,10 @@ MAX_LENGTH = 256
 """Longest expression, in characters."""
 
 MAX_DEPTH = 32
-"""Deepest nesting: parentheses, powers and signs that contain each other."""
+"""Deepest nesting of parentheses, powers and signs."""
 
 MOST_SHOWN = 30
-"""Names that a message lists."""
+"""Largest number of names listed in a message."""
 
 BLANKS = " \t"
 
@@ -30,11 +30,11 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "log": math.log,
 }
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
-"""Numbers that have a name everywhere; ``deg`` is a degree in radians."""
+"""Constants known in every expression; ``deg`` is a degree in radians."""
 
 NO_NAMES: Mapping[str, float] = {}
 
-# Words are checked before Python's parser sees the text: it would also take 0x1f, 1_000, 2j, keywords and strings.
+# Words are checked before Python's parser sees the text, as it would also accept 0x1f, 1_000, 2j, keywords and strings.
 _WORDS = re.compile(
     r"[ \t]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
     r"|(?P<sign>\*\*|//|[-+*/()]))"
@@ -59,7 +59,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     text : str
         At most `MAX_LENGTH` characters, nested at most `MAX_DEPTH` deep.
     names : mapping of str to float
-        Further names, which are neither functions nor constants nor words of Python.
+        Further names, other than functions, constants and Python keywords.
 
     Returns
     -------
@@ -68,12 +68,12 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     Raises
     ------
     SpecError
-        Anything else than the above, or a result, or an intermediate one, that is not a finite real number.
+        The text is anything else, or a result, also an intermediate one, is not a finite real number.
 
     Notes
     -----
-    Every step is a float operation, integers included, so that ``9**9**9**9`` overflows at once and ``2**0.5`` and
-    ``sqrt(2)`` differ by a rounding at most. About 10 microseconds for ``sqrt(2)/4``.
+    Every step is a float operation, for integers as well: ``9**9**9**9`` overflows at once, and ``2**0.5`` and
+    ``sqrt(2)`` differ by at most one rounding. ``sqrt(2)/4`` takes about 10 microseconds.
     """
     if len(text) > MAX_LENGTH:
         _refuse(text, f"has {len(text)} characters, at most {MAX_LENGTH} are allowed")
@@ -87,18 +87,18 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
 
 
 def names_in(text: str) -> list[str]:
-    """Names of numbers that an expression holds, well-formed or not."""
+    """The names of numbers in an expression, well-formed or not."""
     found = (match["name"] for match in _WORDS.finditer(text[:MAX_LENGTH]))
     return [name for name in found if name and name not in FUNCTIONS and name not in CONSTANTS]
 
 
 def _check_words(text: str, names: Mapping[str, float]) -> None:
-    """Refuse words that are not of the language, and nesting that is too deep for a recursive reader."""
+    """Refuse words outside the language, and nesting too deep for a recursive reader."""
     if not text:
         _refuse(text, "is empty")
     position = 0
-    outer: list[tuple[int, int]] = []  # base and depth outside of each open parenthesis
-    base = depth = 0  # of the innermost parenthesis; of the current power or sign in it
+    outer: list[tuple[int, int]] = []  # base and depth outside each open parenthesis
+    base = depth = 0  # depths of the innermost parenthesis, and of the current power or sign in it
     operand = False  # whether the word before ends an operand, so that + and - are not signs
     while position < len(text):
         match = _WORDS.match(text, position)
@@ -166,7 +166,7 @@ def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:
 
 
 def _step(text: str, word: str, function: Callable[..., float], *operands: float) -> float:
-    """Apply one operator or function, or say which one has no finite real result."""
+    """Apply one operator or function; the error names the one without a finite real result."""
     reason = "is not finite"
     try:
         result = function(*operands)

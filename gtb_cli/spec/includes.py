@@ -1,4 +1,4 @@
-"""``include``: the files that a spec may take in, which are those of its own folder."""
+"""``include``: the files that a spec may include, all from its own folder."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import MAX_BYTES
 
 MAX_FILES = 100
-"""Most files that a spec takes in, directly or through others."""
+"""Largest number of files that a spec includes, directly or through others."""
 
 
 class Library:
-    """The folder of a spec, and what was taken from it; a file is taken once.
+    """The folder of a spec, and the files included from it, each once.
 
     Parameters
     ----------
     source : str
-        The spec's own file; ``-`` and text in angle brackets are none, and have no folder.
+        The spec's own file; ``-`` and text in angle brackets are not files, and have no folder.
     """
 
     def __init__(self, source: str) -> None:
@@ -30,7 +30,7 @@ class Library:
         self._bytes = 0
 
     def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
-        """Read a file for another, the last of `readers`, each of which is read by the one before.
+        """Read a file included by the last of `readers`, each of which is included by the one before.
 
         Returns
         -------
@@ -39,8 +39,8 @@ class Library:
         Raises
         ------
         SpecError
-            The file is outside of the spec's folder, is taken already, cannot be read or is too much; the message does
-            not say which file asked for it.
+            The file is outside the spec's folder, is included already, cannot be read or is too large; the message does
+            not say which file includes it.
         """
         if not self._is_file:
             raise SpecError(f"{readers[0]} has no folder from which files could be taken")
@@ -70,7 +70,7 @@ class Library:
 
 
 def _content(name: str, real: str) -> bytes:
-    """Bytes of a regular file, at most one more than is allowed; nothing else is waited for."""
+    """The bytes of a regular file, at most one more than allowed; no other file is waited for."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
         with open(os.open(real, flags), "rb") as file:

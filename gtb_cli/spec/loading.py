@@ -25,18 +25,18 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
     Parameters
     ----------
     path : path
-        Read as TOML or JSON after its suffix ``.toml`` or ``.json``, else after its first character.
+        Its suffix ``.toml`` or ``.json`` decides the format; without either, its first character does.
 
     Returns
     -------
     Patch or Model
-        Named after the file where the spec has no name.
+        Named after the file if the spec has no name.
 
     Raises
     ------
     SpecError
-        The file cannot be read, or what it says is not a patch: one line for each error, with file, line where known,
-        key path and what was found.
+        The file cannot be read, or does not describe a patch: one line for each error, with file, line if known, key
+        path and what was found.
     """
     source = os.fspath(path)
     try:
@@ -57,10 +57,10 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
     text : bytes or str
         At most 10 MB of UTF-8.
     source : str
-        File name for messages, whose stem names a nameless patch, and in whose folder included files are; ``-`` and
-        text in angle brackets are not files: they give no name and include nothing.
+        File name for messages. Its stem names a nameless patch; included files are in its folder. ``-`` and text in
+        angle brackets are not files: they give no name and include nothing.
     format : "toml", "json" or None
-        None: JSON where the first character is ``{``, else TOML.
+        None: JSON if the first character is ``{``, otherwise TOML.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
 
     Notes
     -----
-    Whatever the text is, about five seconds and 300 MB at most; 300 bicubic patches take a third of a second.
+    Any text takes at most about five seconds and 300 MB; 300 bicubic patches take a third of a second.
     """
     return _Files(source).whole(text, format)
 
@@ -81,12 +81,12 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
 def parse_loop(
     text: bytes | str, source: str, format: Format | None = None
 ) -> tuple[Patch | Model, tuple[FloatArray | None, ...]]:
-    """Read the text of a spec whose curves may have the key ``ribbon``; as `parse`.
+    """Read the text of a spec whose curves may have the key ``ribbon``; otherwise like `parse`.
 
     Returns
     -------
     tuple of (Patch or Model, rows)
-        For each patch the (n, 3) second row of control points, moved as the copies are, or None where it has none.
+        The (n, 3) second row of control points of each patch, moved with the copies, or None if it has none.
     """
     spec = _Files(source, second_row=False).whole(text, format)
     if spec.dimension == 2:
@@ -102,7 +102,7 @@ def _patches(spec: Patch | Model) -> tuple[Patch, ...]:
 
 
 def from_dict(data: Mapping[str, Any]) -> Patch | Model:
-    """Read a spec that is there as plain data: what `to_dict` gives, or a file's content, or made by a program.
+    """Read a spec from plain data: the result of `to_dict`, the content of a file, or a program's own data.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
 
 
 def _plain(value: object) -> object:
-    """Lists, dictionaries and numbers of Python, as parsers give them."""
+    """Python lists, dictionaries and numbers, as parsers return them."""
     match value:
         case np.ndarray() | np.generic():
             return value.tolist()
@@ -143,7 +143,7 @@ def _nothing_included(name: str) -> tuple[Patch, ...]:
 
 
 class _Files:
-    """The file of a spec and those that it takes in, with what is wrong with any of them."""
+    """The file of a spec and those it includes, with the faults of all of them."""
 
     def __init__(self, source: str, second_row: bool | None = None) -> None:
         self._source = source
@@ -153,7 +153,7 @@ class _Files:
         self._faults: list[Faults | SpecError] = []
 
     def whole(self, text: bytes | str, format: Format | None) -> Patch | Model:
-        """Read the spec, or raise an error with all that is wrong."""
+        """Read the spec, or raise an error that lists all faults."""
         result = self.spec(text, self._source, format, (self._source,))
         if result is None or self.count:
             raise SpecError(str(self))
@@ -162,7 +162,7 @@ class _Files:
     def spec(
         self, text: bytes | str, source: str, format: Format | None, readers: tuple[str, ...]
     ) -> Patch | Model | None:
-        """Read the text of one file, for those before it in `readers`."""
+        """Read the text of one file, which the last of `readers` includes."""
         try:
             document = read(text, source, format)
         except SpecError as error:
@@ -181,7 +181,7 @@ class _Files:
 
     @property
     def count(self) -> int:
-        """Number of faults of all files."""
+        """The number of faults of all files."""
         return sum(faults.count if isinstance(faults, Faults) else 1 for faults in self._faults)
 
     def __str__(self) -> str:
@@ -197,6 +197,6 @@ def _format_of(path: str) -> Format | None:
 
 
 def _stem(source: str) -> str | None:
-    """Name for a patch without one, where the file has a name that a patch can have."""
+    """The name of a nameless patch, if the file's name is valid for a patch."""
     stem = os.path.splitext(os.path.basename(source))[0]
     return None if source == "-" or source.startswith("<") or name_fault(stem) else stem

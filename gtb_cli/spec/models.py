@@ -18,12 +18,12 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 Include = Callable[[str], tuple[Patch, ...]]
-"""Patches of a file that a spec takes in, none where something is wrong with it, which is noted elsewhere; raises
-`SpecError` where it cannot be taken in."""
+"""Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError`
+if it cannot be included."""
 
 
 class ModelReader:
-    """Turns a document's data into a patch or model, and notes all that is wrong with it; `second_row` as `Reader`."""
+    """Turns a document's data into a patch or model, and notes all faults; `second_row` is that of `Reader`."""
 
     def __init__(self, values: Values, include: Include, second_row: bool | None = None) -> None:
         self.values = values
@@ -32,7 +32,7 @@ class ModelReader:
         self._reader = Reader(values, second_row)
 
     def spec(self, data: object, name: str | None) -> Patch | Model | None:
-        """Read a whole document; None where the model has no patches because of faults, here or in included files."""
+        """Read a whole document; None if faults, here or in included files, leave the model without patches."""
         if not isinstance(data, dict):
             self.faults.add((), f"must be a table with the keys of a patch, got {shown(data)}")
             return None
@@ -74,7 +74,7 @@ class ModelReader:
         return replace(model, weld=distance * diagonal_of(model.patches) / 100 if is_percentage else distance)
 
     def _weld(self, data: dict[str, Any]) -> tuple[float, bool] | None:
-        """The number, and whether it is a percentage of the model's size."""
+        """Read ``weld``: the number, and whether it is a percentage of the model's size."""
         if "weld" not in data:
             return None
         value = data["weld"]
@@ -84,7 +84,7 @@ class ModelReader:
         return None if number is None else (number, is_percentage)
 
     def _included(self, data: dict[str, Any]) -> tuple[list[Patch], dict[str, str]]:
-        """Patches of other files, and by their names the files that they are from."""
+        """The patches of included files, and the file of each patch by its name."""
         patches: list[Patch] = []
         owners: dict[str, str] = {}
         names = data.get("include", [])
@@ -110,7 +110,7 @@ class ModelReader:
         return patches, owners
 
     def _own(self, tables: list[object], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
-        """The patches of this file, in order, after those of others, which have the names in `owners`."""
+        """The patches of this file, in order; `owners` has the names of the included ones before them."""
         patches: dict[int, list[Patch]] = {}
         copies: dict[int, Copy] = {}
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
@@ -141,7 +141,7 @@ class ModelReader:
         return [patch for i in sorted(patches) for patch in patches[i]]
 
     def _check_names(self, copies: dict[int, Copy], named: dict[str, Patch | None], twice: set[str]) -> None:
-        """Note names of copies that are taken, and names for originals that are not of one patch."""
+        """Note names of copies that are taken, and names of originals that several patches have."""
         seen = set(named)
         for copy in copies.values():
             taken = next((name for name in copy.names if name in seen), None)

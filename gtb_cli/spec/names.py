@@ -1,4 +1,4 @@
-"""``let``: numbers with a name, each of which may use those before it."""
+"""``let``: named numbers; each may use those before it."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from gtb_cli.spec.scanner import Path
 from gtb_cli.spec.values import ANY, Values
 
 NAME = r"[A-Za-z][A-Za-z0-9_]*"
-"""What the name of a number looks like."""
+"""Pattern of the name of a number."""
 
 COUNTER = "k"
-"""Name of the number of a copy, in expressions of copies."""
+"""Name of a copy's number, in the expressions of copies."""
 
 MAX_NUMBER_NAME = 60
 """Longest name of a number, in characters."""
 
 MAX_NAMES = 1000
-"""Most numbers with a name."""
+"""Largest number of named numbers."""
 
 MAX_CIRCLE = 20
-"""Most names of a circle that is found."""
+"""Largest number of names in a circle that is found."""
 
 
 def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str]) -> dict[str, float]:
-    """Read ``let``, if there is one; `spec_keys` are keys that a table [let] takes by mistake."""
+    """Read ``let``, if present; `spec_keys` are keys of the spec that a table [let] swallows by mistake."""
     names: dict[str, float] = {}
     values.names = names
     if "let" not in table:
@@ -46,7 +46,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
         fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
         if fault is not None:
             values.faults.add(path, fault)
-            names.setdefault(name, 1.0)  # so that what uses it is not wrong, too
+            names.setdefault(name, 1.0)  # so that its users are not reported as well
             continue
         number = values.number(value, path, ANY)
         names[name] = 1.0 if number is None else number
@@ -54,7 +54,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
 
 
 def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | None:
-    """Say why a name cannot be that of a number."""
+    """Say why a number cannot have this name."""
     if name in spec_keys and not isinstance(value, int | float):
         return "is a key of a spec, and [let] takes all keys that follow: put it before [let]"
     if not re.fullmatch(NAME, name) or len(name) > MAX_NUMBER_NAME:
@@ -69,7 +69,7 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
 
 
 def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
-    """Say which later name a number needs, or the circle that it is part of."""
+    """Say which later name a number needs, or to which circle it belongs."""
     later = [word for word in _needed(let, name) if word in let and word not in known]
     if not later:
         return None

@@ -21,29 +21,29 @@ PATCH_KEYS = frozenset(
     | {"lifting", "edge_normals", "edge_scale"}
 )
 RIBBON = "ribbon"
-"""Key of the second row of control points, which the curves of a loop have for gtb fill."""
+"""Key of the second row of control points, for gtb fill, in the curves of a loop."""
 
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
 
 MAX_KNOTS = 5000
-"""Most knots of a patch: a tensor product patch of degree 69 × 69."""
+"""Largest number of knots of a patch: a tensor product patch of degree 69 × 69."""
 
 MAX_HEIGHTS = 2_000_000
-"""Most knots times edges of a patch: the domain needs about 50 bytes for each pair."""
+"""Largest product of knots and edges of a patch: the domain needs about 50 bytes for each pair."""
 
 MAX_UNITY = 300
-"""Most knots for "partition-of-unity", a dense linear system."""
+"""Largest number of knots for "partition-of-unity", which solves a dense linear system."""
 
 
 class Reader:
-    """Turns tables into patches, and notes all that is wrong with them.
+    """Turns tables into patches, and notes all faults.
 
     Parameters
     ----------
     values : Values
     second_row : bool or None
-        Whether patches get their ribbons, where they have one, as control points; None: ribbons are refused.
+        Whether a patch gets its ribbon, if any, as control points; None: ribbons are refused.
     """
 
     def __init__(self, values: Values, second_row: bool | None = None) -> None:
@@ -123,7 +123,7 @@ class Reader:
             return None
 
     def _check_ribbon(self, own: dict[str, Any], path: Path) -> None:
-        """Take the ribbon, if there is one, out of a table's keys; note where none belongs."""
+        """Take the ribbon, if any, out of a table's keys; note one that does not belong there."""
         if RIBBON not in own:
             return
         del own[RIBBON]
@@ -134,12 +134,12 @@ class Reader:
             self.values.faults.add((*path, RIBBON), "belongs to a curve, this is a surface")
 
     def domain_fault(self, path: Path, error: DomainError) -> None:
-        """Note what a constructor refused, under the name that its message begins with: they are the keys."""
+        """Note a constructor's error under the key with which its message begins."""
         key, _, message = str(error).partition(": ")
         self.values.faults.add((*path, key), message)
 
     def knots(self, table: dict[str, Any], path: Path) -> tuple[FloatArray | None, int | None]:
-        """Read the knots; also return how many there are, even if some are wrong."""
+        """Read the knots; also return their number, even if some are wrong."""
         if "knots" not in table:
             return None, None
         path = (*path, "knots")
@@ -159,7 +159,7 @@ class Reader:
     def points(
         self, table: dict[str, Any], path: Path, n: int | None, key: str = "control_points"
     ) -> FloatArray | None:
-        """Read the control points, or another row of as many."""
+        """Read the control points, or another row of the same length."""
         path = (*path, key)
         entries = self.entries(table, path, n)
         points = None if entries is None else self.values.tuples(entries, path, (2, 3))
@@ -173,7 +173,7 @@ class Reader:
         return values if values is not None and len(values) == n else None
 
     def entries(self, table: dict[str, Any], path: Path, n: int | None) -> list[object] | None:
-        """Return the list under the last key of a path, if it is there; it should have n entries."""
+        """Return the list under the last key of a path, if present; it should have n entries."""
         if path[-1] not in table:
             return None
         entries = table[str(path[-1])]
@@ -185,7 +185,7 @@ class Reader:
         return entries
 
     def scale(self, table: dict[str, Any], path: Path) -> float | FloatArray | None:
-        """Read the factor of the edge functions, or the factors."""
+        """Read the factor, or factors, of the edge functions."""
         if "edge_scale" not in table:
             return None
         path = (*path, "edge_scale")
@@ -198,7 +198,7 @@ class Reader:
 
 
 def with_heights(points: FloatArray) -> FloatArray:
-    """(n, 3) points, of z = 0 where there are two coordinates."""
+    """(n, 3) points; z is 0 for points with two coordinates."""
     return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 

@@ -1,8 +1,8 @@
-"""Where keys and values stand in the text of a spec, TOML or JSON.
+"""Places of keys and values in the text of a spec, TOML or JSON.
 
 Neither of Python's parsers tells where a value stands, and neither bounds its work: ten megabytes of brackets or dotted
-keys can take minutes or exhaust the stack. One scanner over words does both jobs: it measures every text before a
-parser sees it, and finds lines when there is an error to report.
+keys can take minutes or exhaust the stack. One scanner over words does both jobs. It measures every text before a
+parser sees it, and it finds the lines of errors.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ Format: TypeAlias = Literal["toml", "json"]
 Path: TypeAlias = tuple[str | int, ...]
 
 MAX_WORDS = 150_000
-"""Most values, keys and signs in a spec, where a list of numbers, or of lists of numbers, is one; a model of 5000
-patches has half of them."""
+"""Largest number of values, keys and signs in a spec. A list of numbers, or of lists of numbers, counts as one. A model
+of 5000 patches has half as many."""
 
 MAX_NUMBERS = 1_000_000
-"""Most numbers of such lists: 5000 bicubic patches have half of them, and all of them take some two seconds and 100 MB
-to be read."""
+"""Largest number of numbers in such lists: 5000 bicubic patches have half as many; reading all takes about two seconds
+and 100 MB."""
 
 MAX_WORD_LENGTH = 1000
-"""Longest string or number; an expression has at most 256 characters."""
+"""Longest string or number, in characters; an expression has at most 256."""
 
 MAX_NESTING = 16
 """Deepest nesting of lists and tables; a spec needs four."""
 
 MAX_KEY_PARTS = 4
-"""Most parts of a dotted key; a spec needs one."""
+"""Largest number of parts of a dotted key; a spec needs one."""
 
 _GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
 _STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
-# Every match succeeds where it starts, and strings may lack their end, so that the cost is one pass over any text.
+# Every match succeeds where it starts, and strings may lack their end: any text costs one pass.
 _WORDS = {
     "toml": re.compile(
         rf'{_GAP}(?P<word>(?P<string>"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{{3,5}})?'
@@ -49,15 +49,15 @@ _WORDS = {
 
 _ENTRY = r"[-+.\deE_]{1,60}(?![-+.\deE_])|[, \t\r\n]"
 _NUMBERS = re.compile(rf"{_GAP}(?P<word>(?P<string>\0\0)?(?P<sign>\0\0)?\[(?:{_ENTRY}|\[(?:{_ENTRY})*+\])*+\])")
-"""A list of numbers, or of lists of numbers, with the groups of other words, which match nothing in it."""
+"""A list of numbers, or of lists of numbers, with the groups of other words, which match nothing here."""
 
 
 class TooMuch(Exception):
-    """Line and reason why a text goes to no parser."""
+    """The line and the reason why no parser gets a text."""
 
 
 class Place(NamedTuple):
-    """Where a key or list entry stands, and whether it is a key that may not be given again."""
+    """The place of a key or list entry, and whether it is a key that must not be repeated."""
 
     path: Path
     line: int
@@ -65,7 +65,7 @@ class Place(NamedTuple):
 
 
 class _Open:
-    """A list or table the scanner is in: its path, the index of a list's current entry, a table's current key."""
+    """A list or table around the scanner: its path, the index of a list's current entry, a table's current key."""
 
     __slots__ = ("index", "key", "path")
 
@@ -74,14 +74,14 @@ class _Open:
 
 
 class Scanner:
-    """A walk over the words of a text. It finds some places of a text that is not well-formed, too.
+    """A walk over the words of a text. It also finds some places in a text that is not well-formed.
 
     Parameters
     ----------
     text : str
     format : "toml" or "json"
     passes_numbers : bool
-        Whether lists of numbers are passed over, without the places of their entries.
+        Whether lists of numbers are skipped, without the places of their entries.
     """
 
     def __init__(self, text: str, format: Format, passes_numbers: bool = False) -> None:
@@ -94,7 +94,7 @@ class Scanner:
         self._last_tables: dict[Path, int] = {}  # index of the last [[table]] of each list of tables
         self._line = 1
         self._new_key()
-        self._brackets = 0  # that open a [table] or [[table]]
+        self._brackets = 0  # which open a [table] or [[table]]
         self._key_line = 1
 
     def places(self) -> Iterator[Place]:
@@ -103,7 +103,7 @@ class Scanner:
         Raises
         ------
         TooMuch
-            At the first place where a limit is passed.
+            A limit is exceeded; the line is that of the first such place.
         """
         position = count = numbers = 0
         before = ""
@@ -156,7 +156,7 @@ class Scanner:
         self._key_line = self._line
 
     def _at_key(self, sign: str) -> Iterator[Place]:
-        """Take a sign where a key may stand: what ends the key, the table, or the header of one."""
+        """Take a sign at the place of a key: it ends the key, the table, or a table's header."""
         top = self._stack[-1]
         if sign == self._separator:
             if self._is_toml:
@@ -176,7 +176,7 @@ class Scanner:
             self._brackets = 0
 
     def _header(self) -> list[Path]:
-        """Return the path of a [table] or [[table]], after those of the tables around it."""
+        """Return the paths of the tables around a [table] or [[table]], and then its own."""
         path: Path = ()
         paths = []
         for number, part in enumerate(self._parts, 1):
@@ -190,7 +190,7 @@ class Scanner:
         return paths
 
     def _at_value(self, word: str) -> Iterator[Place]:
-        """Take a word where a value stands, or what comes after it."""
+        """Take a word at the place of a value or after one."""
         top = self._stack[-1]
         if word == ",":
             if top.index is None:
@@ -222,5 +222,5 @@ def _key_parts(word: str) -> list[str]:
         try:
             return [str(json.loads(word))]
         except ValueError:
-            pass  # an escape only TOML knows: the key as written is near enough to find a line
+            pass  # an escape that only TOML knows: the key as written is good enough to find a line
     return [inside]

@@ -24,11 +24,11 @@ def schema() -> dict[str, Any]:
 
     Notes
     -----
-    What a schema cannot say is left to `gtb_cli.spec.loading.parse`: that lists have an entry for each knot, whether an
-    expression has a value and which, whether a name in it is known, whether there is the patch that is copied or the
-    file that is included, that `ribbon` is for curves and for gtb fill alone, that names do not clash, that numbers are
-    finite (JSON has no others), that a name has no half of a surrogate pair, that the hull is not flat, how many edges
-    it has, whether the knots are a lattice; and what comes before data, such as syntax, repeated keys and sizes.
+    A schema cannot express every rule. `gtb_cli.spec.loading.parse` alone checks syntax, repeated keys and sizes; that
+    lists have an entry for each knot; the values of expressions and the names in them; that copied patches and included
+    files exist; that `ribbon` is for curves and for gtb fill alone; that names do not clash; that numbers are finite
+    (JSON has no others); that a name has no half of a surrogate pair; that the hull is not flat, and the number of its
+    edges; and whether the knots are a lattice.
     """
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -1,4 +1,4 @@
-"""The files that a spec is read from."""
+"""The files from which a spec is read."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from gtb_cli.spec.document import MAX_BYTES, read
 from gtb_cli.spec.scanner import Format
 
 MAX_FILES = 100
-"""Most files that are looked for; a spec that takes in more is refused where it is read."""
+"""Largest number of files looked for; the reader refuses a spec that includes more."""
 
 
 def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
-    """Name the files that a spec is read from: its own first, then those that it includes, and these include.
+    """Name the files from which a spec is read: its own first, then those it includes, directly or through others.
 
     Parameters
     ----------
     path : str
     format : "toml", "json" or None
-        Format of the spec itself, as in `parse`.
+        The format of the spec itself, as in `parse`.
 
     Returns
     -------
     tuple of str
-        Each once, as they are found from `path` on. What cannot be read includes nothing: what is wrong with it is for
-        the reader of the spec to say.
+        Each file once, in the order found from `path` on. A file that cannot be read includes nothing; the reader of
+        the spec reports its faults.
     """
     found = {path: None}
     waiting = [path]
@@ -41,7 +41,7 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
 
 
 def _included(path: str, format: Format | None) -> list[str]:
-    """Names that the text of a file asks for."""
+    """The names of the files that the text of a file includes."""
     suffix = os.path.splitext(path)[1].lower()
     if format is None and suffix in (".toml", ".json"):
         format = "json" if suffix == ".json" else "toml"
@@ -50,7 +50,7 @@ def _included(path: str, format: Format | None) -> list[str]:
             return []
         with open(path, "rb") as file:
             text = file.read(MAX_BYTES + 1)
-        # Most specs take in nothing, and need not be parsed to see that.
+        # Most specs include nothing, and need not be parsed to show that.
         data = read(text, path, format).data if b"include" in text else None
     except (OSError, ValueError, SpecError):
         return []

@@ -1,4 +1,4 @@
-"""Starter specs: TOML with comments, to be changed by hand; their texts are the files in ``templates``."""
+"""Starter specs: TOML with comments, to be edited by hand; their texts are the files in ``templates``."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ SCHEMA_LINES = """\
 # gtb schema -o spec-schema.json makes the file by which editors know the keys.
 
 """
-"""How a template opens: the first line is read by editors that use Taplo, and names a file beside the spec; no address
-on the network would serve the keys of every version."""
+"""The opening of a template. Editors that use Taplo read the first line, which names a file beside the spec; no network
+address would serve the keys of every version."""
 
 FEWEST_SIDES, MOST_SIDES = 3, 100
 
 
 def template(name: str, sides: int | None = None) -> str:
-    """Write a spec with comments that can be meshed as it is.
+    """Return a spec with comments that can be meshed as it is.
 
     Parameters
     ----------
     name : str
         One of `TEMPLATES`.
     sides : int, optional
-        Number of sides, for "n-gon" and no other.
+        Number of sides, only for "n-gon".
 
     Returns
     -------
@@ -38,7 +38,7 @@ def template(name: str, sides: int | None = None) -> str:
     Raises
     ------
     SpecError
-        No template has this name, or the number of sides is missing, senseless or of no use.
+        No template has this name, or the number of sides is missing, out of range or not used.
     """
     if name not in TEMPLATES:
         raise SpecError(f"template: expected one of {', '.join(TEMPLATES)}, got {name!r}")
@@ -55,7 +55,7 @@ def template(name: str, sides: int | None = None) -> str:
 
 
 def _polygon(sides: int) -> dict[str, object]:
-    """A dome over a regular polygon: its corners, as many knots halfway to the middle, and the middle."""
+    """The entries of a dome over a regular polygon: its corners, a knot halfway from each to the centre, the centre."""
     entries = [_place(factor, k, sides) for factor in ("2*", "") for k in range(sides)] + ["0, 0"]
     heights = [0] * sides + [1] * sides + [2]
     return {
@@ -68,7 +68,7 @@ def _polygon(sides: int) -> dict[str, object]:
 
 
 def _place(factor: str, k: int, sides: int) -> str:
-    """Coordinates of corner k, as expressions."""
+    """The coordinates of corner k, as expressions."""
     if k == 0:
         return ("2" if factor else "1") + ", 0"
     return f'"{factor}cos({2 * k}*pi/{sides})", "{factor}sin({2 * k}*pi/{sides})"'

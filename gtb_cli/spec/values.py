@@ -1,4 +1,4 @@
-"""Single values of a spec: numbers, expressions, words and names, with a fault for each that is wrong."""
+"""Single values of a spec: numbers, expressions, words and names, with a fault for each wrong one."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ MAX_NAME = 200
 """Longest name, in characters."""
 
 CONTROL = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
-"""Characters no name may have: control characters and line ends."""
+"""Characters not allowed in names: control characters and line ends."""
 
 SURROGATES = r"[\ud800-\udfff]"
-"""Halves of pairs, which no name may have either. Editors whose patterns are Rust's refuse a schema with this one."""
+"""Halves of surrogate pairs, not allowed in names either. Editors with Rust's patterns refuse a schema with this
+one."""
 
 MAX_EXPRESSIONS = 200_000
-"""Most characters in all different expressions of a spec together: half a second of evaluation."""
+"""Largest number of characters in all different expressions of a spec together: half a second of evaluation."""
 
 NOTHING: dict[str, float] = {}
 
@@ -42,7 +43,7 @@ SCALE: Check = (f"must be between {1 / LARGEST:g} and {LARGEST:g}", lambda x: 1 
 
 
 class Budget:
-    """Characters of expressions that the files of a spec may still have, and whether too many were complained of."""
+    """The number of characters that further expressions of a spec may have, and whether an excess was reported."""
 
     def __init__(self) -> None:
         self.characters = MAX_EXPRESSIONS
@@ -57,16 +58,16 @@ class Values:
     faults : Faults
         Faults of this file.
     names : dict of str to float
-        Numbers with a name, which expressions may use.
+        Named numbers that expressions may use.
     budget : Budget
-        That all files of the spec share.
+        The budget that all files of the spec share.
     """
 
     def __init__(self, faults: Faults, budget: Budget) -> None:
         self.faults = faults
         self.names: dict[str, float] = {}
         self.budget = budget
-        self._evaluated: dict[str, float | str] = {}  # values, or what is wrong
+        self._evaluated: dict[str, float | str] = {}  # values, or faults
 
     def unknown_keys(self, table: dict[str, Any], path: Path, known: frozenset[str]) -> set[str]:
         """Note unknown keys; return the known ones that were probably meant."""
@@ -79,7 +80,7 @@ class Values:
         return meant
 
     def name(self, table: dict[str, Any], path: Path, default: str | None) -> str | None:
-        """Read the name, if there is one."""
+        """Read the name, if present."""
         if "name" not in table:
             return default
         name = table["name"]
@@ -92,7 +93,7 @@ class Values:
     def choice(
         self, table: dict[str, Any], path: Path, key: str, words: tuple[str, ...], others: str = ""
     ) -> str | None:
-        """Read one of some words."""
+        """Read one of the given words."""
         if key not in table:
             return None
         value = table[key]
@@ -135,7 +136,7 @@ class Values:
         return np.array(good) if len(good) == len(values) else None
 
     def number(self, value: object, path: Path, check: Check, extra: dict[str, float] = NOTHING) -> float | None:
-        """Read a number or an expression, which may use `extra` names, too."""
+        """Read a number or an expression, which may also use the `extra` names."""
         number, text = value, ""
         if isinstance(value, str):
             number = self._value(value, path, extra)
@@ -159,7 +160,7 @@ class Values:
         return number
 
     def _value(self, text: str, path: Path, extra: dict[str, float]) -> float | None:
-        """Evaluate an expression, a repeated one once."""
+        """Evaluate an expression; a repeated one is evaluated once."""
         found = None if extra else self._evaluated.get(text)
         if found is None:
             self.budget.characters -= len(text)
@@ -182,12 +183,12 @@ class Values:
 
 
 def _where(extra: dict[str, float]) -> str:
-    """For which values of further names something is wrong."""
+    """Say for which values of further names a value is wrong."""
     return "".join(f" ({name} = {shown(value)})" for name, value in extra.items())
 
 
 def name_fault(name: str) -> str | None:
-    """Return what is wrong with a name, if anything: names go into formats that are read line by line."""
+    """Return the fault of a name, if any: names go into formats that are read line by line."""
     if not name.strip():
         return "must not be empty"
     if len(name) > MAX_NAME:
@@ -198,7 +199,7 @@ def name_fault(name: str) -> str | None:
 
 
 def likely_word(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word that was probably meant."""
+    """Return the known word that was probably meant, if any."""
     import difflib
 
     meant = word[:MAX_NAME].lower().replace("-", "_")
@@ -207,5 +208,5 @@ def likely_word(word: str, known: Iterable[str]) -> str | None:
 
 
 def suggestion(likely: str | None) -> str:
-    """Ask whether a word was meant."""
+    """Return a question whether a word was meant, or nothing."""
     return f", did you mean {likely}?" if likely else ""

@@ -19,13 +19,13 @@ from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS
 
 
 def to_dict(spec: Patch | Model) -> dict[str, Any]:
-    """Return a patch or model as plain data, with the keys of a spec; those that have their default value are left out.
+    """Return a patch or model as plain data, with the keys of a spec; keys with their default value are left out.
 
     Returns
     -------
     dict
-        Lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` makes an equal value of it. Weights
-        are there as numbers where their logarithms are those of the patch, else (x^λ ω) as `log_weights`.
+        Lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` turns them into an equal value.
+        Weights are numbers if the logarithms of these are those of the patch, otherwise (x^λ ω) they are `log_weights`.
     """
     if isinstance(spec, Model):
         named: dict[str, Any] = {} if spec.name is None else {"name": spec.name}
@@ -53,25 +53,25 @@ def to_dict(spec: Patch | Model) -> dict[str, Any]:
 
 
 def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
-    """Write a patch or model as a spec: JSON where the path ends in ``.json``, else TOML.
+    """Write a patch or model as a spec: JSON if the path ends in ``.json``, otherwise TOML.
 
     Parameters
     ----------
     spec : Patch or Model
     path : path
-        The file appears whole or not at all, in place of one that is there.
+        The file appears whole or not at all, and replaces an existing one.
 
     Raises
     ------
     SpecError
-        A spec cannot hold it, or the path is that of another kind of file; nothing is written.
+        A spec cannot hold the patch, or the path belongs to another kind of file; nothing is written.
     ExportError
         The file cannot be written.
 
     Notes
     -----
-    What `gtb_cli.load` reads back is equal, bit for bit, and this is made sure of before anything is written. Only the
-    name may be new: a spec without one is called after its file.
+    `gtb_cli.load` reads back an equal value, bit for bit, which is checked before anything is written. Only the name
+    may be new: a spec without one is named after its file.
     """
     data = to_dict(spec)
     target = os.fspath(path)
@@ -96,13 +96,13 @@ def dump(spec: Patch | Model) -> str:
     Returns
     -------
     str
-        `gtb_cli.spec.loading.parse` gives equal arrays for it. Keys that have their default value are left out. Weights
-        are numbers if they can be, for people to read: then their logarithms may have been rounded.
+        `gtb_cli.spec.loading.parse` returns equal arrays for it. Keys with their default value are left out. For
+        readability, weights are numbers if possible; their logarithms may then be rounded.
 
     Raises
     ------
     SpecError
-        What a spec cannot say: a name with control characters.
+        A spec cannot hold the patch: its name has control characters.
     """
     if isinstance(spec, Patch):
         return _toml(to_dict(_by_number(spec)))
@@ -138,7 +138,7 @@ def _name_text(name: str) -> str:
 
 
 def _row_text(key: str, values: list[Any]) -> str:
-    """Write an array on one line if it fits, else in lines filled up to 100 characters."""
+    """Write an array on one line if it fits, otherwise on lines of up to 100 characters."""
     entries = [
         f"[{', '.join(map(_number_text, entry))}]" if isinstance(entry, list) else _number_text(entry)
         for entry in values
