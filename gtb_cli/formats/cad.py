@@ -18,10 +18,10 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 
 SEAM = 1e-6
-"""Fraction of a model's size within which edges are sewn; those of neighbours are equal to rounding."""
+"""Fraction of a model's size within which edges are sewn; the edges of neighbours agree to rounding."""
 
 FINEST = 1e-7
-"""Length in units of the file below which the kernel does not tell points apart."""
+"""Length, in units of the file, below which the kernel does not distinguish points."""
 
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}
 """The kernel's names of units of length."""
@@ -33,10 +33,10 @@ class Sheet(NamedTuple):
     Attributes
     ----------
     name : str
-        Name of the patch it is a part of.
+        Name of the patch to which it belongs.
     degrees : tuple of two int
     knots : tuple of two (k,) float
-        Ascending, each as often as its multiplicity, clamped.
+        Clamped, ascending, repeated by multiplicity.
     net : (m, n, 4) float
         Control points x, y, z and weights.
     """
@@ -48,14 +48,14 @@ class Sheet(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What came of some sheets.
+    """A CAD file made of sheets.
 
     Attributes
     ----------
     data : bytes
         The file.
     faces, shells, solids : int
-        Shells that are not of solids.
+        Numbers of faces, of shells outside solids, and of solids.
     """
 
     data: bytes
@@ -65,21 +65,21 @@ class Body(NamedTuple):
 
 
 def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str = "patch") -> Body:
-    """Sew surfaces where their edges agree, and write them as a CAD file; closed shells become solids.
+    """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
     Parameters
     ----------
     sheets : sequence of Sheet
     kind : {"step", "iges", "brep"}
     unit : str
-        One of `KERNEL_UNITS`: the unit of the coordinates, which the file says (BREP files have none).
+        One of `KERNEL_UNITS`: the unit of the coordinates, which the file states (BREP files have no unit).
     name : str
         Name of the whole.
 
     Raises
     ------
     ExportError
-        The extra is missing, or the kernel calls the result invalid or cannot write it.
+        The extra is missing, or the kernel finds the result invalid or cannot write it.
     """
     try:
         check = _kernel("BRepCheck").BRepCheck_Analyzer
@@ -112,14 +112,14 @@ def _kernel(room: str) -> Any:
 
 
 def _silence() -> None:
-    """Let the kernel say nothing on standard output, which is for data."""
+    """Keep the kernel from writing to standard output, which is for data."""
     room = _kernel("Message")
     for printer in list(room.Message.DefaultMessenger_s().Printers()):
         printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
 
 
 def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
-    """A compound of solids and shells, its faces with their names, and how many of each there are."""
+    """A compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
     builder, topology, explorer = _kernel("BRepBuilderAPI"), _kernel("TopoDS"), _kernel("TopExp").TopExp_Explorer
     kinds = _kernel("TopAbs").TopAbs_ShapeEnum
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
@@ -148,7 +148,7 @@ def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[An
             shells += 1
         walk.Next()
     walk = explorer(sewing.SewedShape(), kinds.TopAbs_FACE, kinds.TopAbs_SHELL)
-    while walk.More():  # faces that are joined to nothing
+    while walk.More():  # faces without neighbours
         shell = topology.TopoDS_Shell()
         pile.MakeShell(shell)
         pile.Add(shell, walk.Current())
@@ -159,13 +159,13 @@ def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[An
 
 
 def _as(topology: Any, kind: str, shape: Any) -> Any:
-    """A shape as what it is; the package's releases name the functions for it in two ways."""
+    """A shape cast to its own type; the name of the cast depends on the release of the package."""
     caster = topology.TopoDS
     return (getattr(caster, f"{kind}_s", None) or getattr(caster, kind))(shape)
 
 
 def _solid(builder: Any, shell: Any) -> Any:
-    """The solid of a closed shell, its faces outwards."""
+    """The solid inside a closed shell, with its faces outwards."""
     solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
     _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
     return solid
@@ -235,7 +235,7 @@ def _write_iges(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, 
         raise ExportError("IGES: the kernel cannot write it")
     writer.ComputeModel()
     header = writer.Model().GlobalSection()
-    header.SetAuthorName(_kernel("TCollection").TCollection_HAsciiString("gtb"))  # else it is the user's name
+    header.SetAuthorName(_kernel("TCollection").TCollection_HAsciiString("gtb"))  # by default, the user's name
     writer.Model().SetGlobalSection(header)
     if not writer.Write(path):
         raise ExportError("IGES: the kernel cannot write it")
@@ -250,7 +250,7 @@ _WRITERS = {"step": _write_step, "iges": _write_iges, "brep": _write_brep}
 
 
 def _without_time(data: bytes, kind: str) -> bytes:
-    """Files say when they were written: the same surfaces shall make the same bytes."""
+    """The file without its time of writing, so that the same surfaces give the same bytes."""
     if kind == "step":
         return re.sub(rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'", data)
     if kind == "iges":

@@ -1,4 +1,4 @@
-"""What a mesh file holds, and how exactly."""
+"""The content of a mesh file, and its accuracy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.meshes.known import largest_coordinates
 
 STL_HEADER_BYTES = 84
-"""Bytes before the facets of a binary STL file, the last four their number."""
+"""Bytes before the facets of a binary STL file; the last four are the number of facets."""
 
 SINGLE = np.dtype("<f4")
 """Numbers of binary files."""
@@ -22,18 +22,18 @@ Scalar = TypeVar("Scalar", np.float64, np.int64)
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """Arrays as a file has them, not looked at yet.
+    """The arrays of a file, not checked yet.
 
     Attributes
     ----------
     vertices : (m, 3) float
     cells : (k, 2) or (k, 3) int
-        Segments or triangles; polygons are cut into triangles around their first corner.
+        Segments or triangles; a polygon is a fan of triangles around its first corner.
     half_steps : (3,) float
-        How far a coordinate along each axis may be from the number that was written: half a unit of the last digit or
-        bit, at the size of the largest.
+        Largest rounding of a coordinate along each axis: half a unit in the last digit or bit, at the size of the
+        largest coordinate.
     groups : tuple of (name, start, stop)
-        Ranges of cells with a name.
+        Named ranges of cells.
     """
 
     vertices: FloatArray
@@ -55,9 +55,9 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     Parameters
     ----------
     corners : (c,) int
-        Corners of one polygon after another.
+        Corners of the polygons, one polygon after another.
     counts : (p,) int
-        How many corners each has: 3 at least.
+        Number of corners of each polygon, at least 3.
     """
     if (counts == 3).all():
         return corners.reshape(-1, 3).astype(np.int64)
@@ -73,14 +73,14 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
 
 
 def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
-    """Cut polylines, given as the polygons of `triangles`, into segments."""
+    """Cut polylines, given like the polygons of `triangles`, into segments."""
     inner = np.ones(len(corners), dtype=bool)
     inner[np.cumsum(counts) - 1] = False
     return np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1).astype(np.int64, copy=False)
 
 
 def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
-    """Blocks of rows one after another; `parts` is emptied, so that the rows are in memory once and not twice."""
+    """The concatenated blocks of rows; `parts` is emptied, so that the rows are not in memory twice."""
     if len(parts) == 1:
         return parts.pop()
     stop = sum(map(len, parts))
@@ -93,6 +93,6 @@ def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDAr
 
 
 def plain_name(name: str) -> str:
-    """Return a name without what would end a word, or continue a line, of a text format."""
+    """Return a name without characters that would end a word, or continue a line, in a text format."""
     plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
     return plain or "patch"

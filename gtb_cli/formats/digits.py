@@ -1,8 +1,8 @@
 """Lines of numbers as text, fast: tables turn numbers into characters, four at a time, in numpy.
 
-Every number of a block of rows becomes a run of 32-bit words, each of up to four
-characters and filled up with NUL bytes, which are deleted at the end. The result is
-the text of Python's `%.8f` (or of another number of decimals), byte for byte.
+Every number of a block of rows becomes a run of 32-bit words. Each word holds up to four characters and is padded with
+NUL bytes, which are deleted at the end. The result equals the text of Python's `%.8f` (or of another number of
+decimals), byte for byte.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 Words: TypeAlias = NDArray[np.uint32]
 
 BLOCK_ROWS = 8192
-"""Rows of a block: its arrays stay in the cache."""
+"""Rows of a block, whose arrays fit in the cache."""
 
 _WORD = np.dtype("<u4")
 _HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
@@ -29,7 +29,7 @@ _SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bit
 
 
 def decimals(vertices: FloatArray) -> int:
-    """Return how many decimals keep 9 significant digits at the size of the model, and 8 at least.
+    """Return the number of decimals, at least 8, that keep 9 significant digits at the size of the model.
 
     `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding
     box, or the largest coordinate of a model that is a single point.
@@ -52,7 +52,7 @@ def decimals(vertices: FloatArray) -> int:
 
 
 def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
-    """Return one line for each row of `values`: the prefix, and the numbers with `digits` (8 or more) decimals."""
+    """Return one line for each row of `values`: the prefix, then the numbers with `digits` (8 or more) decimals."""
     rows, columns = values.shape
     size = np.abs(values)
     whole = np.floor(size)
@@ -88,11 +88,11 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
 
 
 def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> FloatArray:
-    """Return the integer nearest to the exact product `fraction * scale`, the even one of two as near.
+    """Return the integer nearest to the exact product `fraction * scale`; ties go to the even one.
 
     `scaled` is the product as rounded to double. Rounding is monotonic and k + 1/2 is
     a double, so the rounded product lies on the same side of k + 1/2 as the exact one,
-    unless it *is* k + 1/2. Only then the rounding error decides; Dekker's product gives it exactly.
+    unless it *is* k + 1/2. Only then does the rounding error decide; Dekker's product gives it exactly.
     """
     nearest = np.rint(scaled)
     tie = np.abs(scaled - nearest) == 0.5
@@ -110,7 +110,7 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
 
 
 def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
-    """Return one line for each row of `cells`: the prefix, and 1-based references, the number after each of `leads`."""
+    """Return one line for each row of `cells`: the prefix, then each 1-based reference, repeated after every lead."""
     numbers = cells.astype(np.int64) + 1
     top = int(numbers.max())
     groups = [_groups(top, 4 - len(lead)) for lead in leads]
@@ -124,7 +124,7 @@ def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
 
 
 def _groups(top: int, head_digits: int) -> int:
-    """Return how many words of four digits `top` needs after a first one of `head_digits`."""
+    """Return the number of words of four digits that `top` needs after a first word of `head_digits`."""
     return max(0, -(-(len(str(top)) - head_digits) // 4))
 
 
@@ -136,14 +136,14 @@ def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | 
     for place in range(1, groups + 1):
         through = numbers // 10 ** (4 * (groups - place))
         digits = through - above * 10_000
-        # Leading zeros are left out, but for the last digit of all.
+        # Leading zeros are left out, except for the last digit of the number.
         table = _table(b"", 4, int(place == groups))
         words[..., place] = np.where(above > 0, _table(b"", 4, 4).take(digits), table.take(digits))
         above = through
 
 
 def _lines(prefix: str, rows: int, columns: int, words: int) -> tuple[Words, Words]:
-    """Return room for `words` words in each of `columns` numbers in each row, and the text that it is part of."""
+    """Return room for `words` words in each of `columns` numbers per row, and the text that contains it."""
     text = np.empty((rows, 1 + columns * words), dtype=_WORD)
     text[:, 0] = _characters(b"\n" + prefix.encode("ascii"))
     text[0, 0] = _characters(prefix.encode("ascii"))
@@ -173,7 +173,7 @@ def _table(lead: bytes, digits: int, least: int) -> Words:
 
 @cache
 def _head(lead: bytes, digits: int, *, signed: bool, alone: bool) -> Words:
-    """Return the table of a number's first word, negative ones after the others if `signed`; zero shows if `alone`."""
+    """Return the table of a number's first word. Negative ones follow the others if `signed`; 0 is shown if `alone`."""
     least = int(alone)
     plain = _table(lead, digits, least)
     return np.concatenate([plain, _table(lead + b"-", digits, least)]) if signed else plain

@@ -1,4 +1,4 @@
-"""Meshes to files: OBJ, PLY, STL and GLB; what each holds is said in `gtb_cli.vocabulary.FORMATS`."""
+"""Meshes to files: OBJ, PLY, STL and GLB; `gtb_cli.vocabulary.FORMATS` says what each can hold."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up
 
 VISIBLE_SHIFT = 1e-5
-"""Shift of a vertex, as a fraction of the model's diagonal, above which it shows as facets in the shading."""
+"""Fraction of the model's diagonal; shading shows facets if vertices are shifted by more."""
 
-_SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite one
-_DOUBLE_LIMIT = 2.0**1022  # a difference of two, or a box's extent, is finite too
+_SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite 32-bit number
+_DOUBLE_LIMIT = 2.0**1022  # differences, such as a box's extents, are finite as well
 
 
 def write_mesh(
@@ -38,26 +38,28 @@ def write_mesh(
     Parameters
     ----------
     mesh : Mesh
-        What to write. Its order of vertices and cells is kept, and the same mesh gives the same bytes.
+        The mesh to write. The order of vertices and cells is kept, and the same mesh gives the same bytes.
     path_or_file : str, path-like or binary file object
         A path is replaced atomically (see `gtb_cli.files.replace_file`); a file object is written to and flushed.
     format : {"obj", "ply", "stl", "glb"}, optional
-        By default what the suffix of the path says.
+        The default is the format of the path's suffix.
     ascii : bool
-        PLY and STL as text, with numbers that read back exactly, in place of 32-bit binary. OBJ is always text.
+        Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
     normals : bool
-        Write `mesh.normals` at the vertices: OBJ, PLY, GLB. STL always has normals, of its facets, from their corners.
+        Write `mesh.normals` at the vertices: OBJ, PLY, GLB. STL always has the normals of its facets.
     uv : bool
-        Write `mesh.parameters`, as they are, as texture coordinates: OBJ, PLY, GLB. A curve's second one is 0.
+        Write `mesh.parameters`, unchanged, as texture coordinates: OBJ, PLY, GLB. The second coordinate is 0 for a
+        curve.
     up : {"z", "y"}, optional
-        Which axis of the file is up where z is in the mesh. By default y in GLB, as glTF prescribes, and z in others.
+        The axis of the file for the z axis of the mesh. The default is y in GLB, as glTF prescribes, and z in the
+        others.
 
     Raises
     ------
     ExportError
         The format cannot hold the mesh, a number is not finite, or the file cannot be written.
     BrokenPipeError
-        The reader of a pipe has gone.
+        The reader of a pipe has closed it.
     """
     if not isinstance(mesh, Mesh):
         raise ExportError(f"expected a Mesh, such as gtb_cli.tessellate makes, got {type(mesh).__name__}")
@@ -86,7 +88,7 @@ def encode_mesh(
 ) -> Iterable[bytes]:
     """Return the bytes of a mesh file, block by block; the parameters are those of `write_mesh`.
 
-    Everything that can be wrong with the mesh is raised here, before the first block.
+    All faults of the mesh are raised here, before the first block.
 
     Raises
     ------
@@ -136,7 +138,7 @@ def encode_mesh(
 
 
 def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
-    """Return a mesh as it stands in a file; the parameters are those of `write_mesh`."""
+    """Return a mesh with the axes of a file; the parameters are those of `write_mesh`."""
     axis = up or FORMATS[format].up
     if axis not in UP:
         raise ExportError(f"up: expected z or y, got {axis!r}")
@@ -144,10 +146,10 @@ def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
 
 
 def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool = False, uv: bool = False) -> list[str]:
-    """Return what a user should know of a file that `write_mesh` would write with the same arguments.
+    """Return warnings about the file that `write_mesh` would write with the same arguments.
 
-    That 32-bit numbers would merge or visibly move vertices, that what was asked for is
-    left out, and which common readers refuse such a file.
+    They say whether 32-bit numbers would merge or visibly move vertices, which requested data is left out, and which
+    common readers refuse such a file.
 
     Returns
     -------
@@ -204,7 +206,7 @@ def _check_cells(mesh: Mesh) -> None:
 
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
-    # Two reductions: NaN spoils both, and they are the cheapest look at every number.
+    # Two reductions are the cheapest look at every number, and NaN spoils both.
     if -limit <= values.min() and values.max() <= limit:
         return
     rows = values.reshape(len(values), -1)
@@ -231,7 +233,7 @@ def _texture_coordinates(mesh: Mesh) -> FloatArray:
 
 
 def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
-    """Return `mesh.groups` with names that are plain and distinct, without the empty ones."""
+    """Return the non-empty `mesh.groups`, with plain and distinct names."""
     taken: set[str] = set()
     end = 0
     groups = []
@@ -276,7 +278,7 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
 
 
 def _collapsed(mesh: Mesh, single: NDArray[np.float32]) -> int:
-    """Return how many cells have two corners that differ, but not in `single`."""
+    """Return the number of cells with two corners that differ, but coincide in `single`."""
     gone = np.zeros(len(mesh.cells), dtype=bool)
     columns = np.ascontiguousarray(single.T)
     corners = mesh.cells.T

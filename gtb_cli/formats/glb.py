@@ -1,4 +1,4 @@
-"""GLB (binary glTF 2.0), both ways: triangles and lines; of all nodes of a scene, in their places, when read."""
+"""GLB (binary glTF 2.0), both ways: triangles and lines. Reading places all nodes of a scene."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, Up
 
 HEADER_BYTES = 12
-"""Bytes before the chunks; each chunk has 8 before its content."""
+"""Bytes before the chunks; each chunk has 8 bytes before its content."""
 
 MAX_GLB_BYTES = 2**32 - 1
-"""Largest size of a file in bytes, which its header holds in 32 bits."""
+"""Largest size of a file in bytes, as its header holds the size in 32 bits."""
 
 JSON, BIN = 0x4E4F534A, 0x004E4942
 
@@ -29,7 +29,7 @@ FLOAT, UNSIGNED = 5126, 5125
 """glTF's numbers for the types of components."""
 
 VERTICES, INDICES = 34962, 34963
-"""glTF's numbers for what a view of the buffer holds."""
+"""glTF's numbers for the content of a view of the buffer."""
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -41,21 +41,21 @@ MAX_NODE_DEPTH = 100
 """Largest depth of nodes within nodes."""
 
 MAX_REPEATED = 3_000_000
-"""Largest number of vertices, or corners of cells, beyond those in the file: one mesh may stand in many nodes."""
+"""Largest number of vertices, or corners of cells, beyond those in the file: many nodes may share one mesh."""
 
 MAX_PIECES = 50_000
-"""Largest number of primitives in all nodes; each takes some time, however small it is."""
+"""Largest number of primitives in all nodes; even the smallest takes some time."""
 
 _NOWHERE = np.eye(4)
 
 TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
-"""Keys of a node that has a place of its own."""
+"""Keys of a node's own transformation."""
 
 
 def glb_blocks(
     mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
 ) -> Iterator[bytes]:
-    """Yield a GLB file with a node for each group: by trimesh, if the mesh has faces. `up` is its axis that is up."""
+    """Yield a GLB file with a node for each group, made by trimesh if the mesh has faces. `up` is the vertical axis."""
     parts = _parts(mesh, groups, normals, uv)
 
     def finish(tree: dict[str, Any]) -> None:
@@ -67,7 +67,7 @@ def glb_blocks(
 
 @dataclass(frozen=True)
 class _Part:
-    """A named piece of a mesh with vertices of its own; v of `uv` (m, 2) is upwards."""
+    """A named piece of a mesh with vertices of its own; v in `uv` (m, 2) points upwards."""
 
     name: str
     vertices: FloatArray
@@ -79,7 +79,7 @@ class _Part:
 def _parts(
     mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
 ) -> list[_Part]:
-    """Return each group with the vertices that its cells use; a single group with all of them."""
+    """Return each group with the vertices that its cells use, or a single group with all vertices."""
     if len(groups) == 1:
         return [_Part(groups[0][0], mesh.vertices, mesh.cells, normals, uv)]
     parts = []
@@ -100,7 +100,7 @@ def _glb_of_trimesh(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], N
     while any(part.name == root for part in parts):
         root += "_"
     scene = trimesh.Scene(base_frame=root)
-    # A patch is open: with the default material, viewers leave out its back.
+    # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
     for part in parts:
         geometry = trimesh.Trimesh(
@@ -126,8 +126,8 @@ def _glb_of_trimesh(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], N
 def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], None]) -> bytes:
     """Return a GLB file with one node of indexed lines for each part.
 
-    trimesh's exporter writes every inner vertex of a polyline twice; its reader, which
-    takes the vertices for one polyline in their order, gets these right.
+    trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
+    their order, and reads these files correctly.
     """
     views: list[dict[str, int]] = []
     accessors: list[dict[str, Any]] = []
@@ -170,7 +170,7 @@ def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], Non
 
 
 def mark_views(tree: dict[str, Any]) -> None:
-    """Say in a glTF tree, for viewers that hand them on to the graphics card, which views hold vertices or indices."""
+    """Mark in a glTF tree which views hold vertices or indices, for viewers that pass them to the graphics card."""
     views, accessors = tree["bufferViews"], tree["accessors"]
     for mesh in tree["meshes"]:
         for primitive in mesh["primitives"]:
@@ -181,7 +181,7 @@ def mark_views(tree: dict[str, Any]) -> None:
 
 
 def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
-    """Return the blocks of a file with a description, whose buffer is given the length of the chunks, and these."""
+    """Return the blocks of a file: a description, with the length of the chunks for its buffer, and these chunks."""
     length = sum(map(len, chunks))
     tree["buffers"][0]["byteLength"] = length
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
@@ -194,12 +194,12 @@ def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
 
 
 def read_glb(data: bytes) -> Content:
-    """Read a GLB file: y, which glTF says is up, becomes z, unless the file says that it was written otherwise.
+    """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis.
 
     Raises
     ------
     GtbError
-        It is damaged, needs another file, or an extension that is not known here.
+        The file is damaged, or needs another file or an unknown extension.
     """
     tree, binary = glb_chunks(data)
     try:
@@ -207,7 +207,7 @@ def read_glb(data: bytes) -> Content:
         scene.read()
         return scene.content()
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        # The tree may hold anything anywhere, and what it is taken for fails in one of these ways.
+        # The tree may hold anything anywhere; a wrong type raises one of these errors.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
 
 
@@ -314,7 +314,7 @@ class _Scene:
             self.groups.append((name, before, self.rows))
 
     def _count(self, vertices: int, corners: int = 0) -> None:
-        """Refuse more, before they are made, than a file of this size can mean."""
+        """Refuse more vertices or corners than a file of this size can mean, before they are made."""
         self.count += vertices
         self.corners += corners
         self.pieces += corners == 0
@@ -356,14 +356,14 @@ class _Scene:
 
 
 def _index(value: object) -> int:
-    """A whole number that is not negative."""
+    """The value, if it is a whole number and not negative."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 0:
         raise GtbError(f"expected a whole number in its description, got {value!r:.40}")
     return int(value)
 
 
 def _matrix(node: dict[str, Any]) -> FloatArray:
-    """(4, 4) transformation of a node."""
+    """The (4, 4) transformation of a node."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
@@ -379,7 +379,7 @@ def _matrix(node: dict[str, Any]) -> FloatArray:
 
 
 def _cells(indices: NDArray[Any], mode: object) -> IntArray:
-    """Segments or triangles of a primitive."""
+    """The segments or triangles of a primitive."""
     count = len(indices)
     if mode == 1:
         return indices[: count // 2 * 2].reshape(-1, 2).astype(np.int64)

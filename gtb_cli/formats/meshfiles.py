@@ -1,7 +1,7 @@
-"""Mesh files to meshes: OBJ, PLY, STL and GLB, of any program.
+"""Mesh files to meshes: OBJ, PLY, STL and GLB from any program.
 
-These are read here and not by trimesh, which reads neither OBJ `l` nor PLY edges, puts vertices into another order,
-takes damaged files for good ones, and needs 0.5 s to be imported.
+trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorders vertices, accepts damaged files, and
+takes 0.5 s to import.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ MAX_FILE_BYTES = 1 << 31
 """Largest size of a file in bytes; larger ones are refused."""
 
 MAX_STREAM_BYTES = 1 << 28
-"""Largest number of bytes read from a stream, which may have no end. Five million faces, the most that are made unless
-asked otherwise, are 200 MB of OBJ."""
+"""Largest number of bytes read from a stream, which may have no end. Five million faces, the default limit, take 200 MB
+of OBJ."""
 
 TEXT = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
-"""Bytes of text."""
+"""Bytes that occur in text."""
 
 MAX_COORDINATE = 2.0**1000
-"""Largest coordinate in size; differences of larger ones may overflow."""
+"""Largest absolute value of a coordinate; differences of larger ones may overflow."""
 
 
 MAX_NAME_CHARACTERS = 300
@@ -42,19 +42,19 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     ----------
     path : str or path-like
     format : {"obj", "ply", "stl", "glb"}, optional
-        By default what the content says.
+        The default is the format found from the content.
 
     Returns
     -------
     Mesh
         Triangles or segments, with vertices and cells in the order of the file. Polygons are cut into triangles.
-        Corners of an STL file's facets are one vertex where they are at exactly the same place. Normals and texture
-        coordinates are not read.
+        Corners of an STL file's facets at exactly the same place become one vertex. Normals and texture coordinates are
+        not read.
 
     Raises
     ------
     GtbError
-        The file cannot be read: one line that names it.
+        The file cannot be read; the message is one line that names it.
     """
     shown = os.fspath(path)
     try:
@@ -78,7 +78,7 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
         kind = format or format_of(data)
         if kind not in FORMATS:
             raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
-        with np.errstate(all="ignore"):  # numbers that are none are refused below, in words
+        with np.errstate(all="ignore"):  # NaN is refused below, with a message
             content = _content(data, kind)
         _check(content)
     except GtbError as error:
@@ -89,10 +89,10 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
 
 
 def size_limit(start: bytes, otherwise: int) -> int:
-    """Return the largest number of bytes that are read of a file with this beginning.
+    """Return the largest number of bytes read from a file with this beginning.
 
-    A mesh is read to `MAX_FILE_BYTES`, or to the size that its beginning states; all else only to `otherwise`, as
-    a device or a pipe may have no end.
+    A mesh is read up to `MAX_FILE_BYTES`, or to the size that its beginning states; any other file only up to
+    `otherwise`, since a device or a pipe may have no end.
     """
     if format_of(start) is not None or len(start) < STL_HEADER_BYTES:
         return MAX_FILE_BYTES
@@ -102,7 +102,7 @@ def size_limit(start: bytes, otherwise: int) -> int:
 
 
 def format_of(data: bytes) -> str | None:
-    """Tell the format of a mesh file from its content; None if it is none of them."""
+    """Return the format of a mesh file, found from its content; None if it is not a known one."""
     if data.startswith(b"glTF"):
         return "glb"
     if data.startswith((b"ply\n", b"ply\r")):
@@ -142,13 +142,13 @@ def _content(data: bytes, kind: str) -> Content:
 
 
 def _printable(text: str) -> str:
-    """Text of a file that may stand on a terminal: not long, and without control characters."""
+    """Text of a file made fit for a terminal: short, and without control characters."""
     kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_NAME_CHARACTERS])
     return kept + ("…" if len(text) > MAX_NAME_CHARACTERS else "")
 
 
 def _check(content: Content) -> None:
-    """What every mesh has: vertices that are numbers, and cells of them."""
+    """Refuse a mesh without vertices or cells, with wrong indices, or with coordinates that are not finite."""
     vertices, cells = content.vertices, content.cells
     if not len(vertices):
         raise GtbError("has no vertices")

@@ -1,8 +1,8 @@
-"""A sequence of meshes in one GLB file that other programs play: morph targets, and an animation through them.
+"""A sequence of meshes in one GLB file that other programs can play: morph targets, and an animation through them.
 
-The first mesh is written as `export` writes any GLB file, by trimesh if it has faces; the targets and the animation are
-added to that file. trimesh's exporter knows neither. It has a hook for more buffers, but its lines do not keep the
-vertices of a curve, and curves and surfaces are to be animated in one way.
+`export` writes the first mesh like any GLB file, with trimesh if it has faces; the targets and the animation, which
+trimesh's exporter does not know, are then added to that file. The exporter has a hook for more buffers, but its lines
+do not keep the vertices of a curve, and one way of animation serves curves and surfaces.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SECONDS_PER_MESH = 1.0
 """Seconds from one mesh to the next."""
 
 MAX_MESHES = 1000
-"""Largest number of meshes of an animation: its weights are a square table of them."""
+"""Largest number of meshes of an animation, whose weights form a square table."""
 
 
 def animated_glb(
@@ -45,29 +45,29 @@ def animated_glb(
     meshes : sequence of Mesh
         Curves or surfaces, with the same cells and the same parameters.
     labels : sequence of str
-        A name for each; those of the morph targets, which are all meshes but the first.
+        A name for each mesh. All meshes but the first are morph targets.
     normals, uv : bool
-        Include the unit normals of surfaces, which are morphed too; the parameters as texture coordinates.
+        Include the unit normals of surfaces, which are then morphed as well; the parameters as texture coordinates.
     up : {"z", "y"}, optional
-        Which axis of the file is up where z is in the meshes; y without it.
+        The axis of the file for the z axis of the meshes. The default is y.
     extras : mapping, optional
-        What else the file says of the mesh, as JSON.
+        Further JSON data about the mesh.
 
     Returns
     -------
     list of bytes
-        The blocks of the file. It has one mesh, and an animation of its weights that takes `SECONDS_PER_MESH` from each
-        mesh to the next and is linear between. The same meshes give the same bytes.
+        The blocks of the file. It has one mesh and an animation of its weights, which takes `SECONDS_PER_MESH` from
+        each mesh to the next and is linear between them. The same meshes give the same bytes.
 
     Raises
     ------
     ExportError
-        Cells that differ, more meshes than `MAX_MESHES`, or coordinates beyond 32-bit numbers.
+        The cells differ, there are more meshes than `MAX_MESHES`, or coordinates exceed 32-bit numbers.
 
     Notes
     -----
-    A target holds what the mesh has more than the first one as that is stored, so that at its time every vertex is
-    right to the rounding of 32-bit numbers. It takes 12 bytes a vertex, and as many with normals.
+    A target holds the difference of its mesh from the first one as stored, so that at its time every vertex is right to
+    32-bit rounding. It takes 12 bytes per vertex, and twice that with normals.
 
     References
     ----------
@@ -123,7 +123,7 @@ class _File:
         self._length = len(self._body)
 
     def vectors(self, accessor: int) -> FloatArray:
-        """Vectors that the file had at first, as they are stored."""
+        """The vectors of an accessor of the original file, as they are stored."""
         described = self.tree["accessors"][accessor]
         start = self.tree["bufferViews"][described["bufferView"]]["byteOffset"]
         values = np.frombuffer(self._body, SINGLE, 3 * described["count"], start)
@@ -154,7 +154,7 @@ class _File:
 
 
 def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:
-    """What differs from mesh to mesh, by its name in glTF."""
+    """The arrays that differ from mesh to mesh, under their names in glTF."""
     if not normals or mesh.is_curve:
         return {"POSITION": mesh.vertices}
     if mesh.normals is None:

@@ -16,13 +16,13 @@ from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half
 from gtb_cli.meshes.known import largest_coordinates
 
 IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
-"""Keywords of what is not geometry, and of single points."""
+"""Keywords of single points, and of anything but geometry."""
 
 FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
-"""Keywords of curves and surfaces that are not meshes."""
+"""Keywords of free-form curves and surfaces."""
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}
-"""Least number of numbers in a line, by keyword."""
+"""Fewest numbers in a line, by keyword."""
 
 Row = TypeVar("Row", FloatArray, IntArray)
 
@@ -36,7 +36,7 @@ def obj_blocks(
 ) -> Iterator[bytes]:
     """Yield the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
-    The lines are those that trimesh's exporter writes for the same arrays with
+    The lines equal those of trimesh's exporter for the same arrays with
     ``digits=decimals(vertices)``.
 
     Parameters
@@ -46,7 +46,7 @@ def obj_blocks(
     cells : (k, 2) or (k, 3) int
         Segments or triangles, 0-based.
     normals : (m, 3) float, optional
-        One for each vertex.
+        One normal for each vertex.
     uv : (m, 2) float, optional
         Texture coordinates of each vertex.
     groups : sequence of (name, start, stop)
@@ -59,8 +59,8 @@ def obj_blocks(
 
     Notes
     -----
-    About 90 ns for a vertex and 40 ns for a triangle, 25 times faster than a format
-    string; memory is that of one block.
+    About 90 ns for a vertex and 40 ns for a triangle, 25 times faster than a format string. Only one block is in memory
+    at a time.
     """
     digits = decimals(vertices)
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
@@ -84,13 +84,13 @@ def obj_blocks(
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
     """Read an OBJ file, `block` bytes at a time.
 
-    Vertices keep their order. A face of more than three corners is cut into triangles. A reference `v/vt/vn` is that to
-    its vertex; negative ones count back from the last vertex so far.
+    Vertices keep their order. A face with more than three corners is cut into triangles. Only the vertex of a reference
+    `v/vt/vn` counts; negative references count back from the last vertex so far.
 
     Raises
     ------
     GtbError
-        With the number of the line.
+        A line cannot be read; the message has its number.
     """
     if b"\\\n" in data or b"\\\r\n" in data:
         data = re.sub(rb"\\\r?\n", b" ", data)
@@ -101,7 +101,7 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
 
 
 class _Reader:
-    """What was read so far."""
+    """The content read so far."""
 
     def __init__(self) -> None:
         self.vertices: list[FloatArray] = []
@@ -112,7 +112,7 @@ class _Reader:
         self.names: list[tuple[str, int]] = []
 
     def read(self, lines: list[bytes], number: int) -> None:
-        """Read lines; `number` is that of the first. The first wrong one is found by halving."""
+        """Read lines, the first of which has this `number`. The first wrong one is found by halving."""
         try:
             self._read(lines)
         except GtbError as error:
@@ -123,7 +123,7 @@ class _Reader:
             self.read(lines[half:], number + half)
 
     def _read(self, lines: list[bytes]) -> None:
-        """Read lines, those of each keyword together; nothing is changed if one of them is wrong."""
+        """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
         coordinates, starts = np.empty((0, 3)), [self.cell_count] * len(names)
         if places[b"v"]:
@@ -157,7 +157,7 @@ class _Reader:
         self.names += zip((name for _, name in names), starts, strict=True)
 
     def content(self) -> Content:
-        """All of it."""
+        """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
         vertices = joined(self.vertices, 3, np.float64)
@@ -175,7 +175,7 @@ class _Reader:
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str]]]:
     """Return the places of lines with vertices and cells by keyword, and the names of groups with their places.
 
-    Lines whose keyword is not followed by a blank are changed so that it is.
+    A keyword followed by another separator is changed to have a blank after it.
     """
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}
     other: list[int] = []
@@ -203,7 +203,7 @@ def _without_keyword(lines: Sequence[bytes], places: Sequence[int]) -> bytes:
 
 
 def _references(text: bytes) -> bytes:
-    """References to vertices alone, without those to texture coordinates and normals."""
+    """The references to vertices, without those to texture coordinates and normals."""
     if b"/" not in text:
         return text
     lone = re.search(rb"(?<![^ \t\n])/[^ \t\n]*", text)
@@ -211,13 +211,13 @@ def _references(text: bytes) -> bytes:
         raise GtbError(f"{shown(lone[0])} is not a whole number")
     characters = np.frombuffer(text, dtype=np.uint8)
     slash = characters == ord("/")
-    # What follows a slash, up to the next blank, is left out; a regular expression would take five times the memory.
+    # The text from a slash to the next blank is left out; a regular expression would take five times the memory.
     last = np.where(slash | (characters <= ord(" ")), np.arange(len(text), dtype=np.int32), np.int32(0))
     return bytes(characters[~slash[np.maximum.accumulate(last, out=last)]])
 
 
 def _long_enough(keyword: bytes, numbers: Row, counts: IntArray) -> tuple[Row, IntArray]:
-    """The same numbers and counts of lines, if all lines have enough."""
+    """Return the same numbers and counts per line, if all lines have enough numbers."""
     least = MIN_NUMBERS[keyword]
     if counts.min() < least:
         what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
@@ -226,7 +226,7 @@ def _long_enough(keyword: bytes, numbers: Row, counts: IntArray) -> tuple[Row, I
 
 
 def _first_three(numbers: FloatArray, counts: IntArray) -> FloatArray:
-    """(rows, 3) first numbers of each line."""
+    """(rows, 3) first three numbers of each line."""
     if (counts == counts[0]).all():
         return np.ascontiguousarray(numbers.reshape(len(counts), -1)[:, :3])
     return np.asarray(numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)])

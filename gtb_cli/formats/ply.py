@@ -1,4 +1,4 @@
-"""PLY, both ways: vertices, faces, and edges (which trimesh does not read); text, and binary of both byte orders."""
+"""PLY, both ways: vertices, faces, and edges (which trimesh does not read); text, and binary in both byte orders."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.mesh import Mesh
 
 RESERVED = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
-"""Properties that are not attributes."""
+"""Properties with a meaning of their own, whose names attributes cannot have."""
 
 
 def ply_blocks(
@@ -27,7 +27,7 @@ def ply_blocks(
     *,
     ascii: bool,
 ) -> Iterator[bytes]:
-    """Yield a PLY file: as text with numbers that read back exactly, or binary of 32-bit numbers."""
+    """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if normals is not None:
         columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)
@@ -49,7 +49,7 @@ def ply_blocks(
     if ascii:
         yield from _text_rows(" ".join(["%r"] * len(columns)) + "\n", table)
         yield from _text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
-    else:  # trimesh writes a path without properties, and its vertices anew for each of its entities
+    else:  # trimesh writes a path without properties, and repeats the vertices for each of its entities
         yield table.astype(SINGLE).tobytes()
         yield mesh.cells.astype("<i4").tobytes()
 
@@ -88,7 +88,7 @@ def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray
     Raises
     ------
     ExportError
-        A name is reserved or taken, or there is not one number for each vertex.
+        A name is reserved or taken, or an attribute does not have one number for each vertex.
     """
     named: dict[str, FloatArray] = {}
     for name, values in attributes.items():
@@ -107,7 +107,7 @@ def read_ply(data: bytes) -> Content:
     Raises
     ------
     GtbError
-        The header is wrong, or the file does not have what it says.
+        The header is wrong, or the data do not match it.
     """
     elements, order, start = read_header(data)
     sample: list[bytes] = []

@@ -1,4 +1,4 @@
-"""Tables of PLY files: what a header says of them, and their rows as columns, text or binary of both byte orders."""
+"""Tables of PLY files: their description in the header, and their columns, text or binary in both byte orders."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int1
 TYPES |= {b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8"}
 
 STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
-"""Letters of `struct` for the types of lengths."""
+"""Letters of `struct` for the types of list lengths."""
 
 ORDERS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
 
 MAX_HEADER = 1 << 20
-"""Bytes; the longest headers have some thousands."""
+"""Largest size of a header in bytes; the longest have some thousands."""
 
 LISTS = ("vertex_indices", "vertex_index")
-"""Names of a face's list of corners."""
+"""Possible names of a face's list of corners."""
 
 READ = {"vertex", "face", "edge"}
-"""Elements that are read; others are passed over."""
+"""Elements that are read; others are skipped."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +45,15 @@ class Property:
 
     @property
     def size(self) -> int:
-        """Bytes of a number."""
+        """Number of bytes of a number."""
         return int(self.type[1:])
 
 
 @dataclass
 class Element:
-    """A table of the file: what the header says of it, and then its columns.
+    """A table of the file: its description in the header, and later its columns.
 
-    Lists are numbers one row after another, and how many each row has.
+    A list column is the concatenated numbers of all rows, with the length of each row.
     """
 
     name: str
@@ -69,11 +69,11 @@ class Element:
         return np.concatenate([np.empty(0, dtype=np.uint8), *self.scalars.get(name, [])])
 
     def type_of(self, name: str) -> str | None:
-        """Type of a property that is not a list; None if there is none."""
+        """The type of a property that is not a list; None if there is no such property."""
         return next((item.type for item in self.properties if item.name == name and item.count_type is None), None)
 
     def whole(self, name: str) -> NDArray[Any]:
-        """All numbers of a property that are indices."""
+        """All numbers of a property of indices, which must be whole."""
         column = self.column(name)
         if (self.type_of(name) or "").startswith("f"):
             raise GtbError(f"{name}: expected whole numbers, got {self.type_of(name)}")
@@ -81,7 +81,7 @@ class Element:
 
 
 def read_header(data: bytes) -> tuple[list[Element], str, int]:
-    """The elements, the byte order (empty: text), and where the data start."""
+    """Return the elements, the byte order (empty for text), and the offset of the data."""
     if not data.startswith((b"ply\n", b"ply\r")):
         raise GtbError("is not a PLY file: it does not begin with ply")
     end = data.find(b"end_header", 0, MAX_HEADER)
@@ -118,7 +118,7 @@ def read_header(data: bytes) -> tuple[list[Element], str, int]:
 
 
 def _note(name: str, known: set[str]) -> None:
-    """Refuse a second element, or a second property of an element, of one name: their columns would be mixed up."""
+    """Refuse a second element, or a second property of an element, with the same name: columns would be mixed up."""
     if name in known:
         raise GtbError(f"{name} is there twice")
     known.add(name)
@@ -150,7 +150,7 @@ def _property(words: Sequence[bytes]) -> Property:
 
 
 def read_binary(data: bytes, start: int, element: Element, order: str) -> int:
-    """Read the rows of an element; return where they end."""
+    """Read the rows of an element; return the offset of their end."""
     if not element.count or not element.properties:
         return start
     lengths = _lengths(data, start, element, order)
@@ -163,7 +163,7 @@ def read_binary(data: bytes, start: int, element: Element, order: str) -> int:
     rows = np.frombuffer(data, dtype=row, offset=start, count=min(element.count, (len(data) - start) // row.itemsize))
     listed = [(index, item) for index, item in enumerate(element.properties) if item.count_type is not None]
     if all((rows[f"count{index}"] == lengths[index]).all() for index, _ in listed) and len(rows) == element.count:
-        # The rows of most files are alike; then their columns are parts of the file.
+        # The rows of most files have the same length; their columns are then views of the file.
         for index, (item, length) in enumerate(zip(element.properties, lengths, strict=True)):
             if length is None:
                 element.scalars[item.name] = [rows[f"value{index}"]]
@@ -225,7 +225,7 @@ def _read_uneven(data: bytes, start: int, element: Element, order: str) -> int:
 
 
 def _between(values: NDArray[Any], begin: IntArray, count: IntArray) -> NDArray[Any]:
-    """Values of ranges that follow each other without overlapping."""
+    """The values in successive ranges that do not overlap."""
     begin, end = (column[count > 0] for column in (begin, begin + count))
     inside = np.zeros(len(values) + 1, dtype=np.int8)
     inside[begin] += 1
@@ -235,7 +235,7 @@ def _between(values: NDArray[Any], begin: IntArray, count: IntArray) -> NDArray[
 
 
 def _lengths(data: bytes, start: int, element: Element, order: str) -> list[int | None]:
-    """Lengths of the lists of the row that starts somewhere; None for scalars."""
+    """The lengths of the lists in the row that begins at `start`; None for scalars."""
     lengths: list[int | None] = []
     for item in element.properties:
         if item.count_type is None:
@@ -259,7 +259,7 @@ def _cut_off(element: Element, row: int | None) -> str:
 
 
 def read_text(data: bytes, start: int, elements: Sequence[Element]) -> list[bytes]:
-    """Read all elements, a row in a line; return words of coordinates."""
+    """Read all elements, one row per line; return the words of some coordinates."""
     rows = _Rows(data, start)
     sample: list[bytes] = []
     for element in elements:
@@ -283,7 +283,7 @@ def read_text(data: bytes, start: int, elements: Sequence[Element]) -> list[byte
 
 
 class _Rows:
-    """The lines that are not empty, to be taken in order."""
+    """The non-empty lines, taken in order."""
 
     def __init__(self, data: bytes, start: int) -> None:
         self.blocks = lines_of(data, start)
@@ -291,7 +291,7 @@ class _Rows:
         self.place = 0
 
     def take(self, most: int) -> list[bytes]:
-        """The next rows: at least one, if there is one."""
+        """The next rows: at least one, if any is left."""
         while self.place == len(self.waiting):
             _, lines = next(self.blocks, (0, None))
             if lines is None:
@@ -303,7 +303,7 @@ class _Rows:
 
 
 def _read_rows(rows: list[bytes], element: Element) -> None:
-    """Read rows, column by column of all of them."""
+    """Read rows, column by column for all of them together."""
     has_fractions = any(item.type.startswith("f") for item in element.properties)
     numbers, widths = (float_rows if has_fractions else integer_rows)(b"\n".join(rows))
     ends = np.cumsum(widths)

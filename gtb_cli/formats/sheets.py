@@ -1,4 +1,5 @@
-"""Patches as rational B-spline surfaces for CAD: exact Bézier rectangles where there are some, else fitted ones."""
+"""Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if there are any, otherwise fitted
+surfaces."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 FIT_TOLERANCE = 1e-4
-"""Largest distance of a fitted surface, as a fraction of the model's size, where nothing else is asked for."""
+"""Default tolerance of a fitted surface, as a fraction of the model's size."""
 
 SEGMENTS = (8, 16, 32, 64, 128)
 """Spans of a fitted surface in each direction, tried in turn."""
@@ -25,15 +26,15 @@ SEGMENTS = (8, 16, 32, 64, 128)
 CUBIC = 3
 
 SMALLEST_WEIGHT = 1e-12
-"""Smallest weight of a Bézier rectangle, relative to the largest: below it a kernel's derivatives lose all digits."""
+"""Smallest weight of a Bézier rectangle, relative to the largest: below it, a kernel's derivatives lose all digits."""
 
 GRADING = 2.0
-"""Knots are a power of even fractions, closer towards Δ's edges: a patch of real knots may have no second derivative
-there. Tried with 16 spans on eight patches: 1 leaves up to 4e-4 of the size, 2 up to 3e-5."""
+"""Exponent of the grading of the spline's knots, which are denser towards the edges of Δ: a patch with real knots may
+have no second derivative there. With 16 spans on eight patches, 1 leaves up to 4e-4 of the size, 2 up to 3e-5."""
 
 EDGE_DEGREE = 16
-"""Highest degree of an exact edge that a fitted surface takes over: it is then of this degree itself. Tried with the
-same pillow of other degrees: up to 16 edges agree to 3e-7, at 25 not at all."""
+"""Highest degree of an exact edge that a fitted surface takes over, with the degree. Edges of one pillow in several
+degrees agree to 3e-7 up to degree 16, and not at all at 25."""
 
 
 class Sheets(NamedTuple):
@@ -42,13 +43,13 @@ class Sheets(NamedTuple):
     Attributes
     ----------
     sheets : tuple of Sheet
-        In the order of the patches.
+        Surfaces in the order of the patches.
     fitted : int
-        How many of them are not exact.
+        Number of surfaces that are not exact.
     error : float
-        Largest distance of fitted ones from the patches, at sample points; 0 where all are exact.
+        Largest distance of fitted surfaces from the patches, at sample points; 0 if all are exact.
     reasons : tuple of (str, str)
-        Name of each patch that is fitted, and why.
+        Name of each fitted patch, and the reason.
     """
 
     sheets: tuple[Sheet, ...]
@@ -58,21 +59,22 @@ class Sheets(NamedTuple):
 
 
 class Half(NamedTuple):
-    """Half of an exact edge, as a fitted surface beside it has it.
+    """Half of an exact edge, as an adjacent fitted surface takes it over.
 
     Attributes
     ----------
     rows : (D + 1, 4) float
-        Control points x, y, z and weights, from a corner on; the weights at both ends are 1.
+        Control points x, y, z and weights, starting at a corner; the weights at both ends are 1.
     fractions : (D + 1,) float
-        Where they are along the whole edge, measured from the same corner.
+        Their places along the whole edge, measured from the same corner.
     """
 
     rows: FloatArray
     fractions: FloatArray
 
     def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(k, 3) points at (k,) parameters in [0, 1], (k,) weights there, and places as fractions of this half."""
+        """(k, 3) points at (k,) parameters in [0, 1], their (k,) weights, and their places as fractions of this
+        half."""
         degree = len(self.rows) - 1
         k = np.arange(degree + 1)
         shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
@@ -82,31 +84,31 @@ class Half(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Where this half ends, as a fraction of the edge."""
+        """The end of this half, as a fraction of the edge."""
         return float(self.fractions[-1])
 
 
 def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     """Return the surfaces of a patch or model as rational B-splines.
 
-    A patch that has Bézier pieces is these: one for a tensor product patch, r for a patch with r corners. Any other is
-    fitted by r surfaces between the corners, places inside the edges and the centroid of Δ, in the linear
-    parametrisation. Edges that fitted patches share are the same spline in both; one that is shared with an exact patch
-    is the exact curve, to rounding.
+    A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
+    patch is fitted by r surfaces between the corners, places inside the edges and the centroid of Δ, in the linear
+    parametrisation. An edge shared by fitted patches is the same spline in both; an edge shared with an exact patch is
+    the exact curve, to rounding.
 
     Parameters
     ----------
     spec : Patch or Model
-        Of surfaces.
+        A patch or model of surfaces.
     tolerance : float, optional
         Largest distance of fitted surfaces, in model units.
 
     Raises
     ------
     DomainError
-        The spec is of curves.
+        The spec consists of curves.
     ToleranceError
-        The tolerance is not reached with `SEGMENTS`.
+        Even the largest of `SEGMENTS` does not reach the tolerance.
     """
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     if patches[0].dimension == 1:
@@ -142,7 +144,7 @@ def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int,
     """Halves of the edges that fitted patches share with exact ones: the first from the edge's start, the other from
     its end.
 
-    A patch that is exact with edges of too high a degree for its neighbours goes over to those that are fitted.
+    An exact patch whose edges have too high a degree for its neighbours becomes a fitted one.
     """
     groups: dict[EdgeRef, list[tuple[EdgeRef, bool]]] = {}
     for joint in model.joints.shared:
@@ -169,7 +171,7 @@ def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int,
 
 
 def _halves(patch: Patch, edge: int) -> list[Half]:
-    """The exact halves of an edge, each from its own end of the edge on."""
+    """The exact halves of an edge, each starting at its own end of the edge."""
     curve = patch.boundary(edge)
     places = np.zeros((len(curve.knots), 3))
     places[:, 0] = curve.knots[:, 0] / curve.knots[:, 0].max()
@@ -186,12 +188,12 @@ def _halves(patch: Patch, edge: int) -> list[Half]:
 
 
 def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
-    """Return the Bézier rectangles of a patch: itself, if it is one, or its charts.
+    """Return the Bézier rectangles of a patch: the patch itself, if it is one, or its charts.
 
     Raises
     ------
     DomainError
-        It has none of a degree that CAD kernels take.
+        The patch has no Bézier rectangles of a degree that CAD kernels accept.
     """
     name = _name(patch, index)
     lattice = lattice_of(patch.domain)
@@ -208,7 +210,7 @@ def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
 
 
 def homogeneous_points(patch: Patch) -> FloatArray:
-    """(n, 4) control points and Bézier weights: the products, over the binomials."""
+    """(n, 4) control points and Bézier weights: the products c ω divided by the binomials."""
     logs = patch.log_products - np.log(binomial_coefficients(patch.domain))
     weights = np.exp(logs - logs.max())
     if weights.min() < SMALLEST_WEIGHT:
@@ -231,9 +233,9 @@ def _name(patch: Patch, index: int) -> str:
 def _fitted(
     patch: Patch, index: int, segments: int, degree: int, edges: dict[EdgeRef, list[Half]]
 ) -> tuple[list[Sheet], float]:
-    """Interpolants of a patch's quarters, and how far they are off between their points.
+    """Interpolants of a patch's quarters, and their largest error between the points.
 
-    Beside an exact edge they interpolate homogeneous points, with weights that are 1 where quarters meet.
+    Next to an exact edge they interpolate homogeneous points, with weights that are 1 where quarters meet.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -244,7 +246,7 @@ def _fitted(
     middles = (1 - shares) * v + shares * np.roll(v, -1, axis=0)
     center = v.mean(axis=0)
     knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** GRADING, degree, mode="edge")
-    # Greville's points: where a spline of any degree may be interpolated without it swinging between them.
+    # Greville's points: an interpolating spline of any degree does not oscillate between them.
     coarse = np.convolve(knots, np.full(degree, 1 / degree), "valid")[1:-1]
     coarse[-1] = 1.0
     fine = np.sort(np.concatenate([coarse, (coarse[1:] + coarse[:-1]) / 2]))
@@ -271,10 +273,10 @@ def _fitted(
 def _points(
     patch: Patch, corner: int, corners: FloatArray, places: FloatArray, along: Half | None, back: Half | None
 ) -> tuple[FloatArray, FloatArray]:
-    """(k, k, 3) points on the quarter about a corner, and (k, k) weights; those on edges are on them exactly.
+    """(k, k, 3) points on the quarter about a corner, and (k, k) weights; points of edges are exact.
 
-    `along` and `back` are the halves of the edges from the corner on, and back from it, where these are exact. Places
-    on lines to the centroid do not depend on them, so that they are the same in the next quarter.
+    `along` and `back` are the halves of the edges after and before the corner, if these are exact. Places on the lines
+    to the centroid do not depend on them, so that they are the same in the next quarter.
     """
     s, t = places[:, None], places[None, :]
     weights = np.ones((len(places), len(places)))

@@ -1,4 +1,4 @@
-"""STL, both ways, binary and text: facets, whose corners are one vertex where they are at exactly the same place."""
+"""STL, both ways, binary and text: facets; corners at exactly the same place become one vertex."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from gtb_cli.meshes.welding import weld
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 WORDS = b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
-"""A facet as text; 0 stands for any number."""
+"""The words of a facet as text; 0 stands for any number."""
 
 CHUNK_BYTES = 1 << 22
-"""Bytes of text that are parsed together."""
+"""Bytes of text parsed together."""
 
 _SOLID = re.compile(rb"^[ \t]*(end[ \t]*)?solid\b[^\r\n]*", re.IGNORECASE | re.MULTILINE)
 
@@ -31,11 +31,11 @@ _SOLID = re.compile(rb"^[ \t]*(end[ \t]*)?solid\b[^\r\n]*", re.IGNORECASE | re.M
 _FACET = "facet normal {!r} {!r} {!r}\nouter loop\n{}{}{}endloop\nendfacet\n"
 
 NAME_LENGTH = 80
-"""Characters of a solid's name; some readers have no room for more."""
+"""Largest number of characters in a solid's name; some readers have no room for more."""
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterator[bytes]:
-    """Yield an STL file: binary of 32-bit numbers, or text with numbers that read back exactly.
+    """Yield an STL file: binary with 32-bit numbers, or text with numbers that read back exactly.
 
     The text has no blank lines, at which meshio stops.
 
@@ -45,7 +45,7 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     triangles : (k, 3) int
         Indices into `vertices`.
     name : str
-        Name of the solid, in text.
+        Name of the solid, written in text files.
     """
     if not ascii:
         yield _stl_of_trimesh(vertices, triangles)
@@ -72,7 +72,7 @@ def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> bytes:
     for start in range(0, len(triangles), BLOCK_ROWS):
         block = slice(start, start + BLOCK_ROWS)
         normals[block] = facet_normals(vertices[triangles[block]])
-    # A Trimesh would compute its own normals (see facet_normals); the exporter asks for no more than these three.
+    # A Trimesh would compute its own normals (see facet_normals); the exporter needs only these three attributes.
     facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE)[triangles])
     data: bytes = export_stl(facets)
     return data
@@ -83,8 +83,8 @@ def facet_normals(corners: FloatArray) -> FloatArray:
 
     Notes
     -----
-    Right at any scale, as each triangle is brought to size 1. trimesh takes a cross product below 1e-13 for zero, which
-    loses every normal of a model of size 1e-9.
+    The normals are right at any scale, as each triangle is scaled to size 1. trimesh sets a cross product below 1e-13
+    to zero, and so loses every normal of a model of size 1e-9.
     """
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     largest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
@@ -99,7 +99,7 @@ def read_stl(data: bytes) -> Content:
     Raises
     ------
     GtbError
-        It is neither a whole binary file nor text with whole facets.
+        The file is neither a whole binary file nor text with whole facets.
     """
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET.itemsize:
@@ -150,7 +150,7 @@ def _read_text(data: bytes) -> Content:
 
 
 def _corners(words: list[bytes], before: int) -> list[bytes]:
-    """The coordinates of the corners of facets, in their order; `before` is the number of facets before these."""
+    """The coordinates of the corners of facets, in order; `before` is the number of facets before these."""
     width = len(WORDS)
     for place, expected in enumerate(WORDS):
         column = words[place::width]

@@ -1,4 +1,4 @@
-"""Numbers in text, read in blocks: fast, and every bad one named with its line."""
+"""Numbers in text, read fast in blocks; errors name each bad number with its line."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from gtb_cli.errors import GtbError
 T = TypeVar("T", np.float64, np.int64)
 
 BLOCK_BYTES = 1 << 21
-"""Bytes of text that are parsed together: their lines and words are objects, which fill the memory."""
+"""Bytes of text parsed together; lines and words are objects, which would fill the memory."""
 
 SAMPLED_VERTICES = 10_000
-"""Number of vertices from which the digits of a file are inferred."""
+"""Number of vertices used to infer the digits of a file."""
 
 DEFAULT_DIGITS = 6
-"""Fewest digits, or decimals, that programs write by default; numbers with fewer are taken as exact."""
+"""Fewest digits, or decimals, that programs write by default; numbers with fewer count as exact."""
 
 EXACT_DIGITS = 16
-"""Number of digits with which a double may read back exactly."""
+"""Number of digits from which a double may read back exactly."""
 
 SHOWN_CHARACTERS = 30
-"""Characters of a bad word that a message shows."""
+"""Largest number of characters of a bad word shown in a message."""
 
 MAX_FAST_INTEGER = 2**62
-"""Largest whole number that is read fast; one that does not fit 64 bits is read as more than this."""
+"""Largest whole number that is read fast; one that does not fit in 64 bits is read as a larger one."""
 
 _WHOLE = b"0123456789+- \t\n"
 _NUMBER = _WHOLE + b".eE"
 
 
 def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the lines of a text from some place on, `size` bytes at a time, with the number (from 0) of the first."""
+    """Yield the lines of a text from `start`, `size` bytes at a time, with the number (from 0) of the first."""
     if b"\r" in data:
         data, start = data[start:].replace(b"\r\n", b"\n").replace(b"\r", b"\n"), 0
     number = 0
@@ -51,7 +51,8 @@ def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[t
 
 
 def float_rows(text: bytes) -> tuple[FloatArray, IntArray]:
-    """Return the numbers of all lines of a text, and how many each line has; what is not a number is named."""
+    """Return the numbers of all lines of a text, and the count of each line; the error names a word that is not a
+    number."""
     return _rows(text, np.float64, _NUMBER) or (floats(text.split()), _counts(text))
 
 
@@ -65,7 +66,7 @@ def _counts(text: bytes) -> IntArray:
 
 
 def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntArray] | None:
-    """Read a text of plain numbers fast; None for any other."""
+    """Read a text of plain numbers fast; return None for any other text."""
     if text.translate(None, allowed):
         return None
     characters = np.frombuffer(text + b"\n", dtype=np.uint8)
@@ -78,7 +79,7 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
             numbers = np.fromstring(text, dtype=kind, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
-    # Numbers that run into each other are more than there are words; whole ones that are too large become the largest.
+    # Numbers that run into each other outnumber the words; whole numbers that are too large become the largest.
     if len(numbers) != len(ends) or (
         kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > MAX_FAST_INTEGER
     ):
@@ -87,7 +88,7 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
 
 
 def floats(words: Sequence[bytes]) -> FloatArray:
-    """(m,) numbers; what is not a number is named in the error."""
+    """(m,) numbers; the error names a word that is not a number."""
     try:
         return _floats(words)
     except ValueError:
@@ -99,7 +100,7 @@ def _floats(words: Sequence[bytes]) -> FloatArray:
 
 
 def integers(words: Sequence[bytes]) -> IntArray:
-    """(m,) whole numbers; what is not one is named in the error."""
+    """(m,) whole numbers; the error names a word that is not one."""
     try:
         return _integers(words)
     except (ValueError, OverflowError):
@@ -111,7 +112,7 @@ def _integers(words: Sequence[bytes]) -> IntArray:
 
 
 def _plain(words: Sequence[bytes]) -> Sequence[bytes]:
-    """The words, if none has an underscore: Python, and nobody else, reads 1_0 as ten."""
+    """Return the words if none has an underscore: only Python reads 1_0 as ten."""
     if b"_" in b"".join(words):
         raise ValueError("an underscore")
     return words
@@ -131,17 +132,17 @@ def _first_wrong(words: Sequence[bytes], read: Callable[[Sequence[bytes]], objec
 
 
 def shown(word: bytes) -> str:
-    """A word for a message: printable, quoted and not long."""
+    """A word as shown in messages: printable, quoted and short."""
     text = ascii(word[:SHOWN_CHARACTERS].decode("utf-8", "replace"))
     return f"{text[:-1]}…{text[-1]}" if len(word) > SHOWN_CHARACTERS else text
 
 
 def half_step(words: Sequence[bytes], largest: float) -> float:
-    """How far a number may be from what was written as one of these words, at the size of the largest.
+    """The largest rounding of a number written as one of these words, at the size of the largest.
 
-    Half a unit of the last place: of the decimals, where all words have equally many, at least `DEFAULT_DIGITS` or some
-    of them zeros; else of the most significant digits that a word has. Zero where these are so few that the numbers are
-    plain ones, as a person writes them, or as many as a double needs.
+    This is half a unit in the last place: of the decimals, if all words have equally many, and these are at least
+    `DEFAULT_DIGITS` or end in zeros; otherwise of the most significant digits that a word has. It is 0 for numbers with
+    so few digits that a person may have written them, or as many as a double needs.
     """
     sample = [word.lower() for word in words[: 3 * SAMPLED_VERTICES]]
     mantissas = {word.partition(b"e")[0] for word in sample}

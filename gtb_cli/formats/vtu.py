@@ -1,4 +1,4 @@
-"""VTU files, as ParaView reads them, of exact rational Bézier cells: no triangles."""
+"""VTU files for ParaView, made of exact rational Bézier cells instead of triangles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 CURVE, TRIANGLE, QUADRILATERAL = 75, 76, 77
-"""VTK's numbers of its Bézier cells."""
+"""VTK's numbers for its types of Bézier cells."""
 
 
 class Cell(NamedTuple):
@@ -27,7 +27,7 @@ class Cell(NamedTuple):
     kind : int
         `CURVE`, `TRIANGLE` or `QUADRILATERAL`.
     degrees : tuple of three int
-        0 in directions that there are not.
+        Degree in each direction; 0 in directions that the cell does not have.
     points : (n, 4) float
         Control points x, y, z and weights, in VTK's order: corners, edges, interior.
     """
@@ -38,18 +38,18 @@ class Cell(NamedTuple):
 
 
 def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
-    """Return the exact cells of a patch: itself, if it is a Bézier patch, or its charts.
+    """Return the exact cells of a patch: the patch itself, if it is a Bézier patch, or its charts.
 
     Parameters
     ----------
     patch : Patch
     index : int
-        In its model.
+        Its index in the model.
 
     Raises
     ------
     DomainError
-        It has none: says why.
+        The patch has no exact cells; the message says why.
     """
     lattice = lattice_of(patch.domain)
     if patch.dimension == 1:
@@ -64,8 +64,8 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     """Return a VTU file of the exact cells of a patch or model, and their number.
 
     Points have `RationalWeights`; cells have `HigherOrderDegrees`, and the number of their patch as `patch`. Numbers
-    have the fewest digits that read back exactly. Cells have their own points: what neighbours agree on is the ratio of
-    weights along an edge, not the weights.
+    have the fewest digits that read back exactly. Cells do not share points, because neighbours agree on the ratios of
+    the weights along an edge, but not on the weights.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     Raises
     ------
     DomainError
-        As `cells_of`, with the name of the patch.
+        The error of `cells_of`, with the name of the patch.
     """
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     cells: list[tuple[int, Cell]] = []
@@ -90,7 +90,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
 
 def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:
     table = np.concatenate([cell.points for _, cell in cells])
-    points, weights = table[:, :3] + 0.0, table[:, 3:]  # no minus zeros
+    points, weights = table[:, :3] + 0.0, table[:, 3:]  # no negative zeros
     numbers = np.arange(len(table))
     offsets = np.cumsum([len(cell.points) for _, cell in cells])
     yield '<?xml version="1.0"?>'
@@ -125,18 +125,18 @@ def _line(curve: Patch) -> Direction:
 
 
 def _ascending(line: Direction) -> IntArray:
-    """Places of the control points from end to end."""
+    """The indices of the control points from end to end."""
     return np.argsort(line.places[:, 1])
 
 
 def _curve(points: FloatArray) -> Cell:
-    """The ends come first."""
+    """The cell of a curve; its ends come first."""
     degree = len(points) - 1
     return Cell(CURVE, (degree, 0, 0), points[[0, degree, *range(1, degree)]])
 
 
 def _triangle(points: FloatArray, lattice: Direction) -> Cell:
-    """A Bézier triangle: its boundary from the first corner on, and so on inwards."""
+    """The cell of a Bézier triangle: its boundary from the first corner, then the inner rings."""
     degree = lattice.degree
     place = {tuple(row): number for number, row in enumerate(lattice.places.tolist())}
     order = [place[row] for row in _triangle_places(degree)]
@@ -144,7 +144,7 @@ def _triangle(points: FloatArray, lattice: Direction) -> Cell:
 
 
 def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
-    """Barycentric places (of first, second, third corner) in VTK's order."""
+    """Barycentric indices (of the first, second and third corner) in VTK's order."""
     for inset in range(degree // 3 + 1):
         side = degree - 3 * inset
         ring = [(side, 0, 0), (0, side, 0), (0, 0, side)][: 3 if side else 1]
@@ -158,7 +158,8 @@ def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
 
 
 def _quadrilateral(net: FloatArray) -> Cell:
-    """A tensor product: edges run along the first direction, then along the second, each away from the first corner."""
+    """The cell of a tensor product: edges run along the first direction, then the second, away from the first
+    corner."""
     m, n = net.shape[0] - 1, net.shape[1] - 1
     corners = [(0, 0), (m, 0), (m, n), (0, n)]
     first, second = range(1, m), range(1, n)
