@@ -1,9 +1,15 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
+import os
 from functools import partial
 
 import pytest
 from hypothesis import settings
+
+from gtb_cli.__main__ import THREADS
+
+# As in every process of gtb; two threads wait for each other three times as long as a fill takes one.
+os.environ.update(dict.fromkeys(THREADS, "1"))
 
 settings.register_profile("gtb", deadline=None, derandomize=True, max_examples=50)
 settings.register_profile("quick", settings.get_profile("gtb"), max_examples=15)
