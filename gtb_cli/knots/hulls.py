@@ -48,9 +48,12 @@ class LayerStarts:
 
     def __call__(self, p: FloatArray, floor: float = START_FLOOR) -> FloatArray:
         """(d, m) starts of (d, m) points."""
-        heights = self.normals @ p - self.offsets[:, None]
-        logs = np.log(np.maximum(heights / self.layer[:, None], floor))
-        return np.asarray((self.normals / self.layer[:, None]).T @ logs)
+        heights = self.normals @ p
+        heights -= self.offsets[:, None]
+        heights /= self.layer[:, None]
+        np.maximum(heights, floor, out=heights)
+        np.log(heights, out=heights)
+        return np.asarray((self.normals / self.layer[:, None]).T @ heights)
 
     def slopes(self, p: FloatArray) -> FloatArray:
         """(d, d, m) derivatives of the starts of (d, m) points; inf or NaN on edges."""

@@ -131,7 +131,8 @@ class Sheets:
         first, end, _ = rows.indices(len(self.counts))
         rings = len(self.origin) > 1
         chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
-        between = _between(chosen)
+        nodes = -(-int(self.counts[rows].max()) // (STRIDE * len(self.origin)))
+        between = _between(chosen[..., : nodes + ORDER])
         result = np.empty((2, int(self.counts[rows].sum())))
         begin = 0
         for row, count in enumerate(self.counts[rows].tolist()):

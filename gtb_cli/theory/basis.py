@@ -17,6 +17,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
+from gtb_cli.knots.grid import grid_of
 
 BLOCK_NUMBERS = 1 << 18
 """Numbers per work array (knots times parameters of a block): two megabytes, which stay in the cache."""
@@ -47,15 +48,15 @@ class Location(NamedTuple):
         The knots on that face, in coordinates of that face, e its dimension.
     s : (e, B) float
         Torus coordinates, dual to those.
-    heights : (r, B) float
-        Edge functions at the parameters.
+    heights : (r, B) float or None
+        Edge functions at the parameters; None for linear ones where they were not needed: Σ T_i h_j(a_i).
     """
 
     rows: slice | IntArray
     face: Face
     knots: FloatArray
     s: FloatArray
-    heights: FloatArray
+    heights: FloatArray | None
 
 
 def block_length(knots: int) -> int:
@@ -92,12 +93,17 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
         Torus coordinates.
     """
     e = exponents(knots, log_weights, s)
-    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
-    if not bound <= SAFE_EXPONENT:
+    if not _are_safe(knots, log_weights, s):
         e -= e.max(axis=0)
         np.maximum(e, UNDERFLOW, out=e)
     np.exp(e, out=e)
     return e
+
+
+def _are_safe(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> bool:
+    """Whether no exponent is beyond `SAFE_EXPONENT`."""
+    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
+    return bool(bound <= SAFE_EXPONENT)
 
 
 def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
@@ -136,7 +142,10 @@ def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray
     """(1 + k, m) sums of the weights and of the weighted (n, k) values at (d, m) torus coordinates, up to a factor."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
-    return np.asarray(np.concatenate([np.ones((1, len(values))), values.T]) @ exponentials(knots, log_weights, s))
+    factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
+    if grid is not None and _are_safe(knots, log_weights, s):
+        return np.asarray((factors * np.exp(log_weights))[:, grid.order] @ grid.exponentials(s))
+    return np.asarray(factors @ exponentials(knots, log_weights, s))
 
 
 def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:

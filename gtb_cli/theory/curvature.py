@@ -138,7 +138,7 @@ class _CurvatureField:
         else:
             layers = self._edge_layers(face.index)
             knots = shape.along(face.index, shape.knots)[:, None]
-        count = location.heights.shape[1]
+        count = location.s.shape[1]
         gaussian, mean = np.empty(count), np.empty(count)
         step = max(64, block_length(n) // WORK_ARRAYS)
         for begin in range(0, count, step):

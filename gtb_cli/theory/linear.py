@@ -112,12 +112,13 @@ class LinearParametrization:
         def located(block: tuple[slice, slice]) -> tuple[Location, IntArray]:
             rows = inner[block[1]]
             span = slice(int(rows[0]), int(rows[-1]) + 1)
-            places, known = chart.columns(p[span]), faces[span]
-            within = rows - span.start  # vertices on edges may lie between them
-            s, left = moments.nearly(places.take(within, axis=1), lattice.values(lines, block[0]))
-            s = s.take(np.maximum(np.cumsum(known == INTERIOR) - 1, 0), axis=1)
-            heights = shape.heights_of_columns(p[span], 0, known)
-            return Location(span, shape.faces[INTERIOR], moments.knots, s, heights), rows[left]
+            places, corrections = chart.columns(p[span]), lattice.values(lines, block[0])
+            if len(rows) == places.shape[1]:
+                s, left = moments.nearly(places, corrections)
+            else:  # vertices on edges lie between them
+                s, left = moments.nearly(places.take(rows - span.start, axis=1), corrections)
+                s = s.take(np.cumsum(faces[span] == INTERIOR) - 1, axis=1)
+            return Location(span, shape.faces[INTERIOR], moments.knots, s, None), rows[left]
 
         try:
             lines = lattice.lines(solve)

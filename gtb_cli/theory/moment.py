@@ -13,6 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.knots.grid import Grid, grid_of
 from gtb_cli.knots.hulls import CellStarts, Hull, cells_with_gradients, extents_of, hull_of, origin_of
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.knots.starts import Corrections
@@ -230,6 +231,12 @@ class MomentMap:
         return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
 
     @cached_property
+    def _on_grid(self) -> tuple[Grid, FloatArray] | None:
+        """Where the knots are a grid: it, and what is summed under its exponentials."""
+        grid = grid_of(self._unit_knots)
+        return None if grid is None else (grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order])
+
+    @cached_property
     def _cells(self) -> tuple[tuple[CellStarts, FloatArray], ...]:
         """Each cell of the regular decomposition that log(c_i ω_i) induces, with its gradient; none where tame."""
         w, affine = self.log_weights, np.column_stack([self._unit_knots, np.ones(len(self.knots))])
@@ -246,14 +253,19 @@ class MomentMap:
         d, count = s.shape
         columns = np.empty((d + 1, count))
         columns[:d], columns[d] = s, 1.0
-        e = self._exponents @ columns
         shift: FloatArray | float = 0.0
-        if not self._reach @ np.abs(columns).max(axis=1, initial=0.0) <= SAFE_EXPONENT:
-            shift = e.max(axis=0)
-            e -= shift
-            np.maximum(e, UNDERFLOW, out=e)
-        np.exp(e, out=e)
-        sums = self._summed @ e
+        is_safe = bool(self._reach @ np.abs(columns).max(axis=1, initial=0.0) <= SAFE_EXPONENT)
+        if is_safe and self._on_grid is not None:
+            grid, summed = self._on_grid
+            sums, shift = summed @ grid.exponentials(s), grid.first @ s
+        else:
+            e = self._exponents @ columns
+            if not is_safe:
+                shift = e.max(axis=0)
+                e -= shift
+                np.maximum(e, UNDERFLOW, out=e)
+            np.exp(e, out=e)
+            sums = self._summed @ e
         moments = sums[1:] / sums[0]
         mu, hessian = moments[:d], moments[d:]
         hessian[:d] -= CANCELLED * mu**2

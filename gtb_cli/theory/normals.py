@@ -87,7 +87,9 @@ class NormalField:
 
     def _inside(self, location: Location) -> FloatArray:
         e = exponents(location.knots, self.log_weights, location.s)
-        result, doubtful = self._about_corners(shares(e), location.heights)
+        t = shares(e)
+        heights = self.domain.heights.T @ t if location.heights is None else location.heights
+        result, doubtful = self._about_corners(t, heights)
         rows = np.flatnonzero(doubtful)
         if len(rows):
             result[rows] = self._about_leaders(e[:, rows])

@@ -246,7 +246,7 @@ class Patch:
         result = np.empty((len(u), 3, self.dimension))
         points = self.control_points - self._middle
         for where, face, knots, s, heights in self.rational_basis.locations(u):
-            if not face.is_interior:
+            if not face.is_interior or heights is None:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)

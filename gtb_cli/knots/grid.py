@@ -1,0 +1,76 @@
+"""Grids of knots, on which exponentials are products of few."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray
+
+GRIDS = 1024
+"""Sets of knots of which it is remembered whether they are a grid."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Knots that are all points of a grid along the axes, each once.
+
+    Attributes
+    ----------
+    order : (n,) int
+        The knots row by row: those of the lowest second coordinate first.
+    first : (2,) float
+        The knot of the lowest coordinates.
+    steps : pair of (p,) float
+        Coordinates of the columns and of the rows, from those.
+    are_equal : pair of bool
+        Whether all steps are one, to rounding.
+    """
+
+    order: IntArray
+    first: FloatArray
+    steps: tuple[FloatArray, ...]
+    are_equal: tuple[bool, ...]
+
+    def exponentials(self, s: FloatArray) -> FloatArray:
+        """(n, m) numbers e^<a − first, s> at (2, m) torus coordinates, the knots in `order`.
+
+        Notes
+        -----
+        Of equal steps powers are multiplied, each from two about half as high: the rounding grows with the logarithm
+        of the degree. That leaves two exponentials for each point.
+        """
+        columns, rows = map(_exponentials, self.steps, self.are_equal, s)
+        return np.asarray((rows[:, None] * columns).reshape(-1, s.shape[1]))
+
+
+def grid_of(knots: FloatArray) -> Grid | None:
+    """The grid that (n, 2) knots are, if they are one."""
+    return _grid(np.ascontiguousarray(knots).tobytes()) if knots.shape[1] == 2 else None
+
+
+@lru_cache(GRIDS)
+def _grid(content: bytes) -> Grid | None:
+    knots = np.frombuffer(content).reshape(-1, 2)
+    order = np.lexsort(knots.T)
+    steps = tuple(np.unique(column) - column.min() for column in knots.T)
+    places = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) if len(steps[0]) * len(steps[1]) == len(knots) else 0
+    if not np.array_equal(knots[order] - knots[order[0]], places):
+        return None
+    are_equal = tuple(bool(np.abs(x - np.linspace(0, x[-1], len(x))).max() <= EPS * x[-1]) for x in steps)
+    exponentials = sum(1 if equal else len(x) for x, equal in zip(steps, are_equal, strict=True))
+    return Grid(order, knots[order[0]], steps, are_equal) if exponentials <= len(knots) / 2 else None
+
+
+def _exponentials(steps: FloatArray, are_equal: bool, t: FloatArray) -> FloatArray:
+    """(p, m) exponentials of ascending steps, the first of which is 0, times (m,) numbers."""
+    if not are_equal:
+        return np.asarray(np.exp(np.multiply.outer(steps, t)))
+    powers = np.empty((len(steps), len(t)))
+    powers[0] = 1.0
+    np.exp(steps[-1] / (len(steps) - 1) * t, out=powers[1])
+    for k in range(2, len(steps)):
+        np.multiply(powers[k // 2], powers[k - k // 2], out=powers[k])
+    return powers
