@@ -63,7 +63,7 @@ def fill(
     console: Console,
 ) -> None:
     """\b
-    Example: gtb boundary specs/pentagon.toml | gtb fill - | gtb mesh - -o filled.obj
+    Example: gtb boundary specs/nonagon.toml | gtb fill - | gtb mesh - -o filled.obj
 
     Print the spec of one patch that fills a hole with three or more sides.
 

@@ -149,7 +149,7 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     degree = _degree(place)
     if degree is None:
         raise DomainError(
-            f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is no "
+            f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is not a "
             "rational Bézier curve: gtb fit makes one near to it"
         )
     index = np.rint(place * degree).astype(np.int64)
