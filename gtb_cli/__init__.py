@@ -5,7 +5,7 @@ The names below are the public API. They are imported when first used, so that `
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # typing's own takes 5 ms, in which Ctrl-C would show a traceback
+TYPE_CHECKING = False  # importing typing takes 5 ms, in which Ctrl-C would show a traceback
 
 if TYPE_CHECKING:
     from gtb_cli.assembly.seams import joints

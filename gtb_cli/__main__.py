@@ -1,10 +1,10 @@
-"""The process behind `gtb` and ``python -m gtb_cli``: settings that hold for all of it, and its exit."""
+"""The process behind `gtb` and ``python -m gtb_cli``: its settings and its exit."""
 
 from __future__ import annotations
 
 import sys
 
-try:  # of the milliseconds before signals are caught, in which Python would show a traceback, these are the most
+try:  # Python shows a traceback until signals are caught, and these imports take most of that time
     import gc
     import math
     import os
@@ -18,10 +18,10 @@ SIGNAL_STATUS = 128
 """Exit status of a stopped process before the signal's number is added: 130 after Ctrl-C."""
 
 GRACE_SECONDS = 1.0
-"""Seconds after a signal during which further ones do not disturb the cleaning up."""
+"""Seconds after a signal during which further signals do not disturb the clean-up."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Set to 1: how a sum is split among threads decides its last digit, and small matrices gain nothing by it."""
+"""Set to 1: the last digit of a sum depends on its split among threads, and small matrices gain nothing by them."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -37,7 +37,7 @@ def main() -> None:
         import warnings
 
         if not sys.warnoptions:
-            warnings.simplefilter("ignore")  # what a user should know is said in the user's words
+            warnings.simplefilter("ignore")  # messages for users have their own wording
         for stream in (sys.stdout, sys.stderr):
             if stream is not None and hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")
@@ -46,8 +46,8 @@ def main() -> None:
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)
-        _discard_unfinished()  # where the signal came between a file and what would remove it
-    gc.freeze()  # what is left ends with the process: to search it for cycles takes a fifth of the time of a plot
+        _discard_unfinished()  # in case the signal came after a file was made and before its removal was certain
+    gc.freeze()  # the objects end with the process: searching them for cycles takes a fifth of the time of a plot
     sys.exit(status)
 
 
@@ -59,7 +59,7 @@ def _catch_signals() -> None:
     def stop(number: int, frame: FrameType | None) -> None:
         nonlocal last
         if _importing(frame):
-            # Some of what imports call swallows exceptions: nothing would stop.
+            # Some imported code swallows exceptions: the process would not stop.
             _discard_unfinished()
             os._exit(SIGNAL_STATUS + number)
         now = time.monotonic()
@@ -74,7 +74,7 @@ def _catch_signals() -> None:
 
 
 def _discard_unfinished() -> None:
-    """Remove files that are not complete, if any were begun."""
+    """Remove unfinished files, if there are any."""
     discard = getattr(sys.modules.get("gtb_cli.files"), "discard_unfinished", None)
     if discard is not None:
         discard()

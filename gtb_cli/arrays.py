@@ -1,4 +1,4 @@
-"""Array types of the house, and the door at which arrays are checked and made read-only."""
+"""Array types, checks of arrays that come in, and products of vectors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
 
 
 def _hint(values: ArrayLike) -> str:
-    """Say what takes expressions, where there are some."""
+    """Say which functions take expressions, if there are any among the values."""
     try:
         is_text = np.asarray(values).dtype.kind == "U"
     except ValueError:  # rows of different lengths
@@ -50,7 +50,7 @@ def _hint(values: ArrayLike) -> str:
 
 
 def positive(name: str, values: ArrayLike) -> FloatArray:
-    """Like `finite`, and every entry must be greater than zero."""
+    """Like `finite`, but every entry must also be positive."""
     array = finite(name, values)
     if not (array > 0).all():
         index = tuple(int(i) for i in np.argwhere(~(array > 0))[0])
@@ -86,12 +86,12 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def unit(vectors: FloatArray) -> FloatArray:
-    """(m, d) vectors of length 1 along given ones; 0 stays."""
+    """(m, d) unit vectors along the given ones; 0 stays 0."""
     length = np.sqrt(dot(vectors, vectors))[:, None]
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Each of (m,) small numbers from 0 that occurs, ascending, and where."""
+    """Each number that occurs among (m,) small numbers from 0, ascending, and its places."""
     for number in np.flatnonzero(np.bincount(numbers)).tolist():
         yield number, np.flatnonzero(numbers == number)

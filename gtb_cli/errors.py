@@ -1,4 +1,4 @@
-"""The errors of this package: one root, and a leaf for each thing a caller can act on."""
+"""The errors of this package: one root, and a leaf for each case that callers can handle."""
 
 
 class GtbError(Exception):
@@ -14,12 +14,12 @@ class DomainError(GtbError, ValueError):
 
 
 class ExportError(GtbError, RuntimeError):
-    """A mesh cannot be written in the format, or to the place, that was asked for."""
+    """A mesh cannot be written in the requested format or to the requested place."""
 
 
 class ToleranceError(GtbError, RuntimeError):
-    """A requested accuracy was not reached within the limits given."""
+    """A requested accuracy was not reached within the given limits."""
 
 
 class RequirementError(GtbError, RuntimeError):
-    """What was made is right, but does not have a property that was required of it."""
+    """A result is right, but lacks a required property."""

@@ -16,30 +16,30 @@ PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
-_unfinished: dict[str, None] = {}  # temporary files, and folders that were made for them, in their order
+_unfinished: dict[str, None] = {}  # temporary files, and folders made for them, in order of creation
 
 
 def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
-    """Write `blocks` to `path` so that the file is either the whole new one or the untouched old one.
+    """Write `blocks` to `path`: the result is either the whole new file or the untouched old one.
 
-    A symbolic link is followed and the file it names is replaced; the mode of the
-    old file is kept, and its owner and group where the system lets this process give
-    files away. A new file gets the usual mode (`0o666` less the umask). What is not a
-    regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly.
+    A symbolic link is followed, and the file it names is replaced. The new file keeps the mode of the old one, and its
+    owner and group if the system lets this process give files away. A file without a predecessor gets the usual mode
+    (`0o666` less the umask). A path that is not a regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to
+    directly.
 
     Parameters
     ----------
     path : str or path-like
         The file to make or replace; its folder must exist.
     blocks : iterable of bytes
-        The content. An exception it raises is passed on, after cleaning up.
+        The content. An exception raised by the iterable is passed on after the clean-up.
 
     Raises
     ------
     ExportError
-        The file cannot be written; the message names it and the system's reason.
+        The file cannot be written; the message gives its name and the system's reason.
     BrokenPipeError
-        `path` is a pipe whose reader has gone.
+        `path` is a pipe whose reader has closed it.
     """
     shown = os.fspath(path)
     try:
@@ -53,7 +53,7 @@ def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
             _stage(temporary, target, blocks)
             os.replace(temporary, target)
         finally:
-            # After the rename there is nothing of this name; after any failure, Ctrl-C too, there may be.
+            # The name is gone after the rename, but may be left after any failure, such as Ctrl-C.
             _discard(temporary)
     except BrokenPipeError:
         raise
@@ -64,28 +64,25 @@ def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
 class StagedFiles:
     """Several files of one folder that appear together when the `with` block ends, or not at all.
 
-    ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is
-    written in full under a temporary name first; the renames come last. A folder
-    that is not there yet is made under a temporary name, too, and appears with all
-    its files in one step. If anything fails before, no file appears and no folder
-    stays. A rename that fails takes back those before it: each file that is replaced
-    has a second name until the last is there. A Ctrl-C during the renames finishes
-    them and is then passed on.
+    ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is first written in full under a
+    temporary name; the renames come last. A missing folder is also made under a temporary name, and appears with all
+    its files in one step. If anything fails before that, no file appears and no folder stays. If a rename fails, those
+    before it are undone: each replaced file has a second name until the last rename. A Ctrl-C during the renames
+    finishes them and is then passed on.
 
     Parameters
     ----------
     folder : str or path-like
-        Where the files go; made, with its parents, if missing.
+        The folder of the files; a missing one is made, with its parents.
     record : str, optional
-        The name of the file that lists the others, to be added last. An old one is
-        removed before the first rename: should a process be killed between the
-        renames, no record says that old and new files belong together.
+        The name of the file that lists the others, to be added last. An old one is removed before the first rename: if
+        the process is killed between renames, no record says that old and new files belong together.
 
     Raises
     ------
     ExportError
-        The folder cannot be made or a file not be written. Where a file system has no
-        second names, the message says which files are new already.
+        The folder cannot be made, or a file cannot be written. On a file system without second names, the message says
+        which files are new already.
     """
 
     def __init__(self, folder: str | os.PathLike[str], record: str | None = None) -> None:
@@ -93,7 +90,7 @@ class StagedFiles:
         self._record = record
         self._old_record = ""
         self._staged: dict[str, str] = {}  # target -> temporary
-        self._old: dict[str, str] = {}  # target that is there already -> the second name that it gets
+        self._old: dict[str, str] = {}  # existing target -> its second name
         self._made: list[str] = []
         self._hidden: str | None = None  # the new folder, until it gets its name
 
@@ -145,12 +142,12 @@ class StagedFiles:
         self.add_path(shown, blocks)
 
     def add_path(self, path: str, blocks: Iterable[bytes]) -> None:
-        """The same for a file of any folder that is there, to appear with the others.
+        """The same for a file in any existing folder, to appear with the others.
 
         Raises
         ------
         ExportError
-            It was added before, or cannot be written.
+            The file was added before, or cannot be written.
         """
         _check_path(path)
         hidden = None
@@ -184,16 +181,16 @@ class StagedFiles:
         try:
             self._rename()
         except KeyboardInterrupt:
-            # Half a sequence of old files and half of new ones would be worse than a late stop.
+            # A sequence half old and half new would be worse than a late stop.
             self._rename()
             raise
         finally:
             self._abandon()
 
     def _rename(self) -> None:
-        """Give all files their names; again, where that was interrupted."""
+        """Give all files their names; continue if that was interrupted."""
         if self._hidden is not None:
-            with suppress(OSError):  # someone else may have made the folder meanwhile: then its files are replaced
+            with suppress(OSError):  # another process may have made the folder meanwhile: its files are then replaced
                 os.rename(self._hidden, os.path.abspath(self.folder))
         left = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
         if len(self._staged) > 1:
@@ -209,16 +206,16 @@ class StagedFiles:
                 raise ExportError(f"{refusal}; new already: {', '.join(new)}" if new else str(refusal)) from error
 
     def _keep_old(self, targets: Iterable[str]) -> None:
-        """Give files that are about to be replaced a second name."""
+        """Give a second name to files that are about to be replaced."""
         for target in targets:
             if os.path.lexists(target):
                 name = self._old.setdefault(target, _temporary_name(target))
                 _unfinished[name] = None
-                with suppress(OSError):  # it has one since before an interruption; or the file system has none
+                with suppress(OSError):  # it got one before an interruption, or the file system has no second names
                     os.link(target, name)
 
     def _taken_back(self) -> list[str]:
-        """Undo the renames; what is left of them."""
+        """Undo the renames; return those that could not be undone."""
         if self._hidden is not None and not os.path.lexists(self._hidden):
             with suppress(OSError):
                 os.rename(os.path.abspath(self.folder), self._hidden)
@@ -236,7 +233,7 @@ class StagedFiles:
         return new
 
     def _abandon(self) -> None:
-        """Remove what has no name yet, and the folders made for it."""
+        """Remove the files without a final name, and the folders made for them."""
         for temporary in (*self._staged.values(), *self._old.values()):
             _discard(temporary)
         for place in reversed(self._made):
@@ -244,7 +241,7 @@ class StagedFiles:
 
 
 def discard_unfinished() -> None:
-    """Remove all that has no name yet, and the folders made for it: for a process that ends without unwinding."""
+    """Remove all files without a final name, and the folders made for them, when a process ends without unwinding."""
     for place in reversed(list(_unfinished)):
         _discard_folder(place) if os.path.isdir(place) else _discard(place)
 
@@ -255,7 +252,7 @@ def _check_path(path: str) -> None:
 
 
 def _target(path: str) -> str | None:
-    """Return the regular file that `path` names, links followed, or None where it must be written to directly."""
+    """Return the regular file that `path` names, links followed, or None if it must be written to directly."""
     _check_path(path)
     if _descriptor(path) is not None:
         return None
@@ -289,10 +286,10 @@ def _descriptor(path: str) -> int | None:
 
 
 def _opened(path: str) -> IO[bytes]:
-    """Open what is not a regular file for writing, without making or emptying anything."""
+    """Open a path that is not a regular file for writing, without making or emptying anything."""
     descriptor = _descriptor(path)
     if descriptor is not None:
-        # Opening /dev/stdout by name would start again at the beginning of a redirected file.
+        # Opening /dev/stdout by name would restart at the beginning of a redirected file.
         return open(os.dup(descriptor), "wb")
     return open(os.open(path, os.O_WRONLY), "wb")
 
@@ -317,7 +314,7 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
 
 
 def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:
-    """Give an open file the owner, where that may be, and the mode of another."""
+    """Give an open file the mode of another and, if allowed, its owner."""
     mode = stat.S_IMODE(old.st_mode)
     if hasattr(os, "fchown"):
         own = os.fstat(descriptor)
@@ -325,10 +322,10 @@ def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:
             try:
                 os.fchown(descriptor, old.st_uid, old.st_gid)
             except OSError:
-                with suppress(OSError):  # only root gives files away; a group of its own anyone may choose
+                with suppress(OSError):  # only root gives files away; anyone may choose one of their own groups
                     os.fchown(descriptor, -1, old.st_gid)
-                mode &= ~(stat.S_ISUID | stat.S_ISGID)  # to run as another owner is not what the old file was for
-    # By the descriptor where the system can: a link may have been put in the place of the path.
+                mode &= ~(stat.S_ISUID | stat.S_ISGID)  # the old file was not meant to run as another owner
+    # By the descriptor if the system can: the path may have been replaced by a link.
     os.chmod(descriptor if os.chmod in os.supports_fd else path, mode)
 
 
@@ -345,7 +342,7 @@ def _discard(temporary: str) -> None:
 
 
 def _discard_folder(place: str) -> None:
-    with suppress(OSError):  # not empty: what was made is in it, or what someone else put there
+    with suppress(OSError):  # not empty: it holds finished files, or those of another process
         os.rmdir(place)
     _unfinished.pop(place, None)
 

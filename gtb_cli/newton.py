@@ -1,4 +1,4 @@
-"""Steps of Newton's method for many problems with one or two unknowns at once, a column each."""
+"""Steps of Newton's method for many problems with one or two unknowns at once, one problem per column."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 
 TINY = 1e-300
-"""Smallest curvature that is divided by."""
+"""Smallest curvature used as a divisor."""
 
 
 class State(NamedTuple):
-    """Columns s, and the objective there with its gradient and Hessian."""
+    """Columns s, and the values, gradients and Hessians of the objective there."""
 
     s: FloatArray
     value: FloatArray
@@ -21,23 +21,23 @@ class State(NamedTuple):
     hessian: FloatArray
 
     def columns(self, chosen: IntArray | BoolArray) -> State:
-        """Some of the columns."""
+        """The chosen columns."""
         return State(*(x[..., chosen] for x in self))
 
     def put(self, rows: IntArray, other: State) -> None:
-        """Put other columns in place of some."""
+        """Replace the columns in `rows`."""
         for mine, theirs in zip(self, other, strict=True):
             mine[..., rows] = theirs
 
 
 def put(columns: FloatArray, where: IntArray, values: FloatArray) -> None:
-    """Write (d, k) values to some of (d, m) columns, row by row: numpy takes longer for all at once."""
+    """Write (d, k) values to some of (d, m) columns, row by row, which is faster in numpy than all at once."""
     for row, new in zip(columns, values, strict=True):
         row[where] = new
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) scalar products of (d, m) columns; for one or two rows faster than a reduction."""
+    """(m,) scalar products of (d, m) columns, faster than a reduction for one or two rows."""
     return np.asarray(a[0] * b[0] if len(a) == 1 else a[0] * b[0] + a[1] * b[1])
 
 
@@ -60,7 +60,7 @@ def plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
 
 
 def _positive(curvatures: FloatArray) -> FloatArray:
-    """Curvatures, NaN where they are not positive."""
+    """The curvatures, with NaN in place of those that are not positive."""
     return curvatures if curvatures.min(initial=1.0) > 0 else np.where(curvatures > 0, curvatures, np.nan)
 
 
@@ -68,7 +68,7 @@ def regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatAr
     """Solve (H + regular I) step = −gradient for each column."""
     if len(gradient) == 1:
         return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
-    # By Cholesky's way, which loses nothing where knots that count are nearly on a line; Cramer's rule does.
+    # Cholesky's method keeps all digits if the knots that count are nearly collinear; Cramer's rule does not.
     xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
     ratio = xy / np.maximum(xx, TINY)
     rest = yy - ratio * xy

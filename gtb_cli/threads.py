@@ -1,4 +1,4 @@
-"""Work shared among threads: numpy lets other threads run in its loops, and results stay in order."""
+"""Work shared among threads: numpy's loops let other threads run, and results stay in order."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 WAITING_RESULTS = 2
-"""Number of results per thread that may wait for their turn."""
+"""Largest number of results per thread that wait for their turn."""
 
 _limit = 0
 
 
 def limit_threads(count: int) -> None:
-    """Let work in this process be shared among so many threads; 0: as many as it may use processors."""
+    """Share work in this process among `count` threads; 0: one for each processor it may use."""
     global _limit
     _limit = count
 
 
 def thread_count() -> int:
-    """How many threads share work."""
+    """The number of threads that share work."""
     if _limit:
         return _limit
     if hasattr(os, "sched_getaffinity"):
@@ -36,15 +36,15 @@ def thread_count() -> int:
 
 
 def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = True) -> Iterator[R]:
-    """Yield ``function(task)`` for each task, in their order, computed by some threads.
+    """Yield ``function(task)`` for each task, in order, computed by several threads.
 
     Parameters
     ----------
     function : callable
-        Its results may depend on its task alone: then they are the same for any number of threads.
+        A function whose result depends only on its task, so that results are the same for any number of threads.
     tasks : iterable
     worth : bool
-        Whether the tasks are large enough; else, and with one thread, they are done one after another in this one.
+        Whether the tasks are large enough; if not, or with one thread, this thread does them one after another.
     """
     count = thread_count()
     if count == 1 or not worth:
@@ -53,7 +53,7 @@ def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = 
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(count) as executor:
-        # In the context of this thread, which says how numpy treats overflow.
+        # In the context of this thread, which has numpy's settings for overflow.
         yield from in_order(
             lambda task: executor.submit(copy_context().run, function, task),
             tasks,
@@ -67,17 +67,17 @@ def in_order(
     limit: Callable[[], int],
     result_of: Callable[[Future[R]], R] = lambda future: future.result(),
 ) -> Generator[R]:
-    """Yield the results of tasks in their order, whoever computes them.
+    """Yield the results of tasks in order, whoever computes them.
 
     Parameters
     ----------
     submit : callable
-        Hands a task to whoever computes it.
+        Starts a task and returns its future.
     tasks : iterable
     limit : callable
-        How many results may wait for their turn; it is asked again after each task.
+        Returns how many results may wait for their turn; called again after each task.
     result_of : callable, optional
-        Waits for a result.
+        Waits for the result of a future.
     """
     waiting: deque[Future[R]] = deque()
     try:

@@ -1,4 +1,4 @@
-"""Objects that are what they hold: compared, hashed, copied and pickled by their fields, arrays included."""
+"""Value objects: compared, hashed, copied and pickled by their fields, arrays included."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ T = TypeVar("T", bound=type)
 
 
 def by_value(kind: T) -> T:
-    """Give a frozen dataclass equality, a hash and a way through pickle by its fields.
+    """Give a frozen dataclass equality, a hash and pickling by its fields.
 
-    Fields with ``compare=False``, and what was worked out later, are left out of all three: a copy is made anew by the
-    constructor, with arrays that are read-only again, as pickle alone would not make them. NaN equals NaN, and -0
-    equals 0.
+    All three leave out fields with ``compare=False`` and cached values. A copy is made by the constructor, so that its
+    arrays are read-only again, which pickle alone would not do. NaN equals NaN, and -0 equals 0.
     """
     names = tuple(field.name for field in dataclasses.fields(kind) if field.compare)
 
@@ -66,7 +65,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _hashable(value: Any) -> Hashable:
-    """Something with a hash, equal for what `_same` takes for equal."""
+    """A hashable object, equal for values that `_same` considers equal."""
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "f":
             return value.shape, value.tobytes()

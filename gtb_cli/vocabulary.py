@@ -1,29 +1,29 @@
-"""Names and limits that commands offer, in a room without numpy."""
+"""Names and limits that commands offer, without numpy."""
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple, TypeAlias
 
 COMPLETION_VARIABLE = "_GTB_COMPLETE"
-"""Environment variable by which a shell asks `gtb` for completions."""
+"""Environment variable with which a shell asks `gtb` for completions."""
 
 SEQUENCE_RECORD = "sequence.json"
-"""File of a sequence's folder that says what its meshes are."""
+"""File in the folder of a sequence that describes its meshes."""
 
 LFS_POINTER = b"version https://git-lfs"
-"""How a file begins that Git LFS keeps elsewhere."""
+"""Beginning of the pointer to a file that Git LFS keeps elsewhere."""
 
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
 
 
 Up: TypeAlias = Literal["z", "y"]
-"""An axis that is up in a file where z is in the spec."""
+"""The axis of a file that stands for the spec's vertical z axis."""
 
 UP: tuple[Up, ...] = ("z", "y")
 
 
 class Format(NamedTuple):
-    """What a mesh format holds; its name in `FORMATS` is also its suffix.
+    """What a mesh format can hold; its name in `FORMATS` is also its suffix.
 
     Attributes
     ----------
@@ -32,9 +32,10 @@ class Format(NamedTuple):
     text : {"always", "on request", "never"}
         Whether files are text.
     digits : str
-        How exactly binary files, or those that are always text, hold a coordinate. Text on request reads back exactly.
+        Digits of a coordinate in binary files, or in files that are always text. Text on request reads back exactly.
     up : {"z", "y"}
-        Which axis is up in files where z is in the spec. glTF prescribes y; the others have the spec's coordinates.
+        The axis of files that stands for the spec's vertical z axis. glTF prescribes y; the others have the spec's
+        coordinates.
     """
 
     curves: bool
@@ -47,7 +48,7 @@ class Format(NamedTuple):
     up: Up
 
     def is_text(self, ascii: bool) -> bool:
-        """Whether a file is text, where `ascii` says whether text is requested."""
+        """Whether a file is text; `ascii` says whether text is requested."""
         return self.text == "always" or (ascii and self.text == "on request")
 
     def is_single(self, ascii: bool) -> bool:
@@ -64,12 +65,12 @@ FORMATS = {
 """Mesh formats by name, the default first."""
 
 CAD_FORMATS = ("step", "iges", "brep")
-"""Formats of surfaces, which CAD programs read."""
+"""Surface formats for CAD programs."""
 
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
 
 CELL_FORMATS = ("vtu",)
-"""Formats of curved cells, which ParaView reads; also the suffixes of their files."""
+"""Formats of curved cells for ParaView; also the suffixes of their files."""
 
 UNITS = ("mm", "cm", "m", "in", "ft")
 """Units of length that CAD files may have, the default first."""
@@ -78,16 +79,16 @@ SPEC_FORMATS = ("toml", "json")
 """Formats of specs; also the suffixes of their files."""
 
 IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")
-"""Formats of other programs that become specs."""
+"""Formats of other programs that can be turned into specs."""
 
 ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
 """Scalars that a mesh may have at each vertex."""
 
 BASIS = "basis:"
-"""Before the index of a basis function: a further such scalar."""
+"""Prefix of the index of a basis function, whose values are a further scalar."""
 
 PARAMETRIZATIONS = ("linear", "toric")
-"""Where the vertices of a mesh are put, the default first."""
+"""Placements of the vertices of a mesh, the default first."""
 
 TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
 """Starter specs."""
@@ -96,10 +97,10 @@ SHELLS = ("bash", "zsh", "fish")
 """Shells that complete names and options."""
 
 RESOLUTION = 32
-"""Segments along each edge of the domain, where neither a number nor a tolerance is given."""
+"""Segments along each edge of the domain if neither a number nor a tolerance is given."""
 
 MAX_FACES = 5_000_000
-"""Cells of a mesh that is made without being asked for more."""
+"""Largest number of cells of a mesh unless the caller allows more."""
 
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
-"""Maps of numbers to colours, by their names in matplotlib: they print, and whoever sees fewer colours can use them."""
+"""Colour maps, by their names in matplotlib: readable in print and with colour-blindness."""

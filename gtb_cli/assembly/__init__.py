@@ -1,1 +1,1 @@
-"""How the patches of a model go together: seams between them, and what may be required of the whole."""
+"""Models as assemblies of patches: the seams between these, and requirements on the whole."""

@@ -1,4 +1,4 @@
-"""Why a model is open, and what was welded."""
+"""Reasons why a model is open, and seams that were welded."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MOST_COMPARED = 2000
-"""Most open edges that are compared with each other."""
+"""Largest number of open edges that are compared with each other."""
 
 MOST_SHOWN = 8
-"""Numbers of an edge, edges of a ring and nearly closed seams of a mesh that a line shows."""
+"""Largest number of numbers of an edge, edges of a ring, or nearly closed seams shown in a message."""
 
 MOST_LIKENED = 200
-"""Most pairs of edges of which it is looked for whether they are one curve at other parameters, in some seconds."""
+"""Largest number of pairs of edges tested, in some seconds, for being one curve with different parameters."""
 
 FINE_SAMPLES = 1025
-"""Points of a polygon in place of a curve: its segments are off by a millionth of the size."""
+"""Points of a polygon that replaces a curve, with an error of a millionth of the size."""
 
 SAME_CURVE = 1e-5
-"""Distance of two curves from each other, of the size, below which they are one but for the parameters."""
+"""Distance of two curves, relative to their size, below which they differ only in their parameters."""
 
 FAR_WELD = 0.01
-"""Fraction of an edge's size beyond which welding is warned of."""
+"""Fraction of an edge's size; welding over a larger distance raises a warning."""
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Say what keeps a model from being closed, a line for each pair of edges or open ring; empty where it is."""
+    """Say what keeps a model from being closed, a line for each pair of edges or open ring; empty for a closed
+    model."""
     lines, told = [], set()
     for first, second, reason in near_misses(joints, patches):
         lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")
@@ -56,7 +57,7 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
 
 
 def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef, EdgeRef, str]]:
-    """Pairs of open edges that were probably meant to be one, and what differs, with {} for the second's name."""
+    """Pairs of open edges probably meant to be one, and their difference, with {} for the name of the second."""
     if patches[0].dimension == 1:
         return []
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
@@ -94,7 +95,7 @@ def _meet(one: Curve, other: Curve, tolerance: float) -> bool:
 
 
 def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str | None:
-    """Say that two edges with the same ends are one curve at other parameters; None if they are not."""
+    """Say that two edges with the same ends are one curve with different parameters; None if they are not."""
     rows = [edge_points(patches[p], e, count) for (p, e), count in ((first, EDGE_SAMPLES), (second, FINE_SAMPLES))]
     points, way = rows
     starts, steps = way[:-1], np.diff(way, axis=0)
@@ -103,7 +104,7 @@ def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str 
     share = np.clip((offsets * steps).sum(axis=2) / lengths, 0, 1)
     nearest = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
     apart, size = float(np.sqrt(nearest.min(axis=1).max())), float(np.ptp(way, axis=0).max())
-    # Both ways, else a part of the other would do.
+    # Both ways, since a curve may be only a part of the other.
     places = np.sort(nearest.argmin(axis=1))
     if apart > SAME_CURVE * size or np.diff(places).max() > FINE_SAMPLES / 4:
         return None
@@ -113,7 +114,7 @@ def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str 
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
-    """What differs between near curves, or without a distance ones with the same ends; None if all does."""
+    """The difference between near curves, or, without a distance, curves with the same ends; None if all differs."""
     turned = min((other, other.reversed()), key=lambda curve: float(np.abs(one.ends - curve.ends).max()))
     if not np.abs(one.ends - turned.ends).max() <= tolerance:
         return f"{distance or 0.0:.3g} from {{}}, --weld {_above(distance or 0.0)} joins them"
@@ -148,7 +149,7 @@ def _row(values: FloatArray) -> str:
 
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
-    """A line for each connected part of the open edges."""
+    """One line for each connected component of the open edges."""
     ends = {ref: _ends(patches, ref) for ref in refs}
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
     left, lines = dict.fromkeys(refs[:MOST_COMPARED]), []
@@ -174,14 +175,14 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
 
 
 def _ends(patches: Sequence[Patch], ref: EdgeRef) -> FloatArray:
-    """(2, 3) ends of an edge; of a curve, the end twice."""
+    """(2, 3) ends of an edge; for a curve, its end twice."""
     patch, edge = patches[ref[0]], ref[1]
     corners = patch.domain.vertices
     return patch.evaluate(corners[[edge, edge if patch.dimension == 1 else (edge + 1) % len(corners)]])
 
 
 def seam_remarks(model: Model) -> list[str]:
-    """What to know of a model's seams: how many are welded and how far apart they were, and which nearly close."""
+    """Remarks on a model's seams: how many were welded, how far apart these were, and which seams nearly close."""
     joints, patches = model.joints, model.patches
     lines = []
     welded = [joint for joint in joints.shared if joint.distance]

@@ -1,4 +1,4 @@
-"""What may be required of a model or its mesh: watertight, unfolded, smooth up to an angle."""
+"""Requirements on a model or its mesh: watertight, unfolded, smooth up to an angle."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 SMOOTH = "smooth:"
-"""Beginning of a requirement that goes on with an angle in degrees, as in ``smooth:1deg``."""
+"""Prefix of a requirement that ends with an angle in degrees, as in ``smooth:1deg``."""
 
 
 def requirements(words: Sequence[str]) -> dict[str, float]:
-    """Read requirements: each one's name, and the angle in degrees of "smooth", else 0.
+    """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
 
     Raises
     ------
     DomainError
-        A word is none of "watertight", "unfolded" and "smooth:ANGLE".
+        A word is neither "watertight" nor "unfolded" nor "smooth:ANGLE".
     """
     found = {}
     for word in words:
@@ -47,7 +47,7 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
 def require(
     words: Sequence[str], spec: Patch | Model, mesh: Mesh, surface: Mesh | None = None, folds: Sequence[str] = ()
 ) -> None:
-    """Refuse what does not have the required properties.
+    """Refuse a model or mesh without the required properties.
 
     Parameters
     ----------
@@ -57,14 +57,14 @@ def require(
     mesh : Mesh
         The mesh that must be watertight.
     surface : Mesh, optional
-        The mesh that must be unfolded: that from before it was made a tube or a solid. Default: `mesh`.
+        The mesh that must be unfolded: the one from which a tube or solid was made. Default: `mesh`.
     folds : sequence of str
-        What is known of folds of the tube or the solid.
+        Known folds of the tube or solid, one line each.
 
     Raises
     ------
     RequirementError
-        With a line for each edge or place.
+        A requirement is not met; the message has a line for each edge or place.
     """
     asked = requirements(words)
     lines = []
@@ -79,7 +79,7 @@ def require(
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:
-    """Say which seams have a larger angle than this."""
+    """Say which seams have an angle larger than the given one."""
     from gtb_cli.assembly.seams import joints
     from gtb_cli.theory.model import Model
 
@@ -94,7 +94,7 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
 
 
 def _folded_places(mesh: Mesh) -> list[str]:
-    """Say in which patches a mesh turns back on itself, and where first."""
+    """Say in which patches a mesh turns back on itself, and where it first does."""
     from gtb_cli.meshes.folds import folded
 
     if mesh.is_curve:

@@ -1,4 +1,4 @@
-"""Seams of a model: how smoothly patches go over into each other along the edges that they share."""
+"""Seams of a model: how smoothly patches meet along the edges that they share."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 PLACES = 49
-"""Places along each seam, denser near its ends, which are left out: corners have normals of their own."""
+"""Places along each seam, denser near its ends. The ends are left out: corners have normals of their own."""
 
 SMOOTH = 1.0
-"""Angle in degrees up to which curvatures across a seam are compared: beyond it is a crease."""
+"""Angle in degrees up to which curvatures across a seam are compared; a seam with a larger one is a crease."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +29,12 @@ class Seam:
     ----------
     first, second : EdgeRef
     angle : float
-        Largest angle between the normals of the two patches, in degrees; NaN where one has none at all.
+        Largest angle between the normals of the two patches, in degrees; NaN if one patch has no normals.
     place : (3,) float
-        Where that is.
+        The point with this angle.
     bend : float
         Largest difference of the normal curvatures across the seam, in units of 1 / length, over the places where both
-        are finite and the angle is at most `SMOOTH`; NaN where there are none.
+        are finite and the angle is at most `SMOOTH`; NaN if there is no such place.
     """
 
     first: EdgeRef
@@ -44,23 +44,23 @@ class Seam:
     bend: float
 
     def name(self, model: Model) -> str:
-        """Both edges, for people."""
+        """The names of both edges, for messages."""
         return " and ".join(edge_name(model.patches, ref) for ref in (self.first, self.second))
 
 
 def joints(model: Model) -> tuple[Seam, ...]:
-    """Measure each joint of a model of surfaces; one of curves has none.
+    """Measure each joint of a model of surfaces; a model of curves has none.
 
     Raises
     ------
     DomainError
-        Something else than a model.
+        The argument is not a model.
 
     Notes
     -----
-    The angle is by formula, not by differences: where planes are the same, it is rounding. Where they are, the curves
-    along the seam have the same normal curvature on both sides, so that by Euler's theorem the difference across is
-    twice that of the mean curvatures.
+    The angle is computed by formula, not by differences: if the tangent planes agree, it is rounding. In this case the
+    normal curvatures along the seam agree as well; by Euler's theorem the normal curvatures across it then differ by
+    twice the difference of the mean curvatures.
     """
     if not isinstance(model, Model):
         raise DomainError(f"joints: expected a Model, got {type(model).__name__}")

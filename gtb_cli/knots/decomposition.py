@@ -1,4 +1,4 @@
-"""Regular decompositions: what the upper hull of the lifted knots does to Δ, and the control net it induces."""
+"""Regular decompositions of Δ by the upper hull of the lifted knots, and the control nets they induce."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ class RegularDecomposition:
     knots : (n, d) float
     lifting : (n,) float
     cells : tuple of tuple of int
-        For each upper face all knots on it, ascending; cells in lexicographic order. They overlap only in the
-        knots of common borders.
+        All knots on each upper face, ascending; cells in lexicographic order. They overlap only in the knots of common
+        borders.
     absent : tuple of int
-        Knots below the upper hull, ascending; they are in no cell.
+        Knots below the upper hull, ascending; they do not belong to any cell.
     gradients : (k, d) float
         g_F of each cell: λ_i = <g_F, a_i> + o_F for the knots of the cell, and less for all others.
     offsets : (k,) float
-        o_F of each cell; rounded from the exact value, like `gradients`. Far from the origin the sum above cancels,
-        and differences of it are better taken from `gaps`.
+        o_F of each cell, rounded from the exact value, like `gradients`. Far from the origin the sum above cancels;
+        `gaps` has its differences with all digits.
     polygons : tuple of tuple of int
-        Corners of each cell as knot indices, counter-clockwise from the lowest, then leftmost, one; for d = 1 the
-        left and the right end. Where knots are at the same place, the lowest index in the cell stands for all. The
-        polygons tile Δ and meet edge to edge.
+        Corners of each cell as knot indices, counter-clockwise from the lowest, then leftmost, one; for d = 1 the left
+        and the right end. The lowest index in the cell stands for all knots at the same place. The polygons tile Δ and
+        meet edge to edge.
 
     References
     ----------
@@ -64,7 +64,7 @@ class RegularDecomposition:
     def gaps(self, cell: int) -> FloatArray:
         """(n,) heights of a cell's plane above the lifted knots, exactly 0 for the knots of the cell.
 
-        Under weights x^λ ω, knot i fades like x^-gap against the knots of the cell.
+        Under weights x^λ ω, knot i fades like x^-gap relative to the knots of the cell.
         """
         members = list(self.cells[cell])
         corner = self.polygons[cell][0]
@@ -84,13 +84,14 @@ class RegularDecomposition:
         Returns
         -------
         (m,) int
-            Index into `cells`; on common borders (within 4 ulp of the data) the lowest. A point outside Δ goes to the
-            cell whose edges' lines it violates least, which for points outside by rounding is the nearest.
+            Index into `cells`; on common borders (within 4 ulp of the data) the lowest one. A point outside Δ belongs
+            to the cell whose edges' lines it violates least; this is the nearest cell if the point is outside only by
+            rounding.
 
         Raises
         ------
         DomainError
-            Wrong shape or not finite.
+            The points have a wrong shape or are not finite.
         """
         points = finite("points", p)
         if points.ndim == 1 and self.dimension == 1:
@@ -117,13 +118,13 @@ class RegularDecomposition:
 def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomposition:
     """Decompose knots by the upper faces of the convex hull of the lifted knots (a_i, λ_i).
 
-    A knot belongs to the cell of every upper face it lies on, whether it is a vertex of that face or not; knots below
-    the upper hull belong to none. An affine lifting gives one cell.
+    A knot belongs to the cell of every upper face on which it lies, whether it is a vertex of that face or not; knots
+    below the upper hull do not belong to any cell. An affine lifting gives one cell.
 
     Parameters
     ----------
     knots : (n, d) float, or (n,) for d = 1
-        Knots a_i, in any order, d = 1 or 2. Among repeated knots only the highest count, all of them where equal.
+        Knots a_i, in any order, d = 1 or 2. Among repeated knots only the highest count, all of them if several are.
     lifting : (n,) float
         Values λ_i.
 
@@ -134,15 +135,15 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     Raises
     ------
     DomainError
-        Shapes that disagree, values that are not finite, or knots all on one line (at one place for d = 1).
+        Shapes disagree, values are not finite, or all knots lie on one line (at one place for d = 1).
 
     Notes
     -----
-    The hull is computed exactly, in integers: floats are binary fractions. Then simplices that rounding of the input
-    has split are joined, the largest first: a knot lies on a face within `GAP_TOLERANCE` of the lifting's
-    range plus what `ROUNDING_ULPS` of the data may do there. Gaps in between are decided one way or
-    the other, but cells are joined only into convex polygons, so that they tile Δ in any case.
-    Quickhull, O(n log n) on average: 60 knots take about 10 ms, 1000 about 0.3 s.
+    The hull is computed exactly, in integers, since floats are binary fractions. Simplices split by rounding of the
+    input are then joined, the largest first: a knot lies on a face within `GAP_TOLERANCE` of the lifting's range plus
+    the effect of `ROUNDING_ULPS` of the data. Gaps near this bound may be decided either way, but cells are joined only
+    into convex polygons, so that they always tile Δ. Quickhull, O(n log n) on average: 60 knots take about 10 ms, 1000
+    about 0.3 s.
 
     References
     ----------
@@ -171,7 +172,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
 
 
 def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
-    """Join the knots that are neighbours along the borders of the cells: the control net that a lifting induces.
+    """The control net that a lifting induces: it joins knots that are neighbours along the borders of the cells.
 
     Parameters
     ----------
@@ -180,8 +181,8 @@ def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
     Returns
     -------
     list of (int, int)
-        Pairs of knot indices, ascending, sorted, each once; for d = 1 the control polygon. Knots inside a cell
-        are in none; of knots at the same place the lowest index stands for all.
+        Pairs of knot indices, ascending, sorted, each once; for d = 1 the control polygon. Knots inside a cell are left
+        out; the lowest index stands for all knots at the same place.
     """
     knots = decomposition.knots - decomposition.knots[0]
     tolerance = knot_tolerance(decomposition.knots)
@@ -208,7 +209,7 @@ def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
 
 
 def lifting_of_knot(n: int, k: int) -> FloatArray:
-    """(n,) lifting that is 1 at knot k, else 0: its degeneration is the limit ω_k → ∞ (property (g))."""
+    """(n,) lifting that is 1 at knot k and 0 at the others: its degeneration is the limit ω_k → ∞ (property (g))."""
     if not 0 <= k < n:
         raise DomainError(f"knot: expected an index from 0 to {n - 1}, got {k}")
     return read_only(np.arange(n) == k)

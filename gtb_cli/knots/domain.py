@@ -20,10 +20,10 @@ EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
 
 PARAMETER_ULPS = 4
-"""Units in the last place of the data within which a parameter is taken to lie on an edge, inside or outside."""
+"""Units in the last place of the data within which a parameter, inside or outside, counts as on an edge."""
 
 EXTENT_RANGE = (1e-100, 1e100)
-"""Sizes of Δ, and edge scales, between which no product of two over- or underflows."""
+"""Limits for the size of Δ, and for edge scales: products of two neither overflow nor underflow."""
 
 CANCELLING_DISTANCE = 2.0**-10
 """Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
@@ -49,7 +49,7 @@ class Domain:
     heights : (n, r) float
         The exponents h_j(a_i), exactly 0 where `incidence` holds.
     edge_normals, edge_scale
-        What the normals' lengths were made from, as given to `domain`.
+        The choice of the normals' lengths, as given to `domain`.
 
     References
     ----------
@@ -75,7 +75,7 @@ class Domain:
 
     @cached_property
     def center(self) -> FloatArray:
-        """(d,): middle of the bounding box, subtracted before knots are multiplied by anything."""
+        """(d,) middle of the bounding box, subtracted before knots are multiplied by anything."""
         return np.asarray((self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2, dtype=np.float64)
 
     @cached_property
@@ -113,27 +113,27 @@ class Domain:
 
         Notes
         -----
-        The relative error is below 1e-12 however near the edge is, and a few roundings for edges along an axis: within
-        `CANCELLING_DISTANCE` of a slanted one the distance is computed from exact differences.
+        The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis:
+        within `CANCELLING_DISTANCE` of a slanted edge the distance is computed from exact differences.
         """
         return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
 
     def columns(self, u: ArrayLike) -> FloatArray:
-        """Return parameters as (m, d), as `grid` does."""
+        """Return parameters as (m, d), like `grid`."""
         return self.grid(u)[0]
 
     def grid(self, u: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-        """Return parameters as (m, d), and the shape of the grid that they were given in.
+        """Return parameters as (m, d), and the shape of the grid in which they were given.
 
         Parameters
         ----------
         u : (…, d) float, or (…) for a curve
-            For a curve a last axis of length 1 is taken for d, unless it is the only one.
+            For a curve, a last axis of length 1 counts as d, unless it is the only axis.
 
         Raises
         ------
         DomainError
-            The last axis has another length, or these are not numbers.
+            The last axis has another length, or the values are not numbers.
         """
         try:
             array = np.asarray(u, dtype=np.float64)
@@ -145,12 +145,12 @@ class Domain:
             raise DomainError(f"parameters: expected shape (…, 2), as those of a surface, got {array.shape}")
         return array.reshape(-1, self.dimension), array.shape[:-1]
 
-    @np.errstate(over="ignore", invalid="ignore")  # of infinite parameters, which are refused
+    @np.errstate(over="ignore", invalid="ignore")  # from infinite parameters, which are refused
     def heights_of_columns(self, u: FloatArray, first: int = 0, faces: IntArray | None = None) -> FloatArray:
         """(r, m) edge functions of (m, d) parameters.
 
-        `first` is the index of the first parameter in messages. `faces`, numbers of faces, says where parameters are
-        known to lie, whatever rounding has made of them.
+        `first` is the index of the first parameter in messages. `faces` has the numbers of the faces on which
+        parameters are known to lie, despite rounding.
         """
         h = np.zeros((len(self.vertices), len(u)))
         for axis, coordinates in enumerate(np.ascontiguousarray(u.T)):
@@ -182,7 +182,7 @@ class Domain:
         raise DomainError(f"parameters[{index}]: ({place}) is outside the domain, by up to {beyond:.3g}")
 
     def nearest_edge(self, heights: FloatArray) -> IntArray:
-        """(m,) index of the edge nearest to each point, from its (r, m) edge functions."""
+        """(m,) index of the edge nearest to each point, from (r, m) edge functions."""
         edge = np.zeros(heights.shape[1], dtype=np.int64)
         least = heights[0] / self.normal_lengths[0]
         for j in range(1, len(heights)):
@@ -209,17 +209,17 @@ class Domain:
 
     @cached_property
     def normal_lengths(self) -> FloatArray:
-        """(r,): |s_j ξ_j|, which turns edge functions into distances."""
+        """(r,) |s_j ξ_j|, which turns edge functions into distances."""
         return np.asarray(np.sqrt((self.normals**2).sum(axis=1)))
 
     @cached_property
     def _near(self) -> FloatArray:
-        """(r,): edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
+        """(r,) edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
         return np.asarray(np.where(slanted, CANCELLING_DISTANCE * self.size, self.tolerance) * self.normal_lengths)
 
     def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
-        """Signed distance of u[k] from edge edges[k], with a relative error of a few roundings."""
+        """(m,) signed distances of u[k] from edge edges[k], with a relative error of a few roundings."""
         if self.dimension == 1:
             return np.asarray(np.sign(self.normals[edges, 0]) * (u[:, 0] - self.vertices[edges, 0]))
         start, end = self.vertices[edges], self.vertices[(edges + 1) % len(self.vertices)]
@@ -235,9 +235,9 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     knots : (n, d) float, or (n,) for d = 1
         Real knots a_i, in any order, repetitions allowed.
     edge_normals : {"auto", "unit", "primitive"}
-        Length of the normals ξ_j: unit; primitive integer vectors (the paper's choice for lattice polygons), for
-        which all corners of Δ must be integer points; "auto" is primitive where that is so, else unit.
-        For d = 1 all are the same.
+        Length of the normals ξ_j: unit, or that of primitive integer vectors (the paper's choice for lattice polygons),
+        which requires integer corners of Δ. "auto" is primitive if the corners are integers, otherwise unit. For d = 1
+        all are the same.
     edge_scale : float or (r,) float
         Further positive factors s_j; for d = 1 these are k_0, k_1.
 
@@ -248,7 +248,8 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     Raises
     ------
     DomainError
-        Knots of wrong shape, not finite, or on one line (one point for d = 1); wrong number or sign of the factors.
+        The knots have a wrong shape, are not finite, or lie on one line (one point for d = 1), or the factors have a
+        wrong number or sign.
 
     References
     ----------
@@ -289,7 +290,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     tolerance = knot_tolerance(points)
     incidence = heights <= tolerance * lengths
     if points.shape[1] == 2:
-        # Two edges have their corner in common and nothing else, however sharp it is.
+        # Two edges have only their corner in common, however sharp it is.
         for i in np.flatnonzero(incidence.sum(axis=1) > 1).tolist():
             gaps = np.abs(difference[i]).max(axis=1)
             corner = int(gaps.argmin())
@@ -345,5 +346,5 @@ def _two_product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _leading_half(a: FloatArray) -> FloatArray:
-    scaled = 134217729.0 * a  # 2**27 + 1 splits 53 bits in halves
+    scaled = 134217729.0 * a  # 2**27 + 1 splits 53 bits into halves
     return np.asarray(scaled - (scaled - a))

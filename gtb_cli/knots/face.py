@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 
 INTERIOR = 0
-"""Number of Δ itself among its faces: that of points which are on no edge."""
+"""Number of Δ itself among its faces, and thus of points that do not lie on an edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,15 +21,15 @@ class Face:
     Attributes
     ----------
     number : int
-        Place in `Faces`, by which arrays name faces.
+        Index in `Faces`, by which arrays refer to faces.
     dimension : int
-        That of Δ for Δ itself; 1 for an edge, 0 for a corner.
+        Dimension of Δ for Δ itself, 1 for an edge, 0 for a corner.
     index : int
         Edge j or corner k of Δ; 0 for Δ itself.
     knots : (n,) bool
-        Which knots lie on it.
+        Whether each knot lies on the face.
     facets : (g,) int
-        The edges (for a curve, ends) that contain it: their edge functions vanish on it.
+        The edges (for a curve, ends) that contain the face: their edge functions vanish on it.
     """
 
     number: int
@@ -51,7 +51,7 @@ class Face:
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """All faces of Δ, by number: Δ itself, its r edges, then its r corners; of a curve, Δ itself and its two ends.
+    """All faces of Δ, by number: Δ itself, its r edges, then its r corners; for a curve, Δ itself and its two ends.
 
     Parameters
     ----------
@@ -66,24 +66,24 @@ class Faces:
 
     @property
     def edges(self) -> IntArray:
-        """(r,) numbers of the edges; of a curve, those of its ends."""
+        """(r,) numbers of the edges; for a curve, of its ends."""
         return 1 + np.arange(self.incidence.shape[1])
 
     @property
     def corners(self) -> IntArray:
-        """(r,) numbers of the corners; of a curve, those of its ends."""
+        """(r,) numbers of the corners; for a curve, of its ends."""
         return self.edges + (len(self.edges) if self.dimension == 2 else 0)
 
     @cached_property
     def knots(self) -> BoolArray:
-        """(faces, n): which knots lie on each face."""
+        """(faces, n) whether a knot lies on a face."""
         edges = self.incidence.T
         corners = [edges & np.roll(edges, 1, axis=0)] if self.dimension == 2 else []
         return np.concatenate([np.ones_like(edges[:1]), edges, *corners])
 
     @cached_property
     def vanishing(self) -> BoolArray:
-        """(faces, r): which edge functions are zero on each face."""
+        """(faces, r) whether an edge function is zero on a face."""
         edges = np.eye(self.incidence.shape[1], dtype=bool)
         corners = [edges | np.roll(edges, -1, axis=1)] if self.dimension == 2 else []
         return np.concatenate([np.zeros_like(edges[:1]), edges, *corners])
@@ -107,15 +107,15 @@ class Faces:
         return self._all[number]
 
     def edge(self, j: int) -> Face:
-        """Edge j; of a curve, end j."""
+        """Edge j; for a curve, end j."""
         return self._all[int(self.edges[j])]
 
     def corner(self, k: int) -> Face:
-        """Corner k; of a curve, end k."""
+        """Corner k; for a curve, end k."""
         return self._all[int(self.corners[k])]
 
     def at(self, heights: FloatArray) -> IntArray:
-        """(m,) numbers of the faces whose relative interiors hold points, from the zeros of (r, m) edge functions."""
+        """(m,) number of the face with each point in its relative interior, from the zeros of (r, m) edge functions."""
         zero = heights == 0
         count = zero.sum(axis=0)
         edge = zero.argmax(axis=0)
@@ -128,6 +128,6 @@ class Faces:
         return found
 
     def smallest(self, knots: int | Sequence[int]) -> Face:
-        """Find the smallest face that contains some knots."""
+        """The smallest face that contains the given knots."""
         holds = self.knots[:, np.atleast_1d(knots)].all(axis=1)
         return self._all[int(np.flatnonzero(holds)[-1])]

@@ -1,4 +1,4 @@
-"""Differences about a knot: coordinates in which the knots that dominate are exactly 0, so that no digits are lost."""
+"""Differences about a knot: coordinates in which dominant knots are exactly 0, so that no digits are lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 
 PARALLEL_SINE = 1e-12
-"""Sine of the angle below which two unit vectors give no normal: a few thousand roundings."""
+"""Sine of the angle, a few thousand roundings, below which two unit vectors do not define a normal."""
 
 COINCIDENT_ULPS = 8
 """Units in the last place of the largest coordinate by which control points meant to be equal may differ."""
@@ -23,12 +23,12 @@ class Frame(NamedTuple):
     Attributes
     ----------
     along, across : (n, n) float
-        Coordinates of knot i along and across the line from knot k to knot j, each up to a positive factor for each j;
-        positive to the left. Exactly 0 across for the knots on that line, in particular for those on an edge.
+        Coordinates of knot i along and across the line from knot k to knot j, up to positive factors for each j;
+        positive to the left. `across` is exactly 0 for the knots on that line, in particular for those on an edge.
     lengths : (n,) float
         Distances from knot k.
     away : (a,) int
-        The knots that are not at the place of knot k, to rounding.
+        The knots that are not at the place of knot k, up to rounding.
     """
 
     along: FloatArray
@@ -38,7 +38,7 @@ class Frame(NamedTuple):
 
 
 def frame(shape: Domain, k: int) -> Frame:
-    """Lay coordinates of a surface's knots about knot k."""
+    """Coordinates of a surface's knots about knot k."""
     steps = shape.knots - shape.knots[k]
     lengths = np.hypot(steps[:, 0], steps[:, 1])
     tolerance = knot_tolerance(shape.knots)
@@ -53,10 +53,10 @@ def frame(shape: Domain, k: int) -> Frame:
 
 
 def coordinate_rounding(points: FloatArray) -> float:
-    """Distance within which points are meant to be equal."""
+    """Distance within which points count as equal."""
     return COINCIDENT_ULPS * EPS * float(np.abs(points).max())
 
 
 def cleared(differences: FloatArray, rounding: float) -> FloatArray:
-    """Differences of points, with exact zeros for what may be rounding."""
+    """Differences of points, with exact zeros in place of possible rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)

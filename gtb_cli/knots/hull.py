@@ -1,4 +1,4 @@
-"""Convex polygons: the hull of the knots, depths in it, and within what distance knots are equal or on one line."""
+"""Convex polygons: the hull of the knots, depths in it, and the distance within which knots are equal or collinear."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ KNOT_TOLERANCE = 1e-12
 input (sums, square roots, 17-digit decimals), and far below any distance a person would type."""
 
 KNOT_ULPS = 8
-"""Units in the last place of the largest coordinate by which knots meant to be collinear may miss; this is
-what counts for knots far from the origin."""
+"""Units in the last place of the largest coordinate by which knots meant to be collinear may be off; this tolerance
+decides for knots far from the origin."""
 
 
 def knot_tolerance(points: FloatArray) -> float:
-    """Distance within which (n, d) knots are taken to be collinear or equal."""
+    """Distance within which (n, d) knots count as collinear or equal."""
     size = float(np.ptp(points, axis=0).max())
     return float(KNOT_TOLERANCE * size + KNOT_ULPS * EPS * np.abs(points).max())
 
@@ -36,7 +36,7 @@ def convex_hull(points: FloatArray) -> IntArray:
     -------
     (r,) int
         Counter-clockwise from the lowest, then leftmost, corner. Points within `knot_tolerance` of
-        an edge are not corners; among equal points the first is taken.
+        an edge are not corners; the first of equal points is taken.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def convex_hull(points: FloatArray) -> IntArray:
 
     hull = chain(order)[:-1] + chain(order[::-1])[:-1]
 
-    # The strict hull still has corners that stick out by rounding only: drop the flattest while there is one.
+    # The strict hull still has corners that stick out only by rounding: drop the flattest while one is left.
     def flatness(k: int) -> float:
         a, b, c = hull[k - 1], hull[k], hull[(k + 1) % len(hull)]
         return abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
@@ -81,7 +81,7 @@ def convex_hull(points: FloatArray) -> IntArray:
 
 
 def border_of(polygon: Sequence[int]) -> list[tuple[int, int]]:
-    """Directed edges of a polygon; of a segment, the segment."""
+    """Directed edges of a polygon; for a segment, the segment itself."""
     if len(polygon) == 2:
         return [(polygon[0], polygon[1])]
     return list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))

@@ -1,7 +1,7 @@
-"""What the moment maps of one set of knots share, whatever their weights: the hull, and the last cells.
+"""Data that the moment maps of one set of knots share for all weights: the hull, and the last cells.
 
-The patches of a family, and the parts of each, differ in their weights only, mostly with the same regular
-decomposition: to find it anew for each took half the time of a sequence of coarse meshes.
+The patches of a family, and their parts, differ only in their weights and mostly have the same regular decomposition.
+Finding it anew for each took half the time of a sequence of coarse meshes.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposit
 from gtb_cli.knots.domain import Domain, domain
 
 START_FLOOR = 1e-17
-"""Distance from an edge, as a fraction of the next layer's, from which points nearer still are started."""
+"""Smallest distance from an edge used for a start, as a fraction of the next layer's: nearer points start there."""
 
 HULLS = 1024
-"""Sets of knots of which the hull and the last cells are kept: the patches of a family differ in their weights only."""
+"""Number of sets of knots whose hull and last cells are kept: the patches of a family differ only in their weights."""
 
 COMPARED = 1_000_000
-"""Pairs of a cell and a knot up to which it is asked whether the last cells are those of other weights, too."""
+"""Largest number of pairs of a cell and a knot for which the last cells are tested with other weights."""
 
 ON_PLANE = 1e-13
-"""How far a cell's lifted knots may be from its plane, as a fraction of its values, and be the cell's without doubt."""
+"""Distance from a cell's plane, as a fraction of its values, within which a lifted knot clearly belongs to the cell."""
 
 CLEARLY_BELOW = 1e-9
-"""How far all others must be below it, so that no rounding can make them the cell's: what was solved before must not
-change any digit."""
+"""Depth below the plane beyond which rounding cannot make a knot the cell's: earlier results must not change any
+digit."""
 
 
 class LayerStarts:
-    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: torus coordinates of p as if only the nearest layers of knots counted.
+    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: torus coordinates of p if only the nearest layers of knots counted.
 
     Parameters
     ----------
     shape : Domain
-        The hull; δ_j is the distance of the knots nearest to edge j, but not on it.
+        The hull; δ_j is the distance from edge j to the nearest knots not on it.
     """
 
     def __init__(self, shape: Domain) -> None:
@@ -63,7 +63,7 @@ class LayerStarts:
 
 
 class Hull:
-    """The hull of unit knots, and the cells of the weights that were asked for last."""
+    """The hull of unit knots, and the cells of the weights used last."""
 
     def __init__(self, shape: Domain) -> None:
         self.shape, self.starts = shape, LayerStarts(shape)
@@ -71,7 +71,7 @@ class Hull:
 
 
 class CellStarts:
-    """Starts as of `LayerStarts` in a cell with (n, d) knots, in their coordinates."""
+    """The starts of `LayerStarts` for a cell with (n, d) knots, in their coordinates."""
 
     def __init__(self, knots: FloatArray) -> None:
         self.knots, self.extents, self.origin = knots, extents_of(knots), origin_of(knots)
@@ -102,14 +102,15 @@ def extents_of(knots: FloatArray) -> FloatArray:
 
 
 def origin_of(knots: FloatArray) -> FloatArray:
-    """(d,): 0 in coordinates of (n, d) knots where zeros are exact, as over an edge; else the middle of the hull."""
+    """(d,) 0 in coordinates of (n, d) knots whose zeros are exact, as over an edge; otherwise the middle of the
+    hull."""
     low, high = knots.min(axis=0), knots.max(axis=0)
     far = np.maximum(np.abs(low), np.abs(high)) > 4 * extents_of(knots)
     return np.where(far, (low + high) / 2, 0.0)
 
 
 def cells_with_gradients(hull: Hull, knots: FloatArray, w: FloatArray) -> tuple[tuple[CellStarts, FloatArray], ...]:
-    """The cells of the regular decomposition of unit knots that (n,) values induce, with their gradients."""
+    """The cells of the regular decomposition that (n,) values induce on unit knots, with their gradients."""
     cells = hull.cells  # other threads may change it
     planes = None if cells is None else cells.gradients(w)
     if cells is None or planes is None:
@@ -139,7 +140,7 @@ class _Cells:
         return _Cells(knots, cells, corners, order, [CellStarts(knots[list(cell)]) for cell in cells])
 
     def gradients(self, w: FloatArray) -> FloatArray | None:
-        """(c, d) gradients of the lifted cells, if (n,) values have clearly the same cells; else None."""
+        """(c, d) gradients of the lifted cells, if (n,) values clearly have the same cells; otherwise None."""
         if len(self.cells) * len(w) > COMPARED:
             return None
         affine = np.column_stack([self.knots, np.ones(len(w))])
@@ -158,5 +159,6 @@ class _Cells:
 
 
 def _spanning(polygon: tuple[int, ...]) -> tuple[int, ...]:
-    """Corners of a cell that are not on a line: of a polygon, three that are far apart."""
+    """Corners of a cell that are not collinear: both ends of a segment, three corners of a polygon that are far
+    apart."""
     return polygon if len(polygon) == 2 else (polygon[0], polygon[len(polygon) // 3], polygon[2 * len(polygon) // 3])

@@ -1,4 +1,4 @@
-"""Lattices of knots, on which a patch is a classical Bézier patch, and the coefficients that make it one."""
+"""Lattices of knots, and the coefficients that make a patch on them a classical Bézier patch."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ MAX_BINOMIAL_DEGREE = 1029
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A direction of a lattice: that of a segment or triangle, or one of the two of a parallelogram.
+    """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram.
 
     Attributes
     ----------
     degree : int
     shares : (n, e) float
-        Barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3); the first is that of its
-        first corner.
+        Barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3), beginning with its first
+        corner.
     steps : (e − 1, d) float
-        From a knot to the next ones, towards the other corners.
+        Steps from a knot to the next ones, towards the other corners.
     """
 
     degree: int
@@ -38,12 +38,12 @@ class Direction:
 
     @property
     def places(self) -> IntArray:
-        """(n, e) whole numbers i with the sum k, knots being at the barycentric coordinates i/k."""
+        """(n, e) whole numbers i with sum k; the knots have the barycentric coordinates i/k."""
         return np.rint(self.degree * self.shares).astype(np.int64)
 
     @property
     def offsets(self) -> FloatArray:
-        """(n,) how far each knot is off the lattice, in steps."""
+        """(n,) distance of each knot from the lattice, in steps."""
         scaled = self.degree * self.shares
         return np.asarray(np.abs(scaled - np.rint(scaled)).max(axis=1))
 
@@ -54,8 +54,8 @@ def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
     Returns
     -------
     tuple of Direction, or None
-        None unless the knots are all points of such a lattice, each once, within `LATTICE_TOLERANCE`. The directions
-        of a parallelogram run along edge 0 and along edge 3.
+        The directions, if the knots are all points of such a lattice, each once, within `LATTICE_TOLERANCE`; otherwise
+        None. The directions of a parallelogram run along edge 0 and along edge 3.
 
     References
     ----------
@@ -68,13 +68,13 @@ def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
 def binomial_coefficients(domain: Domain) -> FloatArray:
     """Return the coefficients that make a lattice patch a classical Bézier curve, triangle or tensor product.
 
-    ``k!/∏ i_j!`` where the knots are all ``(i_0, …, i_d)/k`` in barycentric coordinates of a segment or triangle;
-    ``C(k, i) C(l, j)`` where they are all ``(i/k, j/l)`` of a rectangle or any other parallelogram.
+    ``k!/∏ i_j!`` if the knots are all ``(i_0, …, i_d)/k`` in barycentric coordinates of a segment or triangle; ``C(k,
+    i) C(l, j)`` if they are all ``(i/k, j/l)`` of a rectangle or any other parallelogram.
 
     Parameters
     ----------
     domain : Domain
-        Its knots in any order, at any place and scale.
+        Its knots may have any order, place and scale.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
     Raises
     ------
     DomainError
-        The knots are not those of a lattice (see `lattice_of`), or the coefficients are beyond the range of floats.
+        The knots do not form a lattice (see `lattice_of`), or the coefficients are beyond the range of floats.
 
     References
     ----------
@@ -106,9 +106,9 @@ def binomial_coefficients(domain: Domain) -> FloatArray:
 
 
 def _directions(domain: Domain) -> tuple[Direction, ...]:
-    """The directions that a lattice of this shape and number of knots would have; none of another shape."""
+    """The directions of a lattice with this shape and number of knots; empty if no lattice has this shape."""
     v, n = domain.vertices, len(domain.knots)
-    # An edge function, over its largest value, is the share of what lies opposite: a corner, or the other edge.
+    # An edge function divided by its maximum is the share of the opposite corner or edge.
     shares = domain.heights / domain.heights.max(axis=0)
     if len(v) == 2:
         return (Direction(n - 1, shares[:, [1, 0]], (v[1:] - v[0]) / (n - 1)),)
@@ -125,7 +125,7 @@ def _directions(domain: Domain) -> tuple[Direction, ...]:
 
 
 def _fault(domain: Domain, directions: tuple[Direction, ...]) -> str:
-    """What is missing for a lattice, or nothing."""
+    """Say what is missing for a lattice; empty if nothing is."""
     n = len(domain.knots)
     if not directions:
         return f"a curve, triangle or parallelogram, got {len(domain.vertices)} edges"

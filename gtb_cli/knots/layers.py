@@ -1,4 +1,4 @@
-"""Layers of knots: those equally far from an edge, whose shares vanish together towards it."""
+"""Layers of knots at equal distance from an edge, whose shares vanish together towards it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 
 LAYER = 1e-9
-"""Knots whose distances from an edge differ by less than this fraction of the hull's size are one layer of it."""
+"""Fraction of the hull's size: knots whose distances from an edge differ by less form one layer."""
 
 
 def layers(heights: FloatArray) -> Iterator[IntArray]:
@@ -20,7 +20,7 @@ def layers(heights: FloatArray) -> Iterator[IntArray]:
 
 
 def ranks(values: FloatArray) -> IntArray:
-    """Numbers of layers, lowest first: equal where values are."""
+    """The number of each value's layer, lowest first; equal values have equal numbers."""
     order = np.argsort(values, kind="stable")
     result = np.empty(len(values), dtype=np.int64)
     result[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > LAYER * values.max())])

@@ -1,7 +1,7 @@
-"""The inner vertices of a triangulation as lattices: what is sought at them is found on coarse ones first.
+"""The inner vertices of a triangulation as lattices, on which values are solved for on a coarse one first.
 
-Smooth values at every fourth vertex each way are interpolated to all others, along the columns of a lattice and then
-along its rows, so well that a step of Newton's method makes them right.
+Smooth values at every fourth vertex in each direction are interpolated to all others, along the columns of a lattice
+and then along its rows, so accurately that one step of Newton's method completes them.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 
 STRIDE = 4
-"""Steps of a lattice for one of the next coarser: with 3, more nodes are solved, with 6, polynomials are off."""
+"""Steps of a lattice per step of the next coarser one: 3 would solve more nodes, 6 would spoil the polynomials."""
 
 ORDER = 6
-"""Nodes of the polynomials along a line."""
+"""Number of nodes of the polynomials along a line."""
 
 COARSEST = 12
-"""Steps along a side that the next coarser lattice should have: near edges a coarser one would say little."""
+"""Fewest steps along a side of a coarser lattice: an even coarser one would say little near edges."""
 
 Solver: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
-"""Finds (2, m) values at (m, 2) points, from what they are nearly or from nothing."""
+"""Solves for (2, m) values at (m, 2) points, with or without approximate values to start from."""
 
 
 def _lagrange(first: int, places: ArrayLike) -> FloatArray:
-    """(ORDER, places) factors of values at consecutive nodes in those at places: Lagrange's polynomials."""
+    """(ORDER, places) values at places of Lagrange's polynomials for consecutive nodes."""
     nodes = first + np.arange(ORDER)
     ratio = (np.asarray(places) - nodes[:, None]) / (nodes[:, None] - nodes + np.eye(ORDER))[..., None]
     ratio[np.arange(ORDER), np.arange(ORDER)] = 1.0
@@ -41,25 +41,25 @@ def _lagrange(first: int, places: ArrayLike) -> FloatArray:
 
 
 BEFORE, AFTER = ORDER // 2 - 1, ORDER // 2 + 1
-"""How many nodes of a polynomial are before that which a place follows or is at, and beyond."""
+"""Numbers of nodes by which a line is extended before its first node and beyond its last."""
 
 BETWEEN = _lagrange(-BEFORE, np.arange(STRIDE) / STRIDE)
 AHEAD = _lagrange(0, np.arange(-BEFORE, 0))
 BEYOND = _lagrange(0, np.arange(ORDER, ORDER + AFTER))
-"""What makes the polynomials of the first cells of a line, and of the last, those of its first and last nodes."""
+"""Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """Lattices over equal parts of Δ, each ``origin + x along + y across + x y twist`` with whole x and y from 0.
+    """Lattices over equal parts of Δ: ``origin + x along + y across + x y twist`` with whole x and y from 0.
 
     Attributes
     ----------
     origin, along, across, twist : (c, 2) float
     last : int
-        Largest x, and largest y.
+        Largest x and y.
     triangular : bool
-        Whether only places with x + y ≤ `last` are meant.
+        Whether a lattice has only the places with x + y ≤ `last`.
     """
 
     origin: FloatArray
@@ -71,9 +71,10 @@ class Sheets:
 
     @cached_property
     def counts(self) -> IntArray:
-        """(rows,) vertices of each row in the order of `triangulation`, of all lattices together.
+        """(rows,) number of vertices in each row, in the order of `triangulation`, for all lattices together.
 
-        Several lattices are sectors, whose rows are rings: the inner ones come first, each with one end of each row.
+        If there are several lattices, they are sectors, and their rows form rings. Inner rings come first, and each
+        ring has one end of each sector's row.
         """
         if len(self.origin) > 1:
             return np.maximum(len(self.origin) * np.arange(self.last + 1), 1)
@@ -81,7 +82,7 @@ class Sheets:
 
     @property
     def is_worth_it(self) -> bool:
-        """Whether a coarser lattice says anything of this one."""
+        """Whether a coarser lattice helps with this one."""
         return self.last >= STRIDE * COARSEST
 
     @property
@@ -103,7 +104,7 @@ class Sheets:
         return values.reshape(2, *shape)
 
     def _points(self, place: IntArray) -> FloatArray:
-        """(m, 2) points of (m,) places, which are numbered by lattice, y and x."""
+        """(m, 2) points at (m,) places, numbered by lattice, y and x."""
         rest, x = np.divmod(place, self.last + 1)
         sheet, y = np.divmod(rest, self.last + 1)
         return np.stack(
@@ -115,19 +116,19 @@ class Sheets:
         )
 
     def lines(self, solve: Solver) -> FloatArray:
-        """(2, c, y, nodes) values at every `STRIDE`-th place of all rows, from those of a coarser lattice."""
+        """(2, c, y, nodes) values at every `STRIDE`-th place of all rows, from values on a coarser lattice."""
         ends = self.last - np.arange(self.last + 1) * self.triangular
         columns = _extended(np.swapaxes(self._coarse.solved(solve), 2, 3), ends[::STRIDE] // STRIDE)
         return _extended(np.swapaxes(_between(columns)[..., : self.last + 1], 2, 3), ends // STRIDE)
 
     def blocks(self, length: int) -> list[tuple[slice, slice]]:
-        """Rows of about so many vertices together, and the numbers of these vertices among all."""
+        """Ranges of rows with about `length` vertices, and the ranges of these vertices."""
         ends = np.concatenate([[0], np.cumsum(self.counts)])
         cuts = np.unique(np.append(np.searchsorted(ends, np.arange(0, ends[-1], length)), len(ends) - 1)).tolist()
         return [(slice(a, b), slice(int(ends[a]), int(ends[b]))) for a, b in itertools.pairwise(cuts)]
 
     def values(self, lines: FloatArray, rows: slice) -> FloatArray:
-        """(2, m) values at the vertices of some rows, nearly, in the order of `counts`."""
+        """(2, m) approximate values at the vertices of some rows, in the order of `counts`."""
         first, end, _ = rows.indices(len(self.counts))
         rings = len(self.origin) > 1
         chosen = lines[:, :, self.last + 1 - end : self.last + 1 - first][:, :, ::-1] if rings else lines[:, :, rows]
@@ -156,7 +157,7 @@ def sheets(domain: Domain, resolution: int) -> Sheets:
 
 
 def _extended(values: FloatArray, last: IntArray) -> FloatArray:
-    """(k, c, lines, nodes + ORDER) values along lines with some last nodes, and as many about as `_between` needs."""
+    """(k, c, lines, nodes + ORDER) values along lines up to given last nodes, extended as far as `_between` needs."""
     nodes = values.shape[-1]
     lines = np.zeros((*values.shape[:-1], nodes + ORDER))
     lines[..., BEFORE : BEFORE + nodes] = values

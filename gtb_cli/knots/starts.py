@@ -1,4 +1,4 @@
-"""Where Newton's method starts that inverts a moment map: torus coordinates of points of a hull, nearly."""
+"""Starts of Newton's method for inverting a moment map: approximate torus coordinates of points of a hull."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 
 PARTS = 64
-"""The box around Δ is cut into this many parts each way."""
+"""Number of parts of the box around Δ, in each direction."""
 
 COARSE = 8
-"""The same, for the parts of which nothing is known."""
+"""Number of coarse parts in each direction, used where the fine ones have no correction yet."""
 
 FARTHEST = 1.0
-"""Largest exponent by which the slope of a correction may move a start: beyond, it does not guide."""
+"""Largest exponent by which the slope of a correction may move a start: a larger move would mislead."""
 
 
 class Corrections:
-    """What the solutions of points of a polygon differ by from their starts, to start others near them with.
+    """Differences of solutions from their starts, remembered for points of a polygon to start nearby points better.
 
-    One point is remembered for each part of the box around the polygon, and the slope there. Parts are narrow along
-    the box's sides where a polygon has edges and corners: there, solutions go to infinity. With this table a million
-    points of the pentagon take 12 times as long as in the toric parametrisation, without it 15 (`make bench`).
+    One point, with the slope there, is remembered for each part of the box around the polygon. Parts are narrow along
+    the box's sides, where a polygon has edges and corners and solutions go to infinity. A million points of the
+    pentagon take 12 times as long as in the toric parametrisation with this table, and 15 times without it (`make
+    bench`).
 
     Parameters
     ----------
     low, high : (2,) float
-        Corners of the box. Its lower side is the edge that points are near to.
+        Corners of the box. Its lower side is the edge near the points.
     """
 
     def __init__(self, low: FloatArray, high: FloatArray) -> None:
@@ -37,7 +38,7 @@ class Corrections:
         self.slopes = np.zeros((2, 2, count))
 
     def part(self, p: FloatArray) -> IntArray:
-        """(m,) numbers of the parts that (2, m) points lie in."""
+        """(m,) numbers of the parts that contain (2, m) points."""
         along, over = (p - self.low[:, None]) / (self.high - self.low)[:, None]
         column = PARTS / np.pi * np.arccos(np.clip(1 - 2 * along, -1, 1))
         row = PARTS * np.sqrt(np.maximum(over, 0))
@@ -46,7 +47,7 @@ class Corrections:
         )
 
     def unknown(self, part: IntArray, uses: int) -> IntArray:
-        """The first points in parts of which nothing is known, and where so many points are at least."""
+        """The first point in each part without a correction and with at least `uses` points."""
         first = np.full(PARTS * PARTS, -1)
         first[part[::-1]] = np.arange(len(part))[::-1]
         chosen = (np.bincount(part, minlength=PARTS * PARTS) >= uses) & np.isnan(self.values[0, : PARTS * PARTS])
@@ -59,12 +60,12 @@ class Corrections:
             self.places[:, place], self.values[:, place], self.slopes[:, :, place] = p, values, slopes
 
     def _coarse(self, part: IntArray) -> IntArray:
-        """Numbers of the larger parts that contain some parts."""
+        """Numbers of the coarse parts that contain the given parts."""
         row, column = np.divmod(part, PARTS)
         return np.asarray(PARTS * PARTS + row * COARSE // PARTS * COARSE + column * COARSE // PARTS)
 
     def __call__(self, part: IntArray, p: FloatArray) -> FloatArray:
-        """(2, m) corrections at (2, m) points; 0 in parts of which nothing is known."""
+        """(2, m) corrections at (2, m) points; 0 in parts without one."""
         unknown = np.flatnonzero(np.isnan(self.values[0, part]))
         if len(unknown):
             part = part.copy()

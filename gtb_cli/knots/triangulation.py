@@ -1,4 +1,4 @@
-"""The domain cut into equal parts: parameters and cells whose order depends on the domain and the number alone."""
+"""The domain cut into equal parts: parameters and cells in an order that depends only on the domain and the number."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Triangulation:
     cells : (k, d + 1) int
         Counter-clockwise; segments ascending.
     boundary : (r, N) int
-        Vertices on each edge of Δ, from its first corner up to, not including, its last; for d = 1 the two ends.
+        Vertices on each edge of Δ, from its first corner, included, to its last, excluded; for d = 1 the two ends.
     """
 
     parameters: FloatArray
@@ -28,7 +28,7 @@ class Triangulation:
     boundary: IntArray
 
     def with_cut_beside(self, corner: int) -> Triangulation:
-        """Cut the side that the first vertex after a corner has with the inner vertex of their cell, in the middle."""
+        """Halve the side from the first vertex after a corner to the inner vertex of their cell."""
         first = corner * self.boundary.shape[1]
         at, after = self.boundary.ravel().take([first, first + 1], mode="wrap")
         cell = self.cells[(np.isin(self.cells, (at, after)).sum(axis=1) == 2).argmax()]
@@ -41,23 +41,23 @@ class Triangulation:
 
 
 def cell_count(domain: Domain, resolution: int) -> int:
-    """Number of cells of `triangulation`, without making it."""
+    """The number of cells of `triangulation`, without making it."""
     return cell_count_of(len(domain.vertices), resolution)
 
 
 def cell_count_of(corners: int, resolution: int) -> int:
-    """The same for a polygon that is known by its number of corners; a segment has 2."""
+    """The same for a polygon with a given number of corners; a segment has 2."""
     if corners == 2:
         return resolution
     return resolution**2 * {3: 1, 4: 2}.get(corners, corners)
 
 
 def triangulation(domain: Domain, resolution: int) -> Triangulation:
-    """Cut Δ into equal parts, `resolution` to an edge.
+    """Cut Δ into equal parts, `resolution` on each edge.
 
-    A segment into N; a triangle into N² similar triangles; a quadrilateral into an N × N grid of cells, each
-    with its diagonal the same way; any other polygon into its triangles around the centroid of the corners,
-    N² similar ones each. Vertices on the boundary lie on it to rounding, corners exactly.
+    A segment is cut into N; a triangle into N² similar triangles; a quadrilateral into an N × N grid of cells, all with
+    the same diagonal; any other polygon into triangles around the centroid of the corners, with N² similar triangles in
+    each. Vertices on the boundary lie on it to rounding, corners exactly.
     """
     n = resolution
     if domain.dimension == 1:
@@ -71,9 +71,9 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
 
 
 def central_triangulation(domain: Domain, resolution: int) -> Triangulation:
-    """Cut any polygon Δ, triangles and quadrilaterals too, into its triangles around the centroid, N² each.
+    """Cut any polygon Δ, even a triangle or quadrilateral, into triangles around the centroid, with N² cells in each.
 
-    No side of a cell joins two vertices on the boundary, but those that lie on it.
+    A side of a cell joins two vertices on the boundary only if it lies on the boundary itself.
     """
     return _with_exact_boundary(domain, *_sectors(domain.vertices, resolution))
 
@@ -131,7 +131,7 @@ def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
         column[0], column[1:] = middle, middle + (start * (1 - s) + end * s - middle) * t
     sectors, inner = np.arange(r)[:, None], 0
     for k in range(1, n + 1):
-        # From each vertex of the ring to the next one, with those inside; the last of them is the first.
+        # Join each vertex of the ring to the next one and to the ring inside; the first vertex follows the last.
         first = 1 + r * k * (k - 1) // 2
         here, after = (numbers[begin : begin + r * k].reshape(r, k) for begin in (first, first + 1))
         inside = numbers[inner : inner + k] + sectors * (k - 1)

@@ -1,4 +1,4 @@
-"""Upper faces of lifted knots: the simplices of their hull, joined where rounding of the input has split a face."""
+"""Upper faces of lifted knots: the simplices of their hull, joined again if rounding of the input split a face."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 from gtb_cli.knots.upper_hull import UpperHull, height, integers, upper_hull
 
 GAP_TOLERANCE = 1e-12
-"""A knot within this fraction of the lifting's range of a face lies on it: a thousand times below the gaps that
-are to be told apart (1e-9), a thousand times above the rounding of ordinary input. The range is what is left of
-the lifting when its best affine fit is removed, so that affine parts do not count."""
+"""A knot lies on a face if it is within this fraction of the lifting's range: a thousand times below the gaps to be
+distinguished (1e-9), a thousand times above the rounding of ordinary input. The range is that of the lifting without
+its best affine fit, so that affine parts do not count."""
 
 ROUNDING_ULPS = 2
-"""Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations
-of the caller. Beside `GAP_TOLERANCE` this is what counts far from the origin and under large affine parts."""
+"""Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations of
+the caller. This counts, besides `GAP_TOLERANCE`, far from the origin and under large affine parts."""
 
 EXACT_BITS = 32
-"""Numbers that are all multiples of the largest one's 2^-32 are taken at their word, as no rounded result looks like
-that by chance; where knots and lifting are such numbers (integers, say), no gap is forgiven."""
+"""Numbers that are all multiples of 2^-32 of the largest are taken as exact, since rounded results do not look like
+that by chance; if knots and lifting are such numbers (integers, say), gaps have no tolerance."""
 
 SLIVER_WIDTH = 2.0
-"""Width, in units of `knot_tolerance`, below which a triangle is rounding between knots meant to be collinear."""
+"""Width, in units of `knot_tolerance`, below which a triangle is due to rounding of knots meant to be collinear."""
 
 OUTLINE_GAP = 4.0
 """Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
@@ -37,17 +37,17 @@ hull."""
 
 @dataclass(frozen=True)
 class Lifted:
-    """Lifted knots as floats and, each axis in a power of two of its own, as exact integers."""
+    """Lifted knots as floats, and as exact integers, with a power of two as unit of each axis."""
 
     points: FloatArray
     heights: FloatArray
     exact: list[tuple[int, ...]]  # per knot: d coordinates, then the lifting
     exponents: tuple[int, ...]  # per axis: value = integer * 2**exponent
-    scale: int  # gaps are counted in units of 2**scale, in which no lifting exceeds 1
-    places: list[int]  # the knot standing for all at the same place: the highest, then the first
+    scale: int  # gaps have the unit 2**scale, in which no lifting exceeds 1
+    places: list[int]  # the knot that stands for all at the same place: the highest, then the first
     tolerance: float  # of places and collinearity
-    floor: float  # gap forgiven everywhere
-    rounding: tuple[float, ...]  # per axis of `exact`: what a value may be off by
+    floor: float  # gap tolerated everywhere
+    rounding: tuple[float, ...]  # per axis of `exact`: possible error of a value
 
     @property
     def dimension(self) -> int:
@@ -70,7 +70,7 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
         raise DomainError(f"knots: expected at least {d + 1}, got {n}")
     tolerance = knot_tolerance(points)
     if d == 2:
-        convex_hull(points)  # refuses a flat one
+        convex_hull(points)  # refuses a flat hull
     elif not np.ptp(points) > tolerance:
         raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g}")
 
@@ -111,7 +111,7 @@ def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[i
 
 
 class UpperFace:
-    """The plane of one simplex of the hull, and what joins it."""
+    """The plane of one simplex of the hull, and the simplices joined to it."""
 
     def __init__(self, lifted: Lifted, simplex: tuple[int, ...], plane: tuple[int, ...]) -> None:
         self.knots = set(simplex)
@@ -132,7 +132,7 @@ class UpperFace:
         )
 
     def holds(self, knot: int) -> bool:
-        """Whether a knot is on the plane, rounding forgiven."""
+        """Whether a knot is on the plane, within the tolerance."""
         lifted = self._lifted
         drop = -height(self._plane, lifted.exact[knot])
         if drop <= 0:
@@ -145,7 +145,7 @@ class UpperFace:
         return allowed > 0 and _quotient(drop, self._plane[-2], lifted.exponents[-1] - lifted.scale) <= allowed
 
     def holds_exactly(self, knot: int) -> bool:
-        """Whether a knot is on the plane."""
+        """Whether a knot is exactly on the plane."""
         return height(self._plane, self._lifted.exact[knot]) == 0
 
     def affine(self) -> tuple[list[float], float]:
@@ -171,7 +171,7 @@ def upper_faces(lifted: Lifted) -> list[UpperFace]:
 
 
 def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
-    """Join the simplices of each face, the largest first; slivers that no face takes are dropped."""
+    """Join the simplices of each face, the largest first; slivers that belong to no face are dropped."""
     faces: list[UpperFace] = []
     taken: set[int] = set()
     proper = _proper(lifted, hull.simplices)
@@ -179,7 +179,7 @@ def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
         if seed in taken or not proper[seed]:
             continue
         face = UpperFace(lifted, hull.simplices[seed], hull.planes[seed])
-        # The seed alone is convex in any case.
+        # The seed alone is always convex.
         for holds in (face.holds, face.holds_exactly, face.knots.__contains__):
             region = _region(hull, seed, taken, holds)
             polygon = _outline(lifted, [hull.simplices[f] for f in region])
@@ -195,7 +195,7 @@ def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
 
 
 def _region(hull: UpperHull, seed: int, taken: set[int], holds: Callable[[int], bool]) -> list[int]:
-    """Simplices that hang together with a seed, are not taken yet, and whose knots a face holds."""
+    """Simplices connected with a seed that are not taken yet and whose knots a face holds."""
     region, reached = [seed], {*taken, seed}
     for current in region:
         for other in hull.adjacent[current]:
@@ -206,7 +206,7 @@ def _region(hull: UpperHull, seed: int, taken: set[int], holds: Callable[[int], 
 
 
 def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
-    """Whether each simplex is thicker than rounding."""
+    """(m,) whether each simplex is thicker than rounding."""
     if lifted.dimension == 1:
         return np.ones(len(simplices), dtype=bool)
     corners = (lifted.points - lifted.points[0])[np.array(simplices)]
@@ -216,7 +216,7 @@ def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
 
 
 def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | None:
-    """Corners of the union of simplices if it is convex, else None."""
+    """Corners of the union of simplices if it is convex, otherwise None."""
     knots = sorted({i for simplex in simplices for i in simplex})
     points = lifted.points[knots]
     if lifted.dimension == 1:
@@ -250,7 +250,7 @@ def _share_knots(lifted: Lifted, faces: list[UpperFace]) -> None:
 
 
 def _insert_corner(points: FloatArray, polygon: list[int], corner: int) -> None:
-    """Put a neighbour's corner, straight to rounding, where it lies on the border of a polygon."""
+    """Insert a neighbour's corner into the side of a polygon on which it lies, to rounding."""
     start, sides = points[polygon], np.roll(points[polygon], -1, axis=0) - points[polygon]
     offsets = points[corner] - start
     lengths = np.hypot(sides[:, 0], sides[:, 1])

@@ -1,4 +1,4 @@
-"""The exact upper hull of lifted points, in integers: floats are binary fractions, so nothing is ever rounded."""
+"""The exact upper hull of lifted points, in integers: floats are binary fractions, so that nothing is rounded."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def integers(column: FloatArray) -> tuple[list[int], int]:
 
 
 def upper_hull(points: list[tuple[int, ...]], indices: list[int]) -> UpperHull:
-    """Upper hull of the points with these indices: d = 1 or 2 coordinates and a height, places pairwise different.
+    """The upper hull of the points with these indices: d = 1 or 2 coordinates and a height, at distinct places.
 
-    Points on a facet that are not its corners are left out; coplanar facets are not joined. Quickhull for d = 2,
+    Points on a facet that are not corners are left out; coplanar facets are not joined. Quickhull is used for d = 2,
     O(n log n) on average.
     """
     return _upper_chain(points, indices) if len(points[0]) == 2 else _upper_triangles(points, indices)
@@ -85,8 +85,8 @@ class _Facet:
 def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> UpperHull:
     """Quickhull of the lifted knots and `BELOW`, in integers.
 
-    Facets are visible from strictly above only, so that coplanar points never make a flat facet; facets on Δ's
-    boundary that come out vertical are dropped with the prism below.
+    Facets are visible only from strictly above, so that coplanar points never make a flat facet; vertical facets on Δ's
+    boundary are dropped with the prism below.
     """
     facet_at: dict[tuple[int, int], _Facet] = {}
 
@@ -127,7 +127,7 @@ def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> UpperHull
             for border in current.borders:
                 del facet_at[border]
         made = [facet((u, v, apex)) for u, v in horizon]
-        # What stays outside the hull and saw a facet that is gone sees one of those that replace it.
+        # A point outside the hull that saw a removed facet sees one of the new facets.
         assign([i for current in visible for i in current.above if i != apex], made)
         todo += made
 
