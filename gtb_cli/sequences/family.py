@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import COARSEST
+from gtb_cli.theory.basis import BLOCK_NUMBERS
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.joints import EdgeRef, Joint, Joints
+from gtb_cli.theory.moment import ACCEPTED
 from gtb_cli.theory.patch import Patch
 
 LAYERS = 4.0
@@ -26,6 +31,44 @@ LAYERS = 4.0
 
 STRAIGHT = 4.0
 """Multiple of `knot_tolerance` by which the corners of a cell and of its own hull may differ: the same knots."""
+
+MANY_VERTICES = 20_000
+"""Vertices from which on the points of each member fill arrays of their own: more are not followed from weight to
+weight."""
+
+TOGETHER = 32
+"""Largest number of members that are made together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Degeneration:
+    """What the members of a degeneration are made from.
+
+    Attributes
+    ----------
+    patch : Patch
+    gaps : (n, c) float
+        How far the lifting of each knot is below the plane of each cell, in the order of meshing.
+    logarithms : (k,) float
+        Of x, without sign, for all members but the limit.
+    faces : (c, f) int
+        Numbers of the faces of Δ that hold each face of each cell.
+    borders : (c, f) bool
+        Whether a face of a cell is a smaller one than that face of Δ.
+    knots : Places
+        Knots inside Δ that are no corners of cells: where these are near each other, members may have peaks.
+    """
+
+    patch: Patch
+    gaps: FloatArray
+    logarithms: FloatArray
+    faces: IntArray
+    borders: BoolArray
+    knots: Places
+
+    def places(self, mosaic: Complex) -> Places:
+        """Where the vertices of a complex over the cells are in Δ."""
+        return Places(mosaic.patch, mosaic.parameters, self.faces[mosaic.patch, mosaic.face])
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +85,14 @@ class Family:
     thickness : tuple of float
         For each member, as a fraction of Δ's size, how near to the boundary it differs from what it is inside; empty
         where none does.
+    degeneration : Degeneration or None
+        None for other families.
     """
 
     samplers: tuple[Sampler, ...]
     joints: Joints | None
     thickness: tuple[float, ...] = ()
+    degeneration: Degeneration | None = None
 
     @property
     def limit(self) -> Sampler:
@@ -118,7 +164,15 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
         # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
         whole = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
         members.append(Sampler(cells, "linear", True, wholes=whole, faces=faces))
-    return Family((*members, Sampler(cells, "linear", True)), joints)
+    degeneration = Degeneration(
+        patch,
+        np.stack(gaps, axis=1),
+        np.array(logarithms, dtype=np.float64),
+        faces,
+        _borders(patch.domain, cells, faces),
+        _other_knots(patch.domain, decomposition, order),
+    )
+    return Family((*members, Sampler(cells, "linear", True)), joints, degeneration=degeneration)
 
 
 def _linear(patch: Patch) -> Sampler:
@@ -178,6 +232,68 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
         for face, knots in enumerate(parts, start=1):
             table[cell, face] = shape.faces.smallest(knots).number
     return table
+
+
+def _other_knots(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> Places:
+    """Where the knots inside Δ are that are no corners of cells."""
+    corners = np.concatenate([np.array(polygon) for polygon in decomposition.polygons])
+    others = np.setdiff1d(np.flatnonzero(~shape.incidence.any(axis=1)), corners)
+    cell = np.argsort(order)[decomposition.locate(shape.knots[others])] if len(others) else others
+    return Places(cell, shape.knots[others], np.full(len(others), INTERIOR))
+
+
+def _borders(shape: Domain, cells: Sequence[Patch], faces: IntArray) -> BoolArray:
+    """(cells, faces) whether each face of each cell is a smaller one than the face of Δ that holds it."""
+    whole = np.array([face.dimension for face in shape.faces])[faces]
+    own = np.full(faces.shape, shape.dimension)
+    for row, cell in zip(own, cells, strict=True):
+        row[: len(cell.domain.faces)] = [face.dimension for face in cell.domain.faces]
+    return np.asarray(own < whole)
+
+
+@dataclass(frozen=True, eq=False)
+class Vertices:
+    """The vertices of a complex on the members of a family.
+
+    Parameters
+    ----------
+    family : Family
+    mosaic : Complex
+    """
+
+    family: Family
+    mosaic: Complex
+
+    def __iter__(self) -> Iterator[list[FloatArray]]:
+        """(v, 3) points of some members at a time, in order, without the limit."""
+        members = self.family.samplers[:-1]
+        solved = self._continuation
+        count = TOGETHER
+        if solved is not None and self.family.degeneration is not None:
+            knots = len(self.family.degeneration.gaps)
+            count = min(max(BLOCK_NUMBERS // (knots * solved.count), 1), TOGETHER)
+        for first in range(0, len(members), count):
+            samplers = members[first : first + count]
+            if solved is None or self.family.degeneration is None:
+                yield from ([self.sampled(sampler)] for sampler in samplers)
+                continue
+            points, known = solved.at(self.family.degeneration.logarithms[first : first + count], ACCEPTED)
+            for place, found, sampler in zip(points, known, samplers, strict=True):
+                rows = np.flatnonzero(~found)
+                if len(rows):
+                    place[rows] = self.sampled(sampler, rows)
+            yield list(points)
+
+    def sampled(self, sampler: Sampler, rows: IntArray | slice = slice(None)) -> FloatArray:
+        """(m, 3) points of one member at some vertices, or all."""
+        return sampler.points(self.mosaic.patch[rows], self.mosaic.parameters[rows], self.mosaic.face[rows])
+
+    @cached_property
+    def _continuation(self) -> Continuation | None:
+        one = self.family.degeneration
+        if one is None or not len(one.logarithms) or len(self.mosaic.patch) > MANY_VERTICES:
+            return None
+        return Continuation(one.patch, one.gaps, one.places(self.mosaic), float(one.logarithms.max()))
 
 
 def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:

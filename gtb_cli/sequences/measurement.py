@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.errors import ToleranceError
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
+from gtb_cli.sequences.separation import Separation
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.lattice import POINTS_IN_ALL
 from gtb_cli.tessellation.refinement import refine
@@ -20,6 +25,13 @@ FILM_ACCURACY = 0.25
 
 COARSEST_MEASURED = 4
 """Least segments along each edge of the meshes that are measured."""
+
+CELLS_SEARCHED = 512
+"""Roughly the cells of the complex from whose vertices and middles distances between surfaces are looked for."""
+
+MANY_PLACES = 2500
+"""Its vertices and middles of cells from which on all their distances from each other take too much memory: meshes are
+measured instead."""
 
 MEASURED_FACES = 200_000
 """More are not made for measuring; then distances are between coarser meshes."""
@@ -37,11 +49,14 @@ class Accuracy:
         Roughly what those meshes start from.
     points_in_all : int
         See `refine`.
+    relative : float
+        Relative error of a distance that is found on the surfaces themselves: three digits are right.
     """
 
     chord_error: float
     cells: int
     points_in_all: int = POINTS_IN_ALL
+    relative: float = 5e-4
 
 
 ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
@@ -50,6 +65,9 @@ ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
 
 class Measurement:
     """Distances of surfaces from a limit.
+
+    The members of a degeneration are measured on the surfaces themselves, see `Separation`. Other surfaces, those whose
+    cells have thin ones among them or are many, are measured between meshes.
 
     Both are meshed with the same triangulation, refined until either mesh is within a chord error of its surface, and
     the Hausdorff distance between the meshes is taken (`surface_distance`: between cells, not vertices). So it is
@@ -60,16 +78,49 @@ class Measurement:
     def __init__(self, family: Family, film: Mesh | None, accuracy: Accuracy) -> None:
         self.family, self.film, self.accuracy = family, film, accuracy
         self.starts: dict[float, tuple[Complex, str]] = {}
-        share = accuracy.cells / family.cell_count(1)
-        self.resolution = max(COARSEST_MEASURED, math.floor(share ** (1 / family.dimension)))
-        start = family.uniform(self.resolution)
-        points = family.limit.points(start.patch, start.parameters, start.face)
-        if film is not None:
-            points = np.concatenate([points, film.vertices])
-        self.tolerance = accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
 
-    def distances(self, member: int) -> tuple[float, float, str]:
-        """A member's distance from the limit, from the limit with its film, and what is doubtful about them."""
+    def resolution_for(self, cells: int) -> int:
+        """Segments along each edge of a complex of roughly so many cells."""
+        share = cells / self.family.cell_count(1)
+        return max(COARSEST_MEASURED, math.floor(math.sqrt(share) if self.family.dimension == 2 else share))
+
+    @cached_property
+    def tolerance(self) -> float:
+        """The chord error in model units."""
+        start = self.family.uniform(self.resolution_for(self.accuracy.cells))
+        points = self.family.limit.points(start.patch, start.parameters, start.face)
+        if self.film is not None:
+            points = np.concatenate([points, self.film.vertices])
+        return self.accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def distances(self, members: range) -> Iterator[tuple[float, float, str]]:
+        """Distances of members from the limit, from the limit with its film, and what is doubtful about them."""
+        one, last = self.family.degeneration, len(self.family.samplers) - 1
+        if self.on_surfaces is not None and one is not None and members.stop <= last:
+            found = self.on_surfaces.distances(one.logarithms[members.start : members.stop])
+            yield from ((distance, distance, "") for distance in found.tolist())
+            return
+        for member in members:
+            yield (0.0, 0.0, "") if member == last and self.film is None else self.between_meshes(member)
+
+    @cached_property
+    def on_surfaces(self) -> Separation | None:
+        """What measures members of a degeneration; None where it is another family, or has too many cells."""
+        one = self.family.degeneration
+        start = self.family.uniform(self.resolution_for(CELLS_SEARCHED))
+        vertices, cells = len(start.patch), len(start.cells)
+        if one is None or vertices + cells > MANY_PLACES:
+            return None
+        middles = Places(start.cell_patch, start.corners.mean(axis=1), np.full(cells, INTERIOR))
+        places = one.places(start).followed_by(middles).followed_by(one.knots)
+        borders = np.zeros(len(places.cell), dtype=bool)
+        borders[:vertices] = one.borders[start.patch, start.face]
+        together = np.column_stack([start.cells, vertices + np.arange(cells)])
+        found = Separation(one.patch, one.gaps, places, together, borders, self.accuracy.relative)
+        return found if found.is_whole else None
+
+    def between_meshes(self, member: int) -> tuple[float, float, str]:
+        """The same for one member, by meshes."""
         limit, sampler = self.family.limit, self.family.samplers[member]
         mosaic, doubt = self.fine_for_limit(member)
         mosaic, other_doubt = self.refined(mosaic, sampler)
@@ -86,7 +137,7 @@ class Measurement:
         """The complex that a member's measurement starts from."""
         thickness = self.family.thickness[member] if self.family.thickness else 0.0
         if thickness not in self.starts:
-            start = self.family.graded(self.resolution, member)
+            start = self.family.graded(self.resolution_for(self.accuracy.cells), member)
             self.starts[thickness] = self.refined(start, self.family.limit)
         return self.starts[thickness]
 

@@ -14,11 +14,12 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count_of
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.sequences.family import Family, approaching, degenerating
+from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
 from gtb_cli.sequences.film import film_mesh
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex, Sampler
@@ -86,22 +87,34 @@ class MeshSequence:
         return len(self.values)
 
     def __iter__(self) -> Iterator[Member]:
+        family, limit = self._family, self._family.limit
+        vertices = Vertices(family, self._mosaic)
         # Measuring samples the limit, too, and what it learns there would change the last digits of its mesh.
-        limit = self._mesh(self._family.limit)
-        measurement = None if self._accuracy is None else Measurement(self._family, self.film, self._accuracy)
-        for index, (value, sampler) in enumerate(zip(self.values, self._family.samplers, strict=True)):
-            mesh = limit if sampler is self._family.limit else self._mesh(sampler)
-            if measurement is None:
-                yield Member(value, mesh, None, None, "")
-                continue
-            plain, filmed, doubt = measurement.distances(index)
-            yield Member(value, mesh, plain, None if self.film is None else filmed, doubt)
+        last = self._mesh(limit, vertices.sampled(limit))
+        measurement = None if self._accuracy is None else Measurement(family, self.film, self._accuracy)
+        index = 0
+        for block in vertices:
+            members = range(index, index + len(block))
+            yield from self._measured(
+                [self._mesh(family.samplers[k], points) for k, points in zip(members, block, strict=True)],
+                members,
+                measurement,
+            )
+            index += len(block)
+        yield from self._measured([last], range(index, index + 1), measurement)
 
-    def _mesh(self, sampler: Sampler) -> Mesh:
-        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
-        vertices, cells = sampler.points(*where), self._mosaic.cells
-        normals = None
+    def _measured(self, meshes: list[Mesh], members: range, measurement: Measurement | None) -> Iterator[Member]:
+        """Some members with their distances."""
+        if measurement is None:
+            yield from (Member(self.values[k], mesh, None, None, "") for k, mesh in zip(members, meshes, strict=True))
+            return
+        for k, mesh, (plain, filmed, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
+            yield Member(self.values[k], mesh, plain, None if self.film is None else filmed, doubt)
+
+    def _mesh(self, sampler: Sampler, vertices: FloatArray) -> Mesh:
+        normals, cells = None, self._mosaic.cells
         if self._normals and cells.shape[1] == 3:
+            where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
             normals = vertex_normals(sampler.normals(*where), vertices, cells)
         return Mesh(vertices, cells, parameters=self._mosaic.parameters, normals=normals, name=self.name)
 

@@ -102,7 +102,7 @@ def sequence_options(spec_help: str) -> Callable[[Function], Function]:
         @click.option(
             "--no-distance",
             is_flag=True,
-            help="Do not measure how far the meshes are from the limit, which takes longer than making them.",
+            help="Do not measure how far the meshes are from the limit, which may take longer than making them.",
         )
         @click.option(
             "-o",
