@@ -9,6 +9,9 @@ from scipy.interpolate import NdBSpline
 
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.complex import Sampler, joined_complex
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired
 
@@ -17,6 +20,9 @@ POINTS = 1_000_000
 BLOCK = 8192
 MESH = 632
 """Segments of each edge of a pentagon's mesh of a million vertices."""
+
+EVEN = {"bicubic": 1000, "pentagon": 632, "hexagon": 577, "example-4.4": 632}
+"""Segments of each edge of even meshes of a million vertices."""
 
 NEAR = 1e-9
 """Distance from the edges, as a fraction of the size of Δ, of points where most exponentials underflow."""
@@ -70,6 +76,30 @@ def spline(patch: Patch) -> NdBSpline:
     points = np.column_stack([patch.control_points * weights, weights]).reshape(4, 4, 4).transpose(1, 0, 2)
     ends = np.array([0.0] * 4 + [3.0] * 4)
     return NdBSpline((ends, ends), np.ascontiguousarray(points), 3)
+
+
+def even(name: str, resolution: int) -> list[Row]:
+    """A million vertices of an even mesh in both parametrisations, and the mesh itself."""
+    patch = spec(name)
+    mosaic = joined_complex((patch,), None, resolution)
+
+    def points(parametrization: Parametrization) -> np.ndarray:
+        sampler = Sampler((patch,), parametrization, False, resolution=resolution)
+        return sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
+
+    return [
+        paired(
+            f"1M vertices of an even mesh, linear beside toric: {name}",
+            lambda: points("linear"),
+            lambda: points("toric"),
+            budget=3.5,
+        ),
+        paired(
+            f"the mesh itself by tessellate, beside these points (2 and 150 ms): {name}",
+            lambda: tessellate(patch, resolution, normals=False),
+            lambda: points("linear"),
+        ),
+    ]
 
 
 def rows() -> list[Row]:
@@ -131,4 +161,5 @@ def rows() -> list[Row]:
             budget=12.0,
             runs=5,
         ),
+        *(row for name, resolution in EVEN.items() for row in even(name, resolution)),
     ]
