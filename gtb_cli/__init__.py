@@ -3,9 +3,8 @@
 The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
 """
 
-from __future__ import annotations
-
-TYPE_CHECKING = False  # importing typing takes 5 ms, in which Ctrl-C would show a traceback
+# While typing, or annotations from __future__, are imported, Ctrl-C would show a traceback.
+TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from gtb_cli.assembly.seams import joints

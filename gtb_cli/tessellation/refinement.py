@@ -20,6 +20,7 @@ from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
+from gtb_cli.tessellation.forecast import DOUBTFUL, FORESEEN, WORTH_TRIALS, cells_foreseen, cells_needed
 from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
@@ -121,13 +122,14 @@ class _Refinement:
                 f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
                 f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
             )
+        self.start = start
         self.mesh = Subdivision(start, points, sampler.patches, SLIM)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.evaluated])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
-        self.nearby, self.estimated = 0.0, 0
+        self.nearby, self.estimated, self.tried = 0.0, 0, False
         self.certificates = Certificates(sampler)
         self.verified = np.zeros(len(start.cells), dtype=bool)
         # For each edge its curve's middle, how far this is from it, the farthest sample (0 where the edge is split
@@ -176,9 +178,17 @@ class _Refinement:
     def refuse_hopeless(self, marked: BoolArray) -> None:
         """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
         edges, why, needed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0
+        foreseen = 0.0
         if len(self.mesh) > max(KNOWN, 2 * self.estimated):
             self.estimated = len(self.mesh)
             needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
+            if (
+                needed > DOUBTFUL * self.max_cells >= DOUBTFUL * WORTH_TRIALS
+                and not self.tried
+                and self.mesh.is_surface
+            ):
+                self.tried = True
+                foreseen = cells_foreseen(self.count)
         # Each side that is split makes one cell more of the cell.
         count = len(self.mesh) + sum(int(np.count_nonzero(marked.take(side))) for side in self.mesh.cells.sides.T)
         kind = "faces" if self.mesh.is_surface else "segments"
@@ -186,12 +196,19 @@ class _Refinement:
             why = f"needs more than {self.max_cells} {kind}"
         elif needed > (1.0 if len(self.mesh) > SETTLED * needed else SURE) * self.max_cells:
             why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
+        elif foreseen > FORESEEN * self.max_cells:
+            why = f"needs about {foreseen:.2g} {kind}, more than {self.max_cells}"
         elif (edges.widths < SHORTEST * self.sizes.take(edges.patch)).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(
                 f"tolerance: {self.asked:g} {why}; with {len(self.mesh)} the distance is still {self.error.max():.3g}"
             )
+
+    def count(self, factor: int) -> int:
+        """How many cells there are with a larger tolerance."""
+        tried, _ = refine(self.start, self.sampler, factor * self.asked, self.max_cells, self.points_in_all)
+        return len(tried.cells)
 
     def marks(self) -> BoolArray:
         """(e,) which edges are to be split: by what is known of them, or else by sampling cells not verified yet."""
@@ -362,13 +379,3 @@ class _Refinement:
         inside = np.zeros(len(cell), dtype=np.int64)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inside, self.nearby)
         return to_triangles(sample, *self.mesh.corners(cell))
-
-
-def cells_needed(errors: FloatArray) -> float:
-    """How many cells there will be, if errors fall with the square of the width, which is halved.
-
-    (1 or 3, k) errors of the sides, in units of the tolerance. A triangle is taken to bend in two directions only as
-    far as its straightest side bends.
-    """
-    parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
-    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
