@@ -17,10 +17,10 @@ from gtb_cli.shell.options import (
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 DEFAULT_DEGREE = 25
-"""Highest degree of a piece without an option: that of `gtb_cli.theory.bezier_pieces`."""
+"""Default of --max-degree, the same as in `gtb_cli.theory.bezier_pieces`."""
 
 MAX_PIECE_DEGREE = 1000
-"""Highest degree that may be asked for: binomial coefficients of higher ones exceed the range of floats."""
+"""Highest degree that may be asked for: the binomial coefficients of higher degrees exceed the range of floats."""
 
 
 @click.command
@@ -29,7 +29,7 @@ MAX_PIECE_DEGREE = 1000
     "--split",
     callback=numbers_of,
     metavar="T",
-    help="Split a curve at this parameter. Without it, where all knots have equal shares of the weights.",
+    help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum.",
 )
 @click.option(
     "--max-degree",
@@ -52,11 +52,11 @@ def bezier(
     """\b
     Example: gtb bezier specs/example-4.1-integer.toml | gtb info -
 
-    Print the exact rational Bézier pieces as a model: a rectangle for each corner of a surface, two curves of a curve.
+    Print the exact rational Bézier pieces as a model: a rectangle for each corner of a surface, two curves for a curve.
 
-    There are such pieces where the distances of the knots from each edge are multiples of a common step, as with
-    integers; otherwise the error says why not. The image is the same, all weights are positive, and pieces of patches
-    that share an edge share it, too.
+    Such pieces exist if the distances of the knots from each edge are multiples of a common step, as they are for
+    integers; otherwise the error says why not. The image is the same, all weights are positive, and if two patches
+    share an edge, their pieces share it too.
     """
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.bezier_pieces import bezier_pieces, split_curve
@@ -77,4 +77,4 @@ def bezier(
     if isinstance(loaded, Model) and loaded.dimension == 2:
         opened = len(pieces.joints.open) - 2 * len(loaded.joints.open)
         if opened > 0:
-            console.warn(f"{opened} edges of pieces are open where patches are joined: these divide them elsewhere")
+            console.warn(f"{opened} edges of pieces are open where patches are joined: they are divided elsewhere")

@@ -20,7 +20,7 @@ def boundary(spec: str, edge: int | None, output: str, spec_format: str | None, 
     """\b
     Example: gtb boundary specs/pentagon.toml 0
 
-    Print the spec of the curve along an edge of a surface, or of all of them as a model.
+    Print the spec of the curve along an edge of a surface, or a model of all these curves.
 
     Edges are counted from 0, counter-clockwise from the lowest, then leftmost, corner of the domain; gtb info lists
     their knots. The curve's knots are measured along the edge, from its first corner.

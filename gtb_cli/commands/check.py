@@ -68,12 +68,11 @@ def check(
 
     Measure every property that the paper proves, on this patch.
 
-    A line for each: whether it holds, the largest violation and what rounding allows (relative to sizes), where the
-    paper states it, and what was measured. A property that is claimed under conditions only is "not applicable" where
-    they are not fulfilled, and a number without a verdict is "measured". In a model each patch is checked, and the
-    joints between patches; what fails is listed, and --json has the rest. Several specs, or those
-    in a folder, get a line each, unless --long or --json asks for all. Exit status 1 if a property
-    fails, 2 if a spec cannot be read.
+    Each property gets a line: whether it holds, the largest violation and what rounding allows (relative to sizes),
+    where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", and
+    a number without a verdict is "measured". In a model, each patch and the joints between patches are checked; what
+    fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
+    --json asks for everything. Exit status 1 if a property fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.check import check as measure
     from gtb_cli.checks.report import Report, counts
@@ -133,7 +132,7 @@ def _model_data(report: ModelReport) -> dict[str, Any]:
 
 
 def _data(found: Finding) -> dict[str, Any]:
-    """Plain data; what is not finite is null, as JSON has no other word for it."""
+    """Return a finding as plain data; numbers that are not finite become null, since JSON cannot write them."""
     figures = {key: x if x is not None and math.isfinite(x) else None for key, x in _figures(found).items()}
     return {
         "name": found.name,

@@ -15,10 +15,10 @@ from gtb_cli.shell.console import abandon, complain, lines_about, say
 from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
 AS_JSON = "gtb_cli.as_json"
-"""Key of what the context of `gtb` knows: whether --json is among its own options."""
+"""Key in the context of `gtb`: whether --json is among its own options."""
 
 DONE, REFUSED, FAILED = 0, 1, 2
-"""Exit statuses; a comparison that says no ends with `click.exceptions.Exit`, a requirement with its error."""
+"""Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error."""
 
 COMMANDS = {
     "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
@@ -37,23 +37,23 @@ COMMANDS = {
     "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
     "isocurve": ("gtb_cli.commands.isocurve:isocurve", "Print the curve on which a parameter keeps its value."),
     "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
-    "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where that can be."),
+    "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where possible."),
     "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
-    "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides, tangent planes exact."),
+    "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides and exact tangent planes."),
     "fair": ("gtb_cli.commands.fair:fair", "Choose inner control points that make a surface fair."),
     "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
     "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
     "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
     "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
 }
-"""Each command's name, where it is (imported only when it is called), and what it does in a line."""
+"""Each command's name, the place from which it is imported when it is called, and its summary in one line."""
 
 
 class LazyGroup(click.Group):
-    """A group that knows its commands by name, and imports the one that is called."""
+    """A group that knows its commands by name and imports only the one that is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names in the order of `COMMANDS`."""
+        """List the names in the order of `COMMANDS`."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -97,7 +97,7 @@ def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
 
 
 def _versions() -> str:
-    """Versions of all that takes part in a result, as a JSON object."""
+    """Return the versions of everything that takes part in a result, as a JSON object."""
     import json
     import platform
 
@@ -113,14 +113,14 @@ def _versions() -> str:
     is_eager=True,
     expose_value=False,
     callback=_note_json,
-    help="Say errors as a JSON object, and so the version. For commands with an option --json that does it, too.",
+    help="Print errors and the version as JSON objects. A command's own --json also does this for errors.",
 )
 @click.option(
     "--version",
     is_flag=True,
     expose_value=False,
     callback=_print_version,
-    help="Say the version; with --json, those of Python and the packages, too.",
+    help="Print the version; with --json, also those of Python and the packages.",
 )
 def gtb() -> None:
     """\b
@@ -136,8 +136,8 @@ def gtb() -> None:
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit status.
 
-    Every error is said in a line on standard error, or with --json all in one object; a reader that closes its pipe has
-    got what it wanted.
+    Each error is a line on standard error, or with --json all errors are one object. A closed pipe is not an error: its
+    reader has read what it wanted.
     """
     errors: list[str] = []
     status = FAILED
@@ -176,11 +176,11 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _complete(arguments: Sequence[str]) -> None:
-    """Answer the shell, which asks by variables of the environment."""
+    """Answer the shell, which asks through environment variables."""
     try:
         gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETION_VARIABLE, standalone_mode=False)
     except (KeyError, ValueError):
-        message = f"{COMPLETION_VARIABLE} is for shells, which set COMP_WORDS and COMP_CWORD, too"
+        message = f"{COMPLETION_VARIABLE} is for shells, which also set COMP_WORDS and COMP_CWORD"
         raise click.UsageError(message) from None
 
 

@@ -22,7 +22,7 @@ from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
     "--at",
     callback=numbers_of,
     metavar="T,…",
-    help="As many parameters as knots; for a surface u,v,u,v,… Without it, some that are spread over the domain.",
+    help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
 )
 @output_option
 @spec_format_option
@@ -35,9 +35,9 @@ def coefficients(
 
     Print the spec with coefficients for which the GT-Bernstein basis adds up to 1 at some parameters.
 
-    There is such a solution for distinct knots, but it need not be positive, and then it is not a basis: an error says
-    the values. For Bézier curves, triangles and tensor product patches it is that of the Bernstein basis, up to a
-    factor, and the sum is 1 everywhere.
+    Such coefficients exist for distinct knots, but they need not be positive. If one is not, there is no such basis,
+    and the error gives the values. For Bézier curves, triangles and tensor product patches they are those of the
+    Bernstein basis, up to a factor, and the sum is 1 everywhere.
     """
     import numpy as np
 

@@ -10,7 +10,7 @@ from gtb_cli.shell.streams import write_text
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, SHELLS
 
 MANUAL = "man"
-"""In place of a shell: the manual page."""
+"""Argument that asks for the manual page instead of a script for a shell."""
 
 
 @click.command
@@ -21,8 +21,8 @@ def completion(shell: str, output: str, console: Console) -> None:
     """\b
     Example: gtb completion bash
 
-    Print a script that makes a shell complete commands, options and file names after gtb. SHELL is bash, zsh or fish;
-    with man it is the manual page.
+    Print a script that makes a shell complete commands, options and file names after gtb. SHELL is bash, zsh or fish,
+    or man, which prints the manual page.
 
     \b
     For every new shell:
@@ -43,5 +43,5 @@ def completion(shell: str, output: str, console: Console) -> None:
     kind = get_completion_class(shell)
     assert kind is not None
     script = kind(gtb, {}, "gtb", COMPLETION_VARIABLE)
-    # Its method source() would first run the shell, to ask for its version.
+    # The method source() would first run the shell to ask for its version.
     write_text(output, script.source_template % script.source_vars())

@@ -49,24 +49,24 @@ def decompose(
     """\b
     Example: gtb decompose specs/pentagon.toml
 
-    Print the regular decomposition that a lifting induces: the cells, and the knots that are in none.
+    Print the regular decomposition that a lifting induces: the cells, and the knots that no cell contains.
 
-    Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are written by index from
-    0. With --json: {"cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon has the corners of a cell,
-    counter-clockwise; and for a model a list of these, as "patches".
+    Knots are lifted by their lifting values; each upper face of their hull is a cell. Knots are numbered from 0.
+    --json prints {"cells": [[...]], "polygons": [[...]], "absent": [...]}, where a polygon lists the corners of a cell
+    counter-clockwise; for a model it prints a list of these as "patches".
 
-    With --net: the control net instead, lines between the control points of knots that are neighbours on the border of
-    a cell, as OBJ, PLY or GLB, by the suffix of the output. Curves and Bézier patches need no lifting for that: without
-    one it is the usual net.
+    --net writes the control net instead: lines between the control points of knots that are neighbours on the border
+    of a cell, as OBJ, PLY or GLB, by the suffix of the output. Curves and Bézier patches need no lifting for it:
+    without one they get the usual net.
     """
     from gtb_cli.theory.model import Model
 
     if net and as_json:
-        raise click.UsageError("--net writes a mesh, and --json text: give one of them")
+        raise click.UsageError("--net writes a mesh and --json writes text: give one of them")
     options = MeshOptions(Recipe())
     kind = options.format_for(output) if net else ""
     if kind == "stl":
-        raise click.UsageError("--net writes lines, and STL holds triangles: take OBJ, PLY or GLB")
+        raise click.UsageError("--net writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):
         if isinstance(loaded, Model):
@@ -86,7 +86,7 @@ def decompose(
 
 
 def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str, net: bool) -> RegularDecomposition:
-    """What a lifting, or the spec's own, induces; where it is for a net that everybody draws, without one, too."""
+    """Return the decomposition by a lifting, or the spec's own; for the usual net of a Bézier patch without one."""
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.knots.lattice import lattice_of
 
@@ -101,7 +101,7 @@ def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str, 
 
 
 def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: str | None) -> Mesh:
-    """Control points, and lines between them; a group for each patch of a model."""
+    """Return the control points and the lines between them, with a group for each patch of a model."""
     import numpy as np
 
     from gtb_cli.knots.decomposition import control_net

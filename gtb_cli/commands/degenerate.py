@@ -38,15 +38,15 @@ MAX_MEMBERS = 10_000
     "--count",
     type=WholeNumber(2, MAX_MEMBERS),
     metavar="N",
-    help="Sweep: how many x from --from to --to, in equal ratios, rounded to six digits.",
+    help="Sweep: the number of x from --from to --to, in equal ratios, rounded to six digits.",
 )
 @click.option(
     "--lifting",
     callback=lifting_of,
     metavar="L,…",
-    help="A lifting value λ for each knot, in place of the spec's; or knot:K, for a weight of knot K that grows alone.",
+    help="A lifting value λ for each knot, instead of the spec's; or knot:K: only the weight of knot K grows.",
 )
-@sequence_options("Print the spec with the weights of one -x; no -o is needed then.")
+@sequence_options("Print the spec with the weights of one -x; -o may then be left out.")
 def degenerate(
     spec: str,
     values: tuple[float, ...],
@@ -60,14 +60,14 @@ def degenerate(
     """\b
     Example: gtb degenerate specs/example-4.4.toml -x 5 -x 100 -x 600 -o out/
 
-    Let the weights x^λ ω grow: one mesh for each x, and the regular control curve or surface, which is the limit.
+    Let the weights x^λ ω grow: write a mesh for each x, and the limit, which is the regular control curve or surface.
 
     All meshes have the same faces, so that they can be compared or morphed vertex by vertex; edges of the cells of the
-    regular decomposition are edges of the meshes. For x from 1 down to 0 the limit is that of -λ. sequence.json lists
+    regular decomposition are edges of the meshes. If x falls from 1 to 0, the limit is that of -λ. sequence.json lists
     the files with their distances from the limit.
 
-    With -o FILE.glb there is one file instead, which Blender and other programs play: its mesh is the first one, the
-    others are morph targets, and an animation goes through them, a second for each.
+    -o FILE.glb writes one file instead, which Blender and other programs can play: its mesh is the first one, the
+    others are morph targets, and an animation shows them one after the other, a second each.
     """
     xs = (*values, *_sweep(first, last, count))
     if out.emits_spec and len(set(xs)) != 1:
@@ -80,12 +80,12 @@ def degenerate(
         exponents = _values(patch, lifting)
         sequence = out.made(degeneration_sequence, patch, xs, exponents)
         text = _spec(patch, xs[0], exponents) if out.emits_spec else ""
-    # What cannot be written is not the spec's fault.
+    # A file that cannot be written is not the spec's fault.
     out.write(sequence, "x", shown_input(spec), text)
 
 
 def _spec(patch: Patch, x: float, exponents: FloatArray | tuple[float, ...] | None) -> str:
-    """The spec of the patch with the weights of x, or of its limit."""
+    """Return the spec of the patch with the weights x^λ ω, or of its limit."""
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.degeneration import degenerate, lifting_of, regular_control_surface
 
@@ -101,7 +101,7 @@ def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray
 
 
 def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:
-    """x in equal ratios, rounded so that the names of files tell all of it; the ends as they are."""
+    """Return x in equal ratios, rounded so that file names can hold every digit; the two ends are not rounded."""
     if first is None and last is None and count is None:
         return []
     if first is None or last is None or count is None:
@@ -113,6 +113,6 @@ def _sweep(first: float | None, last: float | None, count: int | None) -> list[f
     xs = [first, *(float(f"{x:.{NAME_DIGITS}g}") for x in inner), last]
     if len(set(xs)) < count:
         raise click.UsageError(
-            f"--from {first:g} and --to {last:g} are too near each other for {count} x of six digits"
+            f"--from {first:g} and --to {last:g} are too near each other for {count} values of six digits"
         )
     return xs

@@ -1,4 +1,4 @@
-"""`gtb diff`: two meshes, or two folders of them → whether they are the same within a tolerance."""
+"""`gtb diff`: two meshes, or two folders of meshes → whether they agree within a tolerance."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
 
 DIFFERENT, TROUBLE = 1, 2
-"""Exit statuses, as those of diff(1)."""
+"""Exit statuses, the same as those of diff(1)."""
 
 
 class Source(NamedTuple):
-    """One of the two things to compare: how to read it."""
+    """One of the two inputs, and how to read it."""
 
     path: str
     recipe: Recipe
@@ -45,7 +45,7 @@ class Source(NamedTuple):
 
 
 def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
-    """As `tolerance_of`, but 0 is a tolerance, too."""
+    """Read a tolerance as `tolerance_of` does, but allow 0."""
     return 0.0 if value is not None and value.strip() in ("0", "0%", "0.0") else tolerance_of(ctx, param, value)
 
 
@@ -56,15 +56,15 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
     "--tolerance",
     callback=_tolerance_or_none,
     metavar="T",
-    help="Largest distance that counts as none, in model units, or as 1% of the size. 1e-9 of the size without it; "
-    "0: what the numbers in the files can hold.",
+    help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
+    "by default. 0 means what the numbers in the files can hold.",
 )
 @resolution_option
 @click.option(
     "--mesh-tolerance",
     callback=tolerance_of,
     metavar="T",
-    help="In place of -n: mesh a spec with this tolerance, as gtb mesh --tolerance does.",
+    help="Instead of -n: mesh a spec with this tolerance, as gtb mesh --tolerance does.",
 )
 @parametrization_option
 @max_faces_option
@@ -91,15 +91,15 @@ def diff(
     Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
-    a point of one from the other, both ways. Normals and texture coordinates do not count; where faces are the same but
-    look to the other side, a warning says how many. In two folders, files of the same name are compared, and a missing
-    or an extra file is a difference. The tolerance is never less than what the numbers in the files can hold; the size
-    is the diagonal of the bounding box of the smaller mesh. The distance of surfaces is found to a tenth of the
-    tolerance; of large meshes a warning, the report and "proved" in JSON say where that took too long. Exit status 0
-    where all is the same within the tolerance, 1 where it is not, 2 where something cannot be read.
+    a point of either from the other. Normals and texture coordinates do not count; if faces are the same but face the
+    opposite way, a warning says how many. In two folders, files of the same name are compared, and a missing or an
+    extra file is a difference. The tolerance is never less than what the numbers in the files can hold; the size is
+    the diagonal of the bounding box of the smaller mesh. The distance of surfaces is found to a tenth of the
+    tolerance; if that takes too long for large meshes, a warning, the report and "proved" in JSON say so. Exit status
+    0 if all meshes agree within the tolerance, 1 if they do not, 2 if something cannot be read.
     """
     if a == b == STANDARD:
-        raise click.UsageError("standard input can be read once only")
+        raise click.UsageError("standard input can be read only once")
     if resolution is not None and mesh_tolerance is not None:
         raise click.UsageError("-n and --mesh-tolerance exclude each other")
     recipe = Recipe(resolution or RESOLUTION, mesh_tolerance, parametrization, max_faces=max_faces)
@@ -121,7 +121,7 @@ def diff(
 
 
 def _compared(first: Source, second: Source, tolerance: float | str | None, console: Console) -> Difference:
-    """Read and compare two things, and say where the answer is not quite to the question."""
+    """Read and compare two inputs, and warn if the answer does not quite fit the question."""
     from gtb_cli.meshes.difference import difference
     from gtb_cli.tessellation.comparison import made_with
 
@@ -150,12 +150,12 @@ def _read(source: Source) -> Side:
         stream = not is_regular(file)
         if stream:
             limit = min(limit, MAX_STREAM_BYTES)
-        if file.seekable():  # so that a large file is in memory once and not twice
+        if file.seekable():  # so that a large file is in memory only once
             file.seek(-len(start), os.SEEK_CUR)
             start = b""
         data = start + file.read(limit + 1 - len(start))
     if stream and len(data) > MAX_STREAM_BYTES:
-        raise GtbError(f"{shown}: does not end within {MAX_STREAM_BYTES >> 20} MB, and more is read from files only")
+        raise GtbError(f"{shown}: does not end within {MAX_STREAM_BYTES >> 20} MB; more is read only from files")
     return decoded(data, shown, recipe, spec_format)  # type: ignore[arg-type]
 
 
@@ -174,7 +174,7 @@ def _diff_folders(
             continue
         try:
             for path in (first, second):
-                if os.path.exists(path) and not os.path.isfile(path):  # a pipe would be waited for
+                if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe would wait for its writer
                     raise GtbError(f"{path}: is not a file")
             sides = source._replace(path=first), source._replace(path=second)
             results.append((name, (first, second), _compared(*sides, tolerance, console)))

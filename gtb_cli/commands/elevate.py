@@ -1,4 +1,4 @@
-"""`gtb elevate`: the same patch of a higher degree."""
+"""`gtb elevate`: the same patch with a higher degree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gtb_cli.shell.options import WholeNumber, console_option, output_option, sp
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 MAX_TIMES = 1000
-"""Largest number of times that a degree is raised."""
+"""Largest number of elevations."""
 
 
 @click.command
@@ -21,7 +21,7 @@ MAX_TIMES = 1000
     type=WholeNumber(0, MAX_TIMES),
     metavar="D",
     default=1,
-    help="How often to elevate, for Bézier patches by how many degrees; 1 without this option.",
+    help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",
 )
 @output_option
 @spec_format_option
@@ -32,8 +32,8 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
 
     Print the spec of the same curve or surface with more knots, weights and control points to work with.
 
-    For Bézier curves, triangles and tensor product patches this is the classical elevation of the degree. A lifting is
-    left out. Each patch of a model is elevated.
+    For Bézier curves, triangles and tensor product patches this is classical degree elevation. A lifting is left out.
+    Each patch of a model is elevated.
     """
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.elevation import elevate as elevated

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 MAX_GRID_SEGMENTS = 10**6
-"""Largest number of segments of each edge of a grid; its cells are counted before it is made."""
+"""Largest number of segments of each edge of a grid; the cells are counted before the grid is made."""
 
 BATCH_LINES = 8192
-"""Lines that are evaluated together: the number does not depend on how a pipe cuts them, and neither do the last
-digits."""
+"""Lines that are evaluated together. The number does not depend on how a pipe delivers them, so the last digits do not
+either."""
 
 READ_BYTES = 1 << 20
-"""Bytes that are read at a time."""
+"""Bytes read at a time."""
 
 MAX_LINE_BYTES = 10_000
 """Longest line, in bytes."""
@@ -47,20 +47,20 @@ MAX_LINE_BYTES = 10_000
 @click.command("eval")
 @spec_argument
 @click.argument("params", metavar="[PARAMS]", default=STANDARD, type=INPUT)
-@click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis in place of points.")
+@click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis instead of points.")
 @click.option(
     "--grid",
     type=WholeNumber(1, MAX_GRID_SEGMENTS),
     metavar="N",
-    help="In place of PARAMS: the parameters of the vertices of gtb mesh -n N, which begin each line.",
+    help="Instead of PARAMS, use the parameters of the vertices of gtb mesh -n N; each line begins with them.",
 )
-@click.option("--header", is_flag=True, help="Names of the columns first, and parameters in front of each line.")
+@click.option("--header", is_flag=True, help="Print the names of the columns first, and parameters before each line.")
 @click.option(
     "--parametrization",
     type=click.Choice(PARAMETRIZATIONS),
     default="toric",
-    help="What parameters mean: toric, what they do in the paper (so it is without this option); or linear, so that "
-    "the patch has linear precision, as those of gtb mesh.",
+    help="What parameters mean: toric, as in the paper (the default); or linear, so that "
+    "the patch has linear precision, as in gtb mesh.",
 )
 @json_option
 @output_option
@@ -83,18 +83,18 @@ def evaluate(
 
     Evaluate points, or the basis, at given parameters.
 
-    PARAMS is a file, or standard input: on each line one parameter, "t" for a curve and "u v" for a surface,
-    separated by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each gives one line, with the
-    shortest digits that read back exactly. With --json: {"points": [...], "parameters": [...]}, or "basis". With
+    PARAMS is a file, or standard input: one parameter on each line, "t" for a curve and "u v" for a surface, separated
+    by blanks, tabs or a comma. Empty lines and what follows a # are skipped. Each parameter gives one line, with the
+    shortest digits that read back exactly. --json prints {"points": [...], "parameters": [...]}, or "basis". With
     --header each line begins with its parameters, below the names of the columns: "u v T0 T1 ..." with --basis.
 
-    With --grid there is nothing to read: parameters cover the domain, corners and edges included, and each line is
-    "u v x y z" (of a curve "t x y z"), for any program that plots.
+    --grid reads nothing: its parameters cover the domain, corners and edges included, and each line is "u v x y z"
+    (for a curve "t x y z"), which plotting programs read.
     """
     if grid is not None and params != STANDARD:
         raise click.UsageError(f"--grid makes parameters: {params} cannot be read as well")
     if header and as_json:
-        raise click.UsageError("--header is for lines, and --json names its parts itself")
+        raise click.UsageError("--header is for lines; --json already names its parts")
     if grid is None and spec == params == STANDARD:
         raise click.UsageError("spec and parameters cannot both be standard input")
     loaded = read_patch(spec, spec_format)
@@ -110,7 +110,7 @@ def evaluate(
 
 
 def _columns(patch: Patch, basis: bool) -> list[str]:
-    """Names of what each line holds that begins with its parameters."""
+    """Name the columns of lines that begin with their parameters."""
     values = [f"T{i}" for i in range(len(patch.knots))] if basis else ["x", "y", "z"]
     return [*(["t"] if patch.dimension == 1 else ["u", "v"]), *values]
 
@@ -118,7 +118,7 @@ def _columns(patch: Patch, basis: bool) -> list[str]:
 def _grid(
     patch: Patch, resolution: int, values: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield parameters that cover Δ, and values."""
+    """Yield parameters that cover Δ, and their values."""
     from gtb_cli.knots.triangulation import cell_count, triangulation
 
     count = cell_count(patch.domain, resolution)
@@ -139,7 +139,7 @@ def _rows_with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
 def _batches(
     patch: Patch, params: str, values: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield parameters and values, some thousand lines at a time."""
+    """Yield parameters and values, `BATCH_LINES` lines at a time."""
     import numpy as np
 
     source = shown_input(params)
@@ -166,7 +166,7 @@ def _batches(
 
 
 def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the number of the first line, from 1, and some lines; on a terminal each line at once."""
+    """Yield batches of lines, each with the number of its first line, from 1; on a terminal every line at once."""
     first, lines, rest = 1, [], b""
     each = 1 if file.isatty() else BATCH_LINES
     read = file.readline if file.isatty() else file.read
@@ -185,7 +185,7 @@ def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
 
 
 def _refuse(source: str, first: int, lines: list[bytes], fields: list[list[bytes]], d: int) -> NoReturn:
-    """Say which line is wrong."""
+    """Raise the error that says which line is wrong."""
     for number, (line, words) in enumerate(zip(lines, fields, strict=True), first):
         for word in words:
             try:
@@ -204,7 +204,7 @@ def _shown(text: bytes) -> str:
 
 
 def _located(error: DomainError, source: str, first: int, fields: list[list[bytes]]) -> GtbError:
-    """Turn the index of a parameter, with which a message begins, into the number of its line."""
+    """Replace the index at the start of a message, which is that of a parameter, by the number of its line."""
     match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)
     if match is None:
         return DomainError(f"{source}: {error}")

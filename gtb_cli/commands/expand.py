@@ -18,8 +18,8 @@ def expand(spec: str, output: str, spec_format: str | None, console: Console) ->
     """\b
     Example: gtb expand specs/teapot.toml -o flat.toml
 
-    Print a spec with everything carried out: numbers in place of names and expressions, patches in place of copies and
-    of included files. It is the same patch or model, bit for bit.
+    Print a spec with everything carried out: numbers instead of names and expressions, patches instead of copies and
+    included files. It describes the same patch or model, bit for bit.
     """
     from gtb_cli.spec.writer import dump
 

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     "--energy",
     type=click.Choice(["thin-plate", "dirichlet"]),
     default="thin-plate",
-    help="What is made small: bending, as without this option, or stretching.",
+    help="What is made small: bending, the default, or stretching.",
 )
 @click.option(
     "--keep",
     type=click.Choice(["boundary", "tangents"]),
     default="boundary",
-    help="What stays: the boundary, as without this option, or the tangent planes along it, too.",
+    help="What stays: the boundary, the default, or also the tangent planes along it.",
 )
 @output_option
 @spec_format_option
@@ -38,8 +38,8 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
 
     Print the spec of the same patch with inner control points that make it fair.
 
-    Knots and weights stay. The energy is that of the linear parametrization. Each patch of a model is made fair by
-    itself.
+    Knots and weights stay. The energy is measured in the linear parametrization. Each patch of a model is made fair
+    separately.
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.spec.writer import dump
@@ -55,7 +55,7 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
     for index, part in enumerate(found):
         name = f"{part.patch.name or f'patches[{index}]'}: " if model else ""
         if not part.free:
-            console.warn(f"{name}no control point is free, all stay")
+            console.warn(f"{name}no control point is free: all stay")
         if part.folds:
-            console.warn(f"{name}the patch folds, at {part.folds} of some thousand places")
+            console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
         console.note(f"{name}{part.free} free control points, energy {part.before:.6g} before, {part.after:.6g} now")

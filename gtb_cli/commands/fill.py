@@ -24,30 +24,30 @@ if TYPE_CHECKING:
     from gtb_cli.design.sides import Side
 
 CORNER_ANGLE = 0.1
-"""Angle in degrees between the planes of two sides at their corner above which it is said."""
+"""Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so."""
 
 
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
-@click.option("--hole", metavar="EDGE", help='Of a model, fill the ring with this edge, such as "wall-0 edge 2".')
+@click.option("--hole", metavar="EDGE", help='In a model, fill the ring with this edge, such as "wall-0 edge 2".')
 @click.option(
     "--inner",
     type=click.Choice(["fair", "flat"]),
     default="fair",
-    help="Make the inside fair (least thin-plate energy), as without this option, or flat like a soap film.",
+    help="Make the inside fair (least thin-plate energy), the default, or flat like a soap film.",
 )
 @click.option(
     "--fullness",
     callback=length_of,
     metavar="F",
-    help="Go on along the given tangent planes by F times what is fair.",
+    help="Continue along the given tangent planes F times as far as is fair.",
 )
 @click.option(
     "--elevate",
     "raises",
     type=WholeNumber(0, 6),
     metavar="D",
-    help="Raise the degree of edges by D at least: a fairer patch of more knots. Without it by what suits.",
+    help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
 @output_option
 @spec_format_option
@@ -67,11 +67,11 @@ def fill(
 
     Print the spec of one patch that fills a hole with three or more sides.
 
-    LOOP is a spec whose patches are curves, the sides in any order: rational Bézier curves, each with a "ribbon" if the
-    patch is to touch tangent planes along it (as many points as control points: the second row). Or a .gbp or .lop
-    file. Or a model of surfaces, which is printed with the patch that fills its open ring.
+    LOOP is a spec whose patches are the sides, in any order: rational Bézier curves, each with a "ribbon" if the patch
+    is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
+    .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring.
 
-    Along each side with a ribbon the tangent planes are exact, but for rounding; the largest angle is said.
+    Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed.
     """
     from gtb_cli.design.fill import fill as filled
     from gtb_cli.design.holes import fill_hole
@@ -95,7 +95,7 @@ def fill(
             model, filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
             text = dump(model)
         elif hole is not None:
-            raise click.UsageError("--hole names an edge of a model of surfaces, this is a loop of curves")
+            raise click.UsageError("--hole names an edge of a model of surfaces, and this is a loop of curves")
         else:
             name = None if loop == STANDARD else file_stem(os.path.splitext(os.path.basename(loop))[0])
             filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=name)
@@ -113,7 +113,7 @@ def _report(filling: Filling, console: Console) -> None:
             names = f"{filling.sides[corner - 1].name} and {filling.sides[corner].name}"
             console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
     if filling.folds:
-        console.warn(f"the patch folds, at {filling.folds} of some thousand places: try --fullness, or other ribbons")
+        console.warn(f"the patch folds at {filling.folds} of some thousand places: try --fullness, or other ribbons")
     if filling.angle > 90:
         console.warn("the patch is turned over along an edge: do the ribbons point into the hole?")
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"

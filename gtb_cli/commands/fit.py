@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 MAX_POINT_FILE_BYTES = 10_000_000
-"""Size of the largest file of points, in bytes: the most points near which a surface is found, with every digit."""
+"""Largest size of a file of points, in bytes: as many points as a surface may be fitted to, with every digit."""
 
 
 @click.command
@@ -25,7 +25,7 @@ MAX_POINT_FILE_BYTES = 10_000_000
     "--knots",
     callback=numbers_of,
     metavar="A,…",
-    help="An ascending knot for each point. Without it, the length of the polygon up to the point.",
+    help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
 )
 @click.option("--patch", metavar="SPEC", type=INPUT, help="Fit a surface with this one's knots and weights.")
 @output_option
@@ -44,19 +44,19 @@ def fit(
 
     Print the spec of a curve through points, found by progressive iterative approximation, or of a surface.
 
-    POINTS is a file, or standard input: on each line a point, "x y" or "x y z", separated by blanks, tabs or a comma,
-    2 to 100 of them. Empty lines and what follows a # are skipped. The curve begins in the first point and ends in the
-    last, and misses none by more than 1e-12 of the largest coordinate.
+    POINTS is a file, or standard input, with 2 to 100 points, one on each line: "x y" or "x y z", separated by blanks,
+    tabs or a comma. Empty lines and what follows a # are skipped. The curve begins at the first point, ends at the
+    last, and misses no point by more than 1e-12 of the largest coordinate.
 
-    With --patch SPEC it is a surface, and points are "x y z" or "u v x y z" with linear parameters. As many points as
-    SPEC has knots, in their order, are met in the same way, each at its knot without u v. Else it is the surface near
-    the points, by least squares with a little of the thin-plate energy, and parameters, where they are not given, are
-    found by projection.
+    With --patch SPEC the result is a surface, and points are "x y z" or "u v x y z" with linear parameters. If there
+    are as many points as SPEC has knots, in the same order, the surface passes through them, at the knots unless u v
+    are given. Otherwise it passes near the points: least squares with a little thin-plate energy, where parameters
+    that are not given are found by projection.
     """
     if patch is not None and knots is not None:
-        raise click.UsageError("--knots is for curves, and --patch has its own")
+        raise click.UsageError("--knots is for curves; --patch has its own knots")
     if patch == points == STANDARD:
-        raise click.UsageError("standard input can be read once only")
+        raise click.UsageError("standard input can be read only once")
     from gtb_cli.design.fit import fit as fitted
     from gtb_cli.spec.writer import dump
 
@@ -68,12 +68,12 @@ def fit(
     name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
     write_text(output, dump(found.patch.replace(name=name) if surface is None else found.patch))
     is_met = len(rows) == len(found.patch.knots)
-    left = "left" if is_met else f"from the farthest, {found.mean:.3g} in the root of the mean square"
+    left = "left" if is_met else f"from the farthest point, root mean square {found.mean:.3g}"
     console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} {left}")
 
 
 def _points(path: str, sizes: tuple[int, int]) -> Sequence[Sequence[float]]:
-    """Read points, a line each."""
+    """Read points, one on each line."""
     source = shown_input(path)
     data = read_bytes(path, MAX_POINT_FILE_BYTES + 1)
     if len(data) > MAX_POINT_FILE_BYTES:

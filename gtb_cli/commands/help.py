@@ -15,7 +15,7 @@ def help_(command: str | None, console: Console) -> None:
     """\b
     Example: gtb help mesh
 
-    Say what a command does, as its --help does, or which commands there are.
+    Say what a command does, as its --help does, or list the commands.
     """
     above = click.get_current_context().parent
     assert above is not None

@@ -18,7 +18,7 @@ from gtb_cli.vocabulary import IMPORTS
     "--from",
     "format",
     type=click.Choice(IMPORTS),
-    help="Read FILE as this. Without it its content says, or its suffix.",
+    help="Read FILE in this format. By default the content or the suffix of the file decides.",
 )
 @output_option
 @console_option
@@ -29,9 +29,9 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     Print a file of another program as a spec: a patch, or a model of several.
 
     Formats: toric patches (.trp), BezierView (.bv), Bézier nets (.bpt, .bzr), and, exactly, span by span, B-splines and
-    NURBS from IGES (.igs, .iges: entities 126 and 128), from Rhino (.3dm, by the extra gtb-cli[rhino]) and from geomdl
-    (.json). What a format has that a patch does not, such as trimming and units, is said. Boundaries of holes (.gbp,
-    .lop) are filled as by gtb fill.
+    NURBS from IGES (.igs, .iges: entities 126 and 128), from Rhino (.3dm, with the extra gtb-cli[rhino]) and from
+    geomdl (.json). A message names what a patch cannot hold, such as trimming and units. Boundaries of holes (.gbp,
+    .lop) are filled as gtb fill does.
     """
     from gtb_cli.design.fill import fill
     from gtb_cli.design.imports import import_file
@@ -48,7 +48,7 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
             text = dump(filling.patch)
         remarks = (
             *filling.remarks,
-            "edges and ribbons are kept, the inside is fair, and not that of the file's scheme",
+            "edges and ribbons are kept; the inside is made fair and is not that of the file's scheme",
         )
     else:
         found = import_file(source, data, format)

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 MAX_PATCHES_SHOWN = 4
-"""Patches of a model up to which all of them are described without --long."""
+"""Largest number of patches of a model that are all described without --long."""
 
 MAX_JOINTS_SHOWN = 6
-"""Joints of a larger model that are listed then: those with the largest angles."""
+"""Number of joints that are listed for a larger model: those with the largest angles."""
 
 
 @click.command
@@ -54,10 +54,10 @@ def info(
 
     Say what specs describe.
 
-    Their kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any), knots and
-    edges by index from 0, the bounding box of the control points, and how far the parametrisation is from linear. Of
-    several, or of the specs in a folder, there is a line each, unless --long or --json asks for all; one that cannot
-    be read is said, and the exit status is 2.
+    That is: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
+    knots), knots and edges numbered from 0, the bounding box of the control points, and how far the parametrisation is
+    from linear. Several specs, or those in a folder, get a line each, unless --long or --json asks for everything. If
+    a spec cannot be read, a message says so and the exit status is 2.
     """
     several = len(specs) > 1 or os.path.isdir(specs[0])
     rows, errors = reports_on(inputs_of(specs, output), lambda spec: _found(spec, spec_format, weld))
@@ -75,7 +75,7 @@ def info(
 
 
 def _line(found: dict[str, Any]) -> str:
-    """What a spec describes, in a few words."""
+    """Describe a spec in a few words."""
     if "patches" in found:
         state = "closed" if found["closed"] else f"{len(found['open_edges'])} open edges"
         kind = "surfaces" if found["dimension"] == 2 else "curves"
@@ -89,7 +89,7 @@ def _kind(found: dict[str, Any]) -> str:
 
 
 def _found(spec: str, spec_format: str | None, weld: float | str | None) -> dict[str, Any]:
-    """All that is said of a spec."""
+    """Return everything that is reported about a spec."""
     from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
@@ -169,7 +169,7 @@ def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
 
 
 def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
-    """Write a report as a table of two columns; of many patches and joints, unless in full, what fits on a screen."""
+    """Write a report as a table of two columns; unless in full, only as many patches and joints as fit on a screen."""
     patches, joints = found.get("patches", []), found.get("joints", [])
     if not in_full and len(patches) > MAX_PATCHES_SHOWN:
         patches, joints = [], sorted(joints, key=lambda joint: -(joint["angle"] or 0.0))[:MAX_JOINTS_SHOWN]
@@ -211,7 +211,7 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
 
 
 def _joint_text(joint: dict[str, Any]) -> str:
-    """Write a joint on a line."""
+    """Describe a joint in one line."""
     text = " and ".join(joint["edges"])
     if joint["angle"] is None:
         return f"{text}: without normals"

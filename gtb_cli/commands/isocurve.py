@@ -27,7 +27,7 @@ MAX_SEGMENTS = 1_000_000
     "--polyline",
     type=WholeNumber(1, MAX_SEGMENTS),
     metavar="N",
-    help="Print N segments as OBJ in place of a spec, on any surface: evenly spread parameters.",
+    help="Print N segments as OBJ instead of a spec, on any surface; their parameters are evenly spread.",
 )
 @output_option
 @spec_format_option
@@ -44,10 +44,10 @@ def isocurve(
     """\b
     Example: gtb isocurve specs/bicubic.toml --u 3/2
 
-    Print the spec of the curve on a surface along which one parameter, of the paper, keeps its value.
+    Print the spec of the curve on a surface along which one (toric) parameter keeps its value.
 
-    On a rectangle along the axes it is a GT-Bézier curve, exactly. On other domains it is not, in general: the error
-    says so, and --polyline makes points of it.
+    If the domain is a rectangle along the axes, it is exactly a GT-Bézier curve. On other domains it is not, in
+    general: the error says so, and --polyline prints points on it.
     """
     import numpy as np
 

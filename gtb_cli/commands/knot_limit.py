@@ -1,4 +1,4 @@
-"""`gtb knot-limit`: meshes of a patch whose knots move to others, and of what they merge into."""
+"""`gtb knot-limit`: meshes of a patch whose knots move to others, and of the patch with these knots merged."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit
 
 EXAMPLE_STEPS = "0,0.4,0.8"
-"""Steps t without an option, those of Example 4.2 of the paper."""
+"""Default steps t, those of Example 4.2 of the paper."""
 
 
 @click.command("knot-limit")
@@ -37,7 +37,7 @@ EXAMPLE_STEPS = "0,0.4,0.8"
     metavar="S,…",
     help="Write a mesh for each of these fractions of the way.",
 )
-@sequence_options("Print the spec of the merged patch; -o may be left out then.")
+@sequence_options("Print the spec of the merged patch; -o may then be left out.")
 def knot_limit(
     spec: str,
     moves: dict[int, int],
@@ -48,13 +48,13 @@ def knot_limit(
     """\b
     Example: gtb knot-limit specs/example-4.2.toml --merge 3:1 -o out/
 
-    Move knots to the places of others: one mesh for each step of the way, and the merged patch, which is the limit.
+    Move knots to the places of others: write a mesh for each step of the way, and the limit, which is the merged patch.
 
-    Knots are written by index from 0. All meshes have the same faces. sequence.json lists the files with their
-    distances from the limit. Where knots come to an end, an edge or a corner, the limit holds inside only, and as a set
-    it has a film besides: a message says so, and sequence.json has the distances from both.
+    Knots are numbered from 0. All meshes have the same faces. sequence.json lists the files with their distances from
+    the limit. If a knot moves to an end, an edge or a corner, the limit holds only inside, and as a set it also
+    includes a film: a message says so, and sequence.json has the distances from both.
 
-    With -o FILE.glb there is one file instead, an animation; see gtb degenerate --help.
+    -o FILE.glb writes one file instead, an animation; see gtb degenerate --help.
     """
     out.check_length(steps)
     patch = read_patch(spec, spec_format)
@@ -66,14 +66,14 @@ def knot_limit(
         limit = limit_of(patch, moves)
         sequence = out.made(knot_sequence, patch, moves, steps)
         text = dump(limit.merged) if out.emits_spec else ""
-    # What cannot be written is not the spec's fault.
+    # A file that cannot be written is not the spec's fault.
     for message in _pointwise(limit):
         out.console.warn(message)
     out.write(sequence, "step", shown_input(spec), text)
 
 
 def _pointwise(limit: KnotLimit) -> list[str]:
-    """What to know where the limit is one at inner points only."""
+    """Return the messages that explain where the limit holds only at inner points."""
     shape = limit.patch.domain
     r = len(shape.vertices)
     messages = []

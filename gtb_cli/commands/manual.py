@@ -1,15 +1,15 @@
-"""The manual page, from the help of the commands."""
+"""The manual page, made from the help of the commands."""
 
 from __future__ import annotations
 
 import click
 
 PAGE_COLUMNS = 78
-"""Columns of the page, whatever the terminal has: the same bytes everywhere."""
+"""Columns of the page, whatever the terminal has, so that the bytes are the same everywhere."""
 
 
 def manual(group: click.Group) -> str:
-    """Write all help texts as one page for man(1), as they stand."""
+    """Write all help texts unchanged as one page for man(1)."""
     context = click.Context(group, info_name="gtb", terminal_width=PAGE_COLUMNS)
     lines = [
         '.TH GTB 1 "" "" "gtb"',
@@ -34,6 +34,6 @@ def _as_it_stands(text: str) -> list[str]:
 
 
 def _escaped(line: str) -> str:
-    """A line that troff takes for nothing but text."""
+    """Escape a line so that troff reads it only as text."""
     line = line.replace("\\", r"\e").replace("-", r"\-")
     return rf"\&{line}" if line.startswith((".", "'")) else line

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 MAX_TERMINAL_LINES = 1000
-"""Largest number of lines of a mesh that go to a terminal."""
+"""Largest number of lines of a mesh that may go to a terminal."""
 
 
 @click.command
@@ -64,20 +64,20 @@ MAX_TERMINAL_LINES = 1000
 @click.option(
     "--resume",
     is_flag=True,
-    help="Make only what the old manifest does not show to be up to date. Each file then appears when it is made, and "
+    help="Make only files that the old manifest does not show to be up to date. Each then appears when made, and "
     "an interrupted run can be resumed.",
 )
 @click.option(
     "--deps",
     metavar="FILE",
     type=OUTPUT,
-    help="Write rules for make: each mesh depends on its spec, and on what that includes.",
+    help="Write rules for make: each mesh depends on its spec and the files that the spec includes.",
 )
 @click.option(
     "--unit",
     type=click.Choice(UNITS),
     default=UNITS[0],
-    help=f"Unit of length that STEP and IGES files say; {UNITS[0]} without this option.",
+    help=f"Unit of length in STEP and IGES files; {UNITS[0]} without this option.",
 )
 @spec_format_option
 @console_option
@@ -100,11 +100,11 @@ def mesh(
 
     A curve becomes a polyline. For several specs, OUT is a folder, made if missing, and each file in it is named after
     its spec file; a folder stands for the specs in it. A spec with an error is reported and left out, and the exit
-    status is 2; it is 1 where nothing is wrong but what --require asks for.
+    status is 2; it is 1 if only what --require asks for is missing.
 
-    STEP, IGES and BREP files, by the extra gtb-cli[cad], hold surfaces: the exact rational Bézier pieces of each patch
-    that has them, others fitted within --tolerance; sewn, and a solid where closed. VTU files hold exact curved cells
-    for ParaView, or are refused.
+    STEP, IGES and BREP files (extra gtb-cli[cad]) hold surfaces: the exact rational Bézier pieces of each patch that
+    has them, or pieces fitted within --tolerance. They are sewn, and are a solid if closed. VTU files hold exact curved
+    cells for ParaView, or are refused.
     """
     if (surfaces := surface_format(options.format, output)) is not None:
         if manifest is not None or deps is not None:
@@ -145,7 +145,7 @@ def mesh(
 
 
 def _write_rules(deps: str | None, targets: list[tuple[str, str]], spec_format: str | None) -> None:
-    """Write rules for make, where they are asked for."""
+    """Write rules for make, if --deps asks for them."""
     if deps is not None:
         from gtb_cli.shell.upkeep import rules
 
@@ -153,7 +153,7 @@ def _write_rules(deps: str | None, targets: list[tuple[str, str]], spec_format: 
 
 
 def _sums(manifest: Manifest | None, path: str, spec_format: str | None) -> dict[str, str] | None:
-    """Sums of what a spec is read from, before it is read; None where nobody asks."""
+    """Return checksums of the files that a spec is read from, before it is read; None without a manifest."""
     if manifest is None:
         return None
     from gtb_cli.shell.upkeep import input_sums
@@ -198,7 +198,7 @@ def _write_folder(
     deps: str | None,
     resume: bool,
 ) -> None:
-    """Write one mesh for each spec; what is wrong with some of them is raised when the others are written."""
+    """Write one mesh for each spec; errors in some are raised after the others have been written."""
     from gtb_cli.files import StagedFiles
 
     kind = options.format_for(os.path.join(folder, ""))
@@ -216,7 +216,7 @@ def _write_folder(
             with about(shown_input(path)):
                 options.recipe.check_size(spec)
             planned.append(Task(spec, path, options, kind, sums))
-        except Exception as error:  # noqa: BLE001 -- what is wrong with one spec does not take the others along
+        except Exception as error:  # noqa: BLE001 -- an error in one spec does not stop the others
             errors.append(_fault(path, error))
     if not planned:
         raise _joined(errors)
@@ -258,7 +258,7 @@ def _write_folder(
                 errors.append(_fault(task.path, error))
                 continue
             reports.append((target, task.path, result.size, result.warnings))
-        if not reports:  # then a folder made for them goes, too
+        if not reports:  # then a folder made for them is also removed
             raise _joined(errors)
         if manifest is not None and isinstance(files, StagedFiles):
             manifest.stage(files)
@@ -277,14 +277,14 @@ def _joined(errors: list[GtbError]) -> GtbError:
 
 
 class Kept(NamedTuple):
-    """A mesh that is up to date, as the manifest has it."""
+    """A mesh that is up to date according to the manifest."""
 
     path: str
     entry: Mapping[str, Any]
 
 
 class Task(NamedTuple):
-    """A mesh to make; with sums of what its spec is read from, where there is a manifest."""
+    """A mesh to make, with checksums of the files that its spec is read from if there is a manifest."""
 
     spec: Patch | Model
     path: str
@@ -294,7 +294,7 @@ class Task(NamedTuple):
 
 
 class Encoded(NamedTuple):
-    """A mesh file that is not written yet."""
+    """A mesh file that has not been written yet."""
 
     blocks: Iterable[bytes]
     size: str
@@ -305,7 +305,7 @@ class Encoded(NamedTuple):
 
 
 def _encoded(task: Task) -> Encoded:
-    """Make a mesh, and the bytes of its file."""
+    """Make a mesh and the bytes of its file."""
     spec, path, options, kind, sums = task
     with about(shown_input(path)):
         mesh, remarks = options.recipe.mesh(spec)
@@ -326,7 +326,7 @@ def _encoded(task: Task) -> Encoded:
 
 
 def _entry(task: Task, made: Encoded, name: str) -> Entry:
-    """What the manifest says of a mesh file."""
+    """Return the entry of a mesh file in the manifest."""
     from gtb_cli.shell.manifest import Entry
 
     assert made.measures is not None
@@ -335,7 +335,7 @@ def _entry(task: Task, made: Encoded, name: str) -> Entry:
 
 
 def _attempted(task: Task) -> Encoded | GtbError:
-    """The same, or what is wrong with it."""
+    """Return what `_encoded` returns, or the error it raises."""
     try:
         return _encoded(task)
     except Exception as error:  # noqa: BLE001 -- likewise
@@ -351,7 +351,7 @@ def _attempted_whole(task: Task) -> Encoded | GtbError:
 
 
 def _fault(path: str, error: Exception) -> GtbError:
-    """What went wrong with one of several specs, with its name."""
+    """Return the error in one of several specs, with the name of the spec."""
     if isinstance(error, GtbError):
         return error
     return GtbError("\n".join(f"{shown_input(path)}: {line}" for line in lines_about(error)))
@@ -363,7 +363,7 @@ def _file_name(path: str, kind: str) -> str:
 
 
 def _file_names(planned: list[Task | Kept], kind: str) -> list[str]:
-    """Name the files after the spec files; what comes from standard input, after the spec's own name."""
+    """Name the files after the spec files; that of standard input, after the spec's own name."""
     sources: dict[str, str] = {}
     for task in planned:
         path = task.path

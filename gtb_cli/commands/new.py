@@ -24,13 +24,13 @@ def new(template: str, sides: int | None, output: str, console: Console) -> None
     Print a spec with comments, to start from; it can be meshed as it is.
 
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
-    several patches). A file that is there already is not overwritten.
+    several patches). An existing file is not overwritten.
     """
     from gtb_cli.spec.starter import template as text_of
 
     text = text_of(template, sides)
     if output != STANDARD and os.path.isfile(output):
-        raise click.UsageError(f"{output} is there already, and would be overwritten")
+        raise click.UsageError(f"{output} already exists and would be overwritten")
     write_text(output, text)
     if output != STANDARD:
         console.note(f"{output}: gtb mesh {output} -o {os.path.splitext(output)[0]}.obj meshes it")

@@ -28,28 +28,28 @@ FORMATS = ("png", "svg", "pdf")
 WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
 
 INCHES, PIXELS = (0.5, 40.0), 60_000_000
-"""Least and largest width and height of a figure, and its most pixels."""
+"""Smallest and largest width and height of a figure, and its largest number of pixels."""
 
 DEFAULT_X = (1.0, 10.0, 100.0)
-"""Parameters x of a degeneration, where none is given."""
+"""Default parameters x of a degeneration."""
 
 DISTANCE_X = tuple(10 ** (k / 2) for k in range(9))
-"""Parameters x at which distances of a degeneration are measured, where none is given."""
+"""Default parameters x at which distances of a degeneration are measured."""
 
 DEFAULT_STEPS = (0.0, 0.4, 0.8)
-"""Steps t of a knot limit, where none is given."""
+"""Default steps t of a knot limit."""
 
 DISTANCE_STEPS = tuple(1 - 10 ** (-k / 2) for k in range(7))
-"""Steps t at which distances of a knot limit are measured, where none is given."""
+"""Default steps t at which distances of a knot limit are measured."""
 
 PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
-"""Segments of each edge of each cell, in the panels of a sequence: of surfaces, and of curves."""
+"""Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves."""
 
 VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
 
 
 class Variation(NamedTuple):
-    """One number of a spec, and what it is to be."""
+    """One number of a spec, and the values it takes."""
 
     key: Literal["knots", "weights", "coefficients"]
     knot: int
@@ -82,7 +82,7 @@ def stretch_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[
 
 
 def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
-    """Read what is to vary."""
+    """Read the number that varies, and its values."""
     if value is None:
         return None
     match = VARIATION.fullmatch(value)
@@ -103,9 +103,9 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     type=OUTPUT,
     help="Write to this file: PNG, SVG or PDF, by its suffix. Without it, or with -, to standard output.",
 )
-@click.option("--what", type=click.Choice(WHAT), help="What to draw; without it a curve, a surface, or a sequence.")
+@click.option("--what", type=click.Choice(WHAT), help="What to draw; by default a curve, a surface or a sequence.")
 @click.option(
-    "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG. On standard output png."
+    "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG; png on standard output."
 )
 @click.option(
     "--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="Width and height in inches."
@@ -125,10 +125,10 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     default="1,1,1",
     show_default=True,
     metavar="X,Y,Z",
-    help="Factors along the axes, where a shape is too long or too flat to be seen.",
+    help="Factors along the axes, for shapes that are too long or too flat to be seen.",
 )
-@click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; else where they are few.")
-@click.option("--net/--no-net", default=None, help="Draw control points and net; else for a single patch.")
+@click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; by default if they are few.")
+@click.option("--net/--no-net", default=None, help="Draw control points and net; by default for a single patch.")
 @click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
 @click.option("--colours", "colour_map", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
 @click.option(
@@ -144,9 +144,9 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     type=WholeNumber(0),
     multiple=True,
     metavar="I",
-    help="Draw this basis function, and not all. May be repeated.",
+    help="Draw only this basis function. May be repeated.",
 )
-@click.option("--unnormalised", is_flag=True, help="Draw the basis β_i in place of the rational one, T_i.")
+@click.option("--unnormalised", is_flag=True, help="Draw the basis β_i instead of the rational one, T_i.")
 @click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
 @click.option(
     "--vary",
@@ -159,7 +159,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     "--resolution",
     type=WholeNumber(1, 1000),
     metavar="N",
-    help="Segments along each edge of the domain; without it as fine as the figure shows.",
+    help="Segments along each edge of the domain; by default as fine as the figure can show.",
 )
 @limit_options
 @spec_format_option
@@ -181,17 +181,18 @@ def plot(
     Draw a spec, or a sequence of meshes, as a figure for print: PNG, SVG or PDF.
 
     \b
-    curve, surface  with control points and net, that of the lifting or, without one, of the lattice;
+    curve, surface  with control points and the net of the lifting or, without one, of the lattice;
                     a model's patches have colours of their own, and its open edges are red
     basis           T_i, or with --unnormalised β_i: over t, or as graphs over the domain
     domain          numbered knots and edges, and weights
-    decomposition   cells, λ at the knots, hollow knots in no cell; with --lifted the upper hull
+    decomposition   cells, λ at the knots, knots in no cell hollow; with --lifted the upper hull
     sequence        panels of a degeneration (-x, --lifting), of a knot limit (--merge, --steps), or of a
-                    FOLDER's sequence.json, which holds no net; the limit's net is drawn over each
+                    FOLDER's sequence.json, which has no net; the limit's net is drawn over each
     distance        of such a sequence from its limit, with logarithmic axes
 
     Shading uses the surface's exact normals at the vertices of a mesh, interpolated between them; a sequence.json has
-    no normals, and gets means of the faces'. In SVG and PDF lines and labels are vectors and text, shading an image.
+    no normals, so the means of the faces' normals are used. In SVG and PDF, lines and labels are vectors and text, and
+    shading is an image.
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
     kind = _format_for(output, format)
@@ -216,10 +217,10 @@ def _format_for(output: str, format: str | None) -> str:
     suffix = os.path.splitext(output)[1][1:].lower()
     if format is None and output != STANDARD and not is_device(output) and suffix not in FORMATS:
         known = ", ".join(f".{name}" for name in FORMATS)
-        raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}; -f FORMAT says")
+        raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}, or -f FORMAT")
     kind = format or (suffix if suffix in FORMATS else "png")
     if is_terminal(output) and kind != "svg":
-        raise ExportError(f"{kind.upper()} is binary, and standard output a terminal: give -o FIG")
+        raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give -o FIG")
     return kind
 
 
@@ -235,7 +236,7 @@ def _look(
     from gtb_cli.pictures.camera import Camera
     from gtb_cli.pictures.look import Look, settings
 
-    with settings():  # whether matplotlib is there is known before anything is computed
+    with settings():  # a missing matplotlib is reported before anything is computed
         return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)
 
 
@@ -290,7 +291,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
 
 
 def _pretty(text: str) -> str:
-    """An expression as people write it, where it is simple."""
+    """Write a simple expression as people do, such as √2."""
     return re.sub(r"sqrt\((\d+)\)", r"√\1", text)
 
 
@@ -299,7 +300,7 @@ def _of_folder(path: str, what: str, look: Look) -> Figure:
     from gtb_cli.pictures.record import read_frames
 
     if what not in ("sequence", "distance"):
-        raise click.UsageError(f"{path} is a sequence, and --what {what} is of a spec")
+        raise click.UsageError(f"{path} is a sequence, and --what {what} is for a spec")
     frames = read_frames(path)
     with about(path):
         return _of_frames(frames, what, look)

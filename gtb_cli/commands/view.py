@@ -1,4 +1,4 @@
-"""`gtb view`: specs and meshes → a page that shows them in a browser."""
+"""`gtb view`: specs and meshes → a page that a browser shows."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 MESHES = (".obj", ".ply", ".stl", ".glb")
 
 SEQUENCE_RESOLUTION = 20
-"""Segments of each edge of each cell of a sequence."""
+"""Segments of each edge of each cell in a sequence."""
 
 PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
-"""Parameters x of a degeneration, and steps of a knot limit, where none is given: the slider goes straight between."""
+"""Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them."""
 
 MAX_PAGE_FACES = 1_000_000
-"""Largest number of triangles of a page, which takes about 40 bytes for each."""
+"""Largest number of triangles of a page; each takes about 40 bytes."""
 
 
 @click.command
@@ -36,19 +36,19 @@ MAX_PAGE_FACES = 1_000_000
     "--output",
     metavar="PAGE.html",
     type=OUTPUT,
-    help="Write the page to this file. Without it to a temporary file, which the browser opens.",
+    help="Write the page to this file; by default to a temporary file, which the browser opens.",
 )
 @click.option(
     "-n",
     "--resolution",
     type=WholeNumber(1, 1000),
     metavar="N",
-    help="Segments along each edge; without it by the number of patches.",
+    help="Segments along each edge; by default the fewer, the more patches there are.",
 )
-@click.option("--no-open", is_flag=True, help="Open no browser; say where the page is.")
+@click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
 @click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
 @click.option(
-    "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; without it one that is free."
+    "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; by default any free one."
 )
 @limit_options
 @spec_format_option
@@ -67,21 +67,22 @@ def view(
     """\b
     Example: gtb view specs/bicubic.toml -o bicubic.html
 
-    Make one page, which needs no network, and look at specs, meshes, or the FOLDER of a sequence in a browser.
+    Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
     Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges of patches, open edges,
-    folds (where a patch turns back by more than 90 degrees between two triangles) and axes go on and off; shading may
-    be curvature with its scale, zebra stripes or isophotes. Normals and curvature of a spec are exact at the vertices
-    of its mesh and interpolated at each pixel between them; -n makes that finer. A mesh file's normals are not read:
-    means of its triangles' take their place. Names appear under the pointer; a sequence has a slider and plays:
-    that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge and --steps (a knot limit).
+    folds (where a patch turns by more than 90 degrees between two triangles) and axes can be switched on and off;
+    shading may be curvature with its scale, zebra stripes or isophotes. Normals and curvature of a spec are exact at
+    the vertices of its mesh and interpolated at each pixel between them; -n makes the mesh finer. Normals in mesh files
+    are not read: the means of the triangles' normals are used instead. Names appear under the pointer. A sequence has
+    a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge and --steps
+    (a knot limit).
 
-    With --watch the page follows the files: an edit is there within a second, an error is shown with its line, and
-    what was good last stays. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
+    With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
+    the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
     """
     if watch:
         if output is not None or STANDARD in paths:
-            raise click.UsageError("--watch serves a page of files: it has no -o, and follows no standard input")
+            raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
         from gtb_cli.shell.watching import serve
 
         serve(paths, lambda: sight_of_paths(paths, resolution, spec_format, limit), port, console, opens=not no_open)
@@ -101,7 +102,7 @@ def view(
 def sight_of_paths(
     paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest | None = None
 ) -> Sight:
-    """What there is to see in files and folders, or on the way to a limit."""
+    """Return what a page shows of files and folders, or of the way to a limit."""
     from gtb_cli.pictures.sight import joined
 
     limit = limit if limit is not None and limit.given() else None
@@ -144,7 +145,7 @@ def _sight(path: str, resolution: int | None, spec_format: str | None, limit: Li
 def _refuse_too_many(faces: int) -> None:
     if faces > MAX_PAGE_FACES:
         raise ToleranceError(
-            f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: take a smaller -n, or a coarser mesh"
+            f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: use a smaller -n or a coarser mesh"
         )
 
 

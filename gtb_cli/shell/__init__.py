@@ -1,1 +1,1 @@
-"""What commands share: streams, messages, options, processes, manifests. No mathematics, no geometry."""
+"""What commands share: streams, messages, options, processes, manifests; no mathematics and no geometry."""

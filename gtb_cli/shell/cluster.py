@@ -1,4 +1,4 @@
-"""Work shared on a cluster, by Dask: an executor like that of the standard library's processes."""
+"""Work shared on a cluster by Dask, behind the same interface as `gtb_cli.shell.processes`."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 CONNECTION_SECONDS = 10.0
-"""Seconds in which a scheduler must answer."""
+"""Seconds within which a scheduler must answer."""
 
 WORKER_SECONDS = 60.0
-"""Seconds for which a cluster may be without workers, as one is that starts, or loses the last."""
+"""Seconds for which a cluster may have no workers, as when it starts or has lost its last one."""
 
 PATIENCE_SECONDS = 5.0
-"""Seconds of waiting for a result between two looks at whether there are workers."""
+"""Seconds between two checks, while a result is awaited, that there are workers."""
 
 ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
-"""HOST:PORT; addresses with colons of their own in brackets."""
+"""HOST:PORT; an address that contains colons stands in brackets."""
 
 PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
-"""What the bytes of a file depend on: all workers must have the versions of this process."""
+"""Packages on which the bytes of a file depend: all workers must have the same versions as this process."""
 
 ONE_THREAD = "OPENBLAS_NUM_THREADS"
-"""Environment variable that must be 1 on workers: how a sum is split among threads decides its last digit."""
+"""Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it."""
 
 MISSING = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
 
@@ -47,21 +47,21 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
     Parameters
     ----------
     function : callable
-        At the top of a module.
+        Defined at the top level of a module.
     tasks : iterable
     address : str
-        That of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file.
+        Address of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file.
 
     Raises
     ------
     GtbError
-        Dask is not installed, no scheduler answers, there are no workers, or theirs are other versions; a task ends
-        one worker after another; or what `function` raises.
+        Dask is not installed, no scheduler answers, there are no workers, or they have other versions; a task kills
+        one worker after another; or `function` raises it.
 
     Notes
     -----
-    What a worker had not finished when it died is done by another. Workers that join later take part; they should
-    have the same versions. Results wait for their turn, two for each thread of the workers.
+    If a worker dies, another one does its unfinished tasks. Workers that join later take part; they should have the
+    same versions. At most two results for each thread of the workers wait for their turn.
     """
     client = _connected(address)
     from distributed.scheduler import KilledWorker
@@ -76,13 +76,13 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
             lambda future: _awaited(future, client, address),
         )
     except KilledWorker as error:
-        raise GtbError(f"--cluster {address}: workers died of a task, one after another: {error}") from None
+        raise GtbError(f"--cluster {address}: a task killed one worker after another: {error}") from None
     finally:
         client.close(timeout=CONNECTION_SECONDS)
 
 
 def _connected(address: str) -> Any:
-    """A client of the scheduler."""
+    """Return a client of the scheduler."""
     from concurrent.futures import Future
 
     try:
@@ -91,23 +91,23 @@ def _connected(address: str) -> Any:
         raise GtbError(MISSING) from None
 
     class Connection(Client):  # type: ignore[misc]
-        def __del__(self) -> None:  # one that failed would be closed as if it had not, which takes long and says so
+        def __del__(self) -> None:  # closing a client that never connected takes long and prints messages
             pass
 
-    logging.disable()  # what Dask and its servers would say is said here, in the user's words
+    logging.disable()  # Dask's own messages are replaced by ours, in the user's words
     connection: Future[Any] = Future()
 
     def connect(place: str) -> None:
         try:
             connection.set_result(Connection(place, timeout=CONNECTION_SECONDS, set_as_default=False))
-        except BaseException as error:  # noqa: BLE001 -- raised where it is waited for
+        except BaseException as error:  # noqa: BLE001 -- raised where the result is awaited
             connection.set_exception(error)
 
     try:
         place = _scheduler(address)
         host, _, port = place.partition("://")[2].rpartition(":")
         socket.create_connection((host.strip("[]"), int(port)), CONNECTION_SECONDS).close()
-        # Something else that listens there, and says nothing, would be waited for without end.
+        # Another program that listens there but says nothing would keep us waiting for ever.
         threading.Thread(target=connect, args=(place,), daemon=True).start()
         return connection.result(2 * CONNECTION_SECONDS)
     except (OSError, ValueError, AssertionError) as error:
@@ -116,7 +116,7 @@ def _connected(address: str) -> Any:
 
 
 def _scheduler(address: str) -> str:
-    """The address of a scheduler, which may be in a file."""
+    """Return the address of a scheduler, read from its file if `address` names one."""
     if os.path.isfile(address):
         import json
 
@@ -132,13 +132,13 @@ def _scheduler(address: str) -> str:
 
 
 def _alone(function: Callable[[T], R], task: T) -> R:
-    """Call a function in a worker, whose threads share the processors already."""
+    """Call a function in a worker without further threads: the workers' own already share the processors."""
     limit_threads(1)
     return function(task)
 
 
 def _awaited(future: Future[R], client: Any, address: str) -> R:
-    """Return a result when it is there, unless there is nobody left who would compute it."""
+    """Wait for a result, unless no worker is left to compute it."""
     from concurrent.futures import CancelledError, wait
 
     while not wait([future], PATIENCE_SECONDS).done:
@@ -161,7 +161,7 @@ def _wait_for_workers(client: Any, address: str) -> None:
 
 
 def _check_workers(client: Any, address: str) -> None:
-    """Refuse workers whose files would differ from those of this process."""
+    """Refuse workers that would make other files than this process."""
     _wait_for_workers(client, address)
     for package in PACKAGES:
         expected = importlib.metadata.version(package)
@@ -171,7 +171,7 @@ def _check_workers(client: Any, address: str) -> None:
             if isinstance(found, BaseException):
                 raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
             if found != expected:
-                raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process {expected}")
+                raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process has {expected}")
     for worker, threads in client.run(os.getenv, ONE_THREAD).items():
         if threads != "1":
-            raise GtbError(f"--cluster {address}: {worker} was started without {ONE_THREAD}=1, which its digits need")
+            raise GtbError(f"--cluster {address}: {worker} was started without {ONE_THREAD}=1, and digits depend on it")

@@ -1,4 +1,4 @@
-"""Messages and progress, on standard error."""
+"""Messages and progress on standard error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SYSTEM_LIMITS = {
     errno.ENOMEM: "not enough memory for this",
     errno.ENOENT: "the working folder is gone",
 }
-"""Errors of the system that concern neither a file nor a stream."""
+"""Messages for system errors that concern neither a file nor a stream."""
 
 PROGRESS_INTERVAL = 0.1
 """Seconds between two updates of a progress bar."""
@@ -39,12 +39,12 @@ BAR_CHARACTERS = 30
 
 
 def complain(message: str) -> None:
-    """Say what went wrong, in one line on standard error."""
+    """Print an error message as one line on standard error."""
     say(f"gtb: error: {printable(message)}")
 
 
 def lines_about(error: Exception) -> list[str]:
-    """Lines that tell a person of any error; GTB_TRACEBACK=1 shows where an internal one comes from."""
+    """Return the lines of the message for any error; GTB_TRACEBACK=1 shows where an internal error comes from."""
     match error:
         case GtbError():
             return str(error).split("\n")
@@ -64,12 +64,12 @@ def lines_about(error: Exception) -> list[str]:
 
 
 def printable(text: str) -> str:
-    """Text that does nothing to a terminal, whatever the names of files in it."""
+    """Return the text without characters that would control a terminal, such as those in names of files."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def say(line: str) -> None:
-    """Write to standard error, if anybody is there."""
+    """Write a line to standard error, if it is open."""
     if sys.stderr is not None:
         try:
             sys.stderr.write(f"{line}\n")
@@ -84,7 +84,7 @@ class Console:
     Parameters
     ----------
     quiet : bool
-        Say nothing but errors.
+        Print only errors.
     """
 
     def __init__(self, quiet: bool = False) -> None:
@@ -92,12 +92,12 @@ class Console:
         self._progress: Progress | None = None
 
     def note(self, message: str) -> None:
-        """Say what was done."""
+        """Print what was done."""
         if not self.quiet:
             self._say(f"gtb: {printable(message)}")
 
     def warn(self, message: str) -> None:
-        """Say what the user might not expect."""
+        """Print what the user might not expect."""
         if not self.quiet:
             self._say(f"gtb: warning: {printable(message)}")
 
@@ -108,7 +108,7 @@ class Console:
             self._progress.say(line)
 
     def report(self, output: str, size: str, warnings: Iterable[str]) -> None:
-        """Say what was written to an output, and what was unusual."""
+        """Print what was written to an output, and the warnings."""
         prefix = "" if output == STANDARD else f"{output}: "
         for warning in warnings:
             self.warn(f"{prefix}{warning}")
@@ -116,21 +116,21 @@ class Console:
             self.note(f"{prefix}{size}")
 
     def progress(self, total: float) -> Progress:
-        """Return a progress bar for work of some size; it is invisible where no person would see it."""
+        """Return a progress bar for work of the given size; it is invisible unless a person would see it."""
         visible = not self.quiet and sys.stderr is not None and sys.stderr.isatty()
         self._progress = Progress(total, visible=visible)
         return self._progress
 
 
 class Progress:
-    """A bar on the last line of a terminal that appears when the work takes longer than `PROGRESS_DELAY`.
+    """A bar on the last line of a terminal; it appears when the work takes longer than `PROGRESS_DELAY`.
 
     Parameters
     ----------
     total : float
         Size of the work, in any unit.
     visible : bool
-        Whether to draw at all.
+        Whether the bar is drawn at all.
     """
 
     def __init__(self, total: float, *, visible: bool) -> None:
@@ -143,11 +143,11 @@ class Progress:
         self._width = 0
 
     def advance(self, amount: float) -> None:
-        """Note that a part of the work is done."""
+        """Record that a part of the work is done."""
         self._done += amount
 
     def over(self, blocks: Iterable[bytes], amount: float, expected: float) -> Iterator[bytes]:
-        """Yield `blocks` of about `expected` bytes in all, and advance by `amount` meanwhile."""
+        """Yield `blocks`, about `expected` bytes in all, and advance by `amount` meanwhile."""
         left = amount
         for block in blocks:
             yield block
@@ -157,7 +157,7 @@ class Progress:
         self.advance(left)
 
     def say(self, line: str) -> None:
-        """Write a line, which takes the place of the bar until that is drawn again."""
+        """Write a line in the place of the bar, until the bar is drawn again."""
         with self._lock:
             self._clear()
             say(line)
@@ -169,7 +169,7 @@ class Progress:
             self._lock = threading.Lock()
             self._over = threading.Event()
             thread = threading.Thread(target=self._draw, daemon=True)
-            with suppress(RuntimeError):  # no more threads: the work is done without a bar
+            with suppress(RuntimeError):  # no thread can be started: the work is done without a bar
                 thread.start()
                 self._thread = thread
         return self
@@ -187,7 +187,7 @@ class Progress:
         start = time.monotonic()
         if self._over.wait(PROGRESS_DELAY):
             return
-        with suppress(OSError, ValueError):  # the terminal has gone
+        with suppress(OSError, ValueError):  # the terminal is gone
             while True:
                 share = min(self._done / self._total, 0.99)
                 seconds = int(time.monotonic() - start)
@@ -206,7 +206,7 @@ class Progress:
                 self._clear()
 
     def _clear(self) -> None:
-        """Take the bar away."""
+        """Erase the bar."""
         if self._width:
             with suppress(OSError, ValueError):
                 sys.stderr.write("\r" + " " * self._width + "\r")
@@ -215,7 +215,7 @@ class Progress:
 
 
 def abandon(stream: TextIO | None) -> None:
-    """Send what a stream still holds nowhere, so that the end of the process does not fail on it again."""
+    """Discard what a stream still holds, so that the end of the process does not fail on it again."""
     if stream is not None:
         with suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)

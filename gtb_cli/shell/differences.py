@@ -1,4 +1,4 @@
-"""What is said of the difference of two meshes: as text, as plain data, and beside them."""
+"""Reports on the difference of two meshes: as text, as plain data, and as warnings."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
 TABLE_DIGITS = 9
-"""Digits of a number in a table; all of them where two different numbers would look the same."""
+"""Digits of a number in a table, unless two different numbers would look the same."""
 
 
 def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
-    """Say where the answer is not quite to the question."""
+    """Warn if the answer does not quite fit the question."""
     if found.asked and found.asked < found.tolerance:
         console.note(
-            f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} in place of {found.asked:.3g}: "
-            "the numbers in the files hold no less at this size"
+            f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: "
+            "the numbers in the files are no finer at this size"
         )
     if found.turned:
         console.warn(f"{names[0]}, {names[1]}: {found.turned} faces are turned: they look to the other side")
@@ -32,7 +32,7 @@ def say_limits(found: Difference, names: tuple[str, str], console: Console) -> N
 
 
 def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
-    """Plain data, ready for ``json.dumps``."""
+    """Return a difference as plain data, ready for ``json.dumps``."""
     report: dict[str, Any] = {
         "same": found.same,
         "distance": found.distance,
@@ -57,7 +57,7 @@ def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
 
 
 def text_about(found: Difference, names: tuple[str, str]) -> str:
-    """A line, and where the meshes are not the same what differs."""
+    """Return a line with the verdict and, if the meshes are not the same, a table of what differs."""
     verdict = "same" if found.same else "different"
     head = f"{verdict}: {printable(names[0])} and {printable(names[1])}"
     if found.method == "vertices":
@@ -84,7 +84,7 @@ def text_about(found: Difference, names: tuple[str, str]) -> str:
 
 
 def _row(label: str, values: list[float | int | None]) -> str:
-    """A line of a table, with a star and the digits that differ, where two numbers do."""
+    """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
     first, second = (_number(value, TABLE_DIGITS) for value in values)
     if values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"

@@ -10,11 +10,11 @@ from gtb_cli.errors import GtbError, SpecError
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS
 
 MAX_FOLDERS = 10_000
-"""Folders below one that are looked into: twenty that link to each other have a million ways through them."""
+"""Largest number of subfolders that are read: twenty that link to each other have a million paths through them."""
 
 
 class Pair(NamedTuple):
-    """Files of two folders that belong together; None where there is none."""
+    """Files of two folders that belong together; None if a folder lacks the file."""
 
     name: str
     first: str | None
@@ -22,12 +22,12 @@ class Pair(NamedTuple):
 
 
 def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
-    """The paths as they are, but for each folder the specs in it, by name.
+    """Return the paths, with each folder replaced by the specs in it, sorted by name.
 
     Raises
     ------
     SpecError
-        A folder cannot be read, or has none.
+        A folder cannot be read, or has no specs.
     """
     found: list[str] = []
     for path in paths:
@@ -47,7 +47,7 @@ def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
 
 
 def pairs(a: str, b: str) -> list[Pair]:
-    """Match the files of two folders by name; specs and meshes, by name without suffix."""
+    """Match the files of two folders by name; a spec and a mesh, by name without suffix."""
     first, second = _files(a), _files(b)
     if not first:
         raise GtbError(f"{a}: has no meshes and no specs to compare with")
@@ -57,14 +57,14 @@ def pairs(a: str, b: str) -> list[Pair]:
 
 
 def _files(folder: str) -> dict[str, str]:
-    """Paths of the meshes in a folder, and in folders within, by name; if there are none, of the specs."""
+    """Return the paths of the meshes in a folder and its subfolders, by name; if it has no meshes, of the specs."""
     found = {name: os.path.join(folder, name) for name in _names(folder)}
     meshes = {name: path for name, path in found.items() if suffix_of(name) in FORMATS}
     return meshes or {name: path for name, path in found.items() if suffix_of(name) in SPEC_FORMATS}
 
 
 def _names(folder: str) -> Iterator[str]:
-    """Names of all files below a folder, also through links, but for those that are hidden."""
+    """Yield the names of all files below a folder that are not hidden, following links."""
     waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
     count = 0
     while waiting:
@@ -73,7 +73,7 @@ def _names(folder: str) -> Iterator[str]:
         try:
             status = os.stat(path)
             here = status.st_dev, status.st_ino
-            if here in above:  # a link to a folder that it is in
+            if here in above:  # a link to a folder that contains it
                 continue
             count += 1
             if count > MAX_FOLDERS:
@@ -93,7 +93,7 @@ def _names(folder: str) -> Iterator[str]:
 
 
 def suffix_of(name: str) -> str:
-    """The suffix of a file's name, in small letters and without the dot."""
+    """Return the suffix of a file's name in lower case, without the dot."""
     return os.path.splitext(name)[1][1:].lower()
 
 

@@ -1,4 +1,4 @@
-"""What a degeneration or a knot limit is asked for with: x, lifting, moves and steps."""
+"""Options that ask for a degeneration or a knot limit: x, lifting, moves and steps."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 KNOT = "knot:"
-"""Before an index, in place of a lifting: 1 at that knot, else 0."""
+"""Prefix of a knot's index, which stands for the lifting that is 1 at this knot and 0 at all others."""
 
 INDEX_DIGITS = 6
-"""Digits of a knot's index that are read; there are fewer knots."""
+"""Largest number of digits of a knot's index; patches have fewer knots than that."""
 
 MOVE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
 
 
 def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
-    """Read x, or several: a positive number, a number expression, or inf."""
+    """Read one x or several: each a positive number, a number expression, or inf."""
     if value is None:
         return None
     if isinstance(value, tuple):
@@ -74,7 +74,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
 def lifting_values(
     shape: Patch | Model, lifting: tuple[float, ...] | int | None
 ) -> FloatArray | tuple[float, ...] | None:
-    """Lifting values as the library takes them; those of an index are 1 at that knot and else 0."""
+    """Return lifting values as the library takes them; an index gives 1 at that knot and 0 at all others."""
     from gtb_cli.theory.patch import Patch
 
     if isinstance(lifting, int) and isinstance(shape, Patch):
@@ -87,7 +87,7 @@ def lifting_values(
 
 @dataclass(frozen=True)
 class LimitRequest:
-    """A degeneration (x, lifting) or a knot limit (moves, steps) that is asked for.
+    """The degeneration (x, lifting) or knot limit (moves, steps) that the options ask for.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class LimitRequest:
     lifting : tuple of float, int or None
         Values, or the index of a knot.
     moves : dict of int to int
-        Knots, and those to whose places they move.
+        From each knot that moves to the knot at whose place it arrives.
     steps : tuple of float or None
         Fractions of the way.
     """
@@ -106,7 +106,7 @@ class LimitRequest:
     steps: tuple[float, ...] | None
 
     def given(self) -> list[str]:
-        """Names of the options that were given."""
+        """Return the names of the options that were given."""
         named = {"-x": bool(self.xs), "--lifting": self.lifting is not None}
         named |= {"--merge": bool(self.moves), "--steps": self.steps is not None}
         return [name for name, is_given in named.items() if is_given]
@@ -114,14 +114,14 @@ class LimitRequest:
     def frames(
         self, shape: Patch | Model, resolution: int, *, xs: Sequence[float], steps: Sequence[float], distances: bool
     ) -> Frames:
-        """Meshes on the way to the limit, and its net; `xs` and `steps` are those where none are given.
+        """Return meshes on the way to the limit, and its net; `xs` and `steps` are the defaults.
 
         Raises
         ------
         SpecError, DomainError
-            It is a model; it has no lifting, or a move is not possible.
+            The shape is a model or has no lifting, or a move is not possible.
         click.UsageError
-            The options are not of one kind of limit.
+            The options mix the two kinds of limits.
         """
         from gtb_cli.pictures.nets import net_of
         from gtb_cli.pictures.sequences import Frames
@@ -167,9 +167,9 @@ class LimitRequest:
 
 
 def refuse_limit(limit: LimitRequest, path: str) -> None:
-    """Refuse the options of a limit for what is not a spec."""
+    """Refuse the options of a limit if the input is not a spec."""
     if limit.given():
-        raise click.UsageError(f"{limit.given()[0]} is for a spec, and {path} is not one")
+        raise click.UsageError(f"{limit.given()[0]} is for specs, and {path} is not a spec")
 
 
 def limit_options(function: Function) -> Function:

@@ -1,4 +1,4 @@
-"""`--manifest`: sums, sizes and measures of mesh files and what made them, in a file that appears with them."""
+"""`--manifest`: a file with checksums, sizes and measures of mesh files, and the options that made them."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ PACKAGES = ("numpy", "trimesh")
 
 
 RENEWAL_SECONDS = 2.0
-"""Seconds between two versions of a manifest that grows."""
+"""Seconds between two versions of a growing manifest."""
 
 
 @dataclass
 class Entry:
-    """A mesh file that is written.
+    """A mesh file in the manifest.
 
     Attributes
     ----------
     file : str
         Its name.
     settings : mapping
-        What is particular to it among the options.
+        The options that differ from file to file.
     measures : Measures
         Measures of the mesh, before numbers are rounded to what the format holds.
     inputs : mapping
-        Sums of the files that it is made from, by name from the spec's folder on.
+        Checksums of the files that it is made from, by path relative to the spec's folder.
     warnings : list of str
     """
 
@@ -57,14 +57,14 @@ class Entry:
     _sum: Any = field(default_factory=hashlib.sha256)
 
     def over(self, blocks: Iterable[bytes]) -> Iterator[bytes]:
-        """Yield the blocks of the file, and note what passes."""
+        """Yield the blocks of the file, and update its size and checksum."""
         for block in blocks:
             self._bytes += len(block)
             self._sum.update(block)
             yield block
 
     def record(self) -> dict[str, object]:
-        """Plain data, once all blocks have passed."""
+        """Return the entry as plain data, once all blocks have passed."""
         passed = {"file": self.file, "sha256": self._sum.hexdigest(), "bytes": self._bytes}
         made = {"inputs": self.inputs, "warnings": self.warnings}
         return {**passed, **self.settings, **self.measures.record(), **made}
@@ -76,9 +76,9 @@ class Manifest:
     Parameters
     ----------
     path : str
-        Where it goes; ``"-"`` is standard output.
+        Where the manifest goes; ``"-"`` is standard output.
     settings : mapping
-        The options that all files have, as plain data.
+        The options that all files share, as plain data.
     output : str
         The file or folder of the meshes.
     resume : bool
@@ -87,7 +87,7 @@ class Manifest:
 
     def __init__(self, path: str, settings: Mapping[str, object], output: str, *, resume: bool = False) -> None:
         if path == output == STANDARD:
-            raise click.UsageError("--manifest -: meshes go to standard output already, -o names another place")
+            raise click.UsageError("--manifest -: meshes already go to standard output; send them elsewhere with -o")
         self.path = path
         self._settings = settings
         self._is_direct = path == STANDARD or is_device(path)
@@ -99,19 +99,19 @@ class Manifest:
             self._known = known_entries(path, versions(PACKAGES), settings)
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self._is_direct else folder
-        # Before the work is done, and not after it; the folder of the meshes is made if missing.
+        # Checked before the work, not after it; the folder of the meshes is made if missing.
         if not self._is_direct and not os.path.isdir(folder) and os.path.abspath(folder) != os.path.abspath(output):
             raise ExportError(f"cannot write {path}: the folder {folder} does not exist")
 
     def recorded(self, output: str, entry: Callable[[str], Entry], blocks: Iterable[bytes]) -> Iterator[bytes]:
-        """Yield the blocks of a file, and record it, by an entry made from its name, once all have passed."""
+        """Yield the blocks of a file; once all have passed, record the entry that `entry` makes from its name."""
         name = self._name(output)
         made = entry(name)
         yield from made.over(blocks)
         self._entries[name] = made
 
     def kept(self, output: str, spec: str) -> Mapping[str, Any] | None:
-        """Record a file as the old manifest has it, and return that; None where it has to be made again."""
+        """Record a file with its old entry and return this; None if the file has to be made again."""
         name = self._name(output)
         entry: Mapping[str, Any] | None = self._known.get(name)
         if entry is None or not is_up_to_date(entry, spec, output):
@@ -120,16 +120,16 @@ class Manifest:
         return entry
 
     def sort(self, outputs: Iterable[str]) -> None:
-        """List the files that there are in the order of all outputs."""
+        """Sort the recorded files into the order of `outputs`."""
         order = {self._name(output): place for place, output in enumerate(outputs)}
         self._entries = dict(sorted(self._entries.items(), key=lambda item: order.get(item[0], len(order))))
 
     def replace(self) -> None:
-        """Write it as it is now."""
+        """Write the manifest as it is now."""
         write_text(self.path, self._text())
 
     def write_with(self, output: str, blocks: Iterable[bytes]) -> None:
-        """Write a single mesh, recorded before, and the manifest."""
+        """Write a single mesh, which is already recorded, and the manifest."""
         if self._is_direct or output == STANDARD or is_device(output):
             write_blocks(output, blocks)
             write_text(self.path, self._text())
@@ -146,12 +146,12 @@ class Manifest:
             files.add_path(self.path, [self._text().encode("utf-8")])
 
     def finish(self) -> None:
-        """Write it where nothing can be staged, once the files are there."""
+        """Write the manifest after its files, if it could not be staged with them."""
         if self._is_direct:
             write_text(self.path, self._text())
 
     def _name(self, output: str) -> str:
-        """Name a file from the manifest's folder on if it is below it, else alone: nothing of this machine."""
+        """Name a file relative to the manifest's folder, or without a folder: no path of this machine."""
         if output == STANDARD:
             return output
         folder = os.path.realpath(os.path.dirname(output) or os.curdir)
@@ -170,14 +170,14 @@ class Manifest:
 
 
 class OneByOne:
-    """Files of a folder that appear each when it is made, and the manifest now and then and in the end.
+    """Files of a folder, each of which appears when it is made; the manifest is written now and then and at the end.
 
     Parameters
     ----------
     folder : str
     manifest : Manifest
     outputs : list of str
-        All files that there will be, in the order of the manifest.
+        All files to be made, in the order of the manifest.
     """
 
     def __init__(self, folder: str, manifest: Manifest, outputs: list[str]) -> None:
@@ -190,7 +190,7 @@ class OneByOne:
         return self
 
     def add(self, name: str, blocks: Iterable[bytes]) -> None:
-        """Write a file of the folder."""
+        """Write a file into the folder."""
         from gtb_cli.files import StagedFiles
 
         with StagedFiles(self._folder) as files:
@@ -206,12 +206,12 @@ class OneByOne:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if os.path.isdir(self._folder):  # else nothing was made
+        if os.path.isdir(self._folder):  # otherwise nothing was made
             self._replace()
 
 
 def versions(packages: Iterable[str]) -> dict[str, str | None]:
-    """Versions of this program and of installed packages, which are not imported for that; None: not there."""
+    """Return the versions of this program and of packages, without importing them; None: not installed."""
     from importlib.metadata import PackageNotFoundError, version
 
     found: dict[str, str | None] = {"gtb": __version__}

@@ -1,4 +1,4 @@
-"""What the mesh options of a command mean for files: formats, names, and what is said of them."""
+"""What the mesh options of a command mean for files: formats, names and messages."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """Which mesh to make, and in which format to write it.
+    """The mesh to make, and the format in which it is written.
 
     Attributes
     ----------
     recipe : Recipe
     format : str or None
-        None: what the name of the output says.
+        None: given by the name of the output.
     uv, ascii : bool
     up : "z", "y" or None
-        Where the z of the spec is up, which axis is so in the file. None: what the format prescribes.
+        Axis of the file that points up if z does in the spec. None: as the format prescribes.
     """
 
     recipe: Recipe
@@ -41,7 +41,7 @@ class MeshOptions:
 
     @property
     def settings(self) -> dict[str, object]:
-        """The options that bytes depend on, as plain data."""
+        """Return the options on which the bytes depend, as plain data."""
         recipe = self.recipe
         return {
             "resolution": recipe.resolution if recipe.tolerance is None else None,
@@ -59,33 +59,33 @@ class MeshOptions:
         }
 
     def settings_for(self, spec: Patch | Model) -> dict[str, object]:
-        """What options mean for a spec, where that differs from spec to spec."""
+        """Return the settings that differ from spec to spec."""
         if self.recipe.tolerance is None:
             return {}
         return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
-        """Bytes of a mesh in a format, block by block."""
+        """Return the bytes of a mesh in a format, block by block."""
         from gtb_cli.formats.export import encode_mesh
 
         return encode_mesh(mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv, up=self.up)
 
     def warnings(self, mesh: Mesh, kind: str) -> list[str]:
-        """What the user should know of such a file."""
+        """Return what the user should know about such a file."""
         from gtb_cli.formats.export import warnings_for
 
         messages = warnings_for(mesh, kind, ascii=self.ascii, normals=self.recipe.normals, uv=self.uv)
         if self.recipe.attributes and kind != "ply":
-            messages.append(f"{kind.upper()}: holds no attributes, none are written; PLY does")
+            messages.append(f"{kind.upper()} cannot hold attributes, and none are written; PLY can")
         return messages
 
     def format_for(self, output: str) -> str:
-        """Format for an output: what -f says, or the suffix of a file; OBJ for a folder or a stream.
+        """Return the format of an output: that of -f, or of the suffix of a file; OBJ for a folder or a stream.
 
         Raises
         ------
         ExportError
-            The suffix is not that of a format, or the output is a terminal and the format binary.
+            The suffix does not belong to a format, or the output is a terminal and the format is binary.
         """
         kind = self.format
         if kind is None:
@@ -94,19 +94,19 @@ class MeshOptions:
                 if output != STANDARD and not is_folder(output) and not is_device(output):
                     known = ", ".join(f".{name}" for name in FORMATS)
                     name = output or repr(output)
-                    raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; -f FORMAT says")
+                    raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")
                 kind = "obj"
         if is_terminal(output) and (kind == "glb" or (kind in ("ply", "stl") and not self.ascii)):
             way_out = "-o FILE" if kind == "glb" else "-o FILE or --ascii"
-            raise ExportError(f"{kind.upper()} is binary, and standard output a terminal: give {way_out}")
+            raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give {way_out}")
         return kind
 
 
 def summary(mesh: Mesh) -> str:
-    """Size of a mesh, for messages."""
+    """Describe the size of a mesh, for messages."""
     return f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
 
 
 def expected_bytes(mesh: Mesh) -> float:
-    """Roughly the size of a file, for progress."""
+    """Estimate the size of a file, for progress."""
     return 60.0 * max(len(mesh.cells), 1)

@@ -27,7 +27,7 @@ MAX_THREADS = 256
 """Largest number of threads."""
 
 MAX_RESOLUTION = 10**8
-"""Largest number of segments along an edge: its square still is a 64-bit integer."""
+"""Largest number of segments along an edge: its square is still a 64-bit integer."""
 
 
 def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -84,12 +84,12 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
 
 
 class FileName(click.ParamType):  # type: ignore[type-arg]
-    """Name of a file, or - for a standard stream, that a command reads, or writes: `INPUT` or `OUTPUT`."""
+    """Name of a file that a command reads (`INPUT`) or writes (`OUTPUT`), or - for a standard stream."""
 
     name = "file"
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Let the shell complete names of files."""
+        """Let the shell complete file names."""
         from click.shell_completion import CompletionItem
 
         return [CompletionItem(incomplete, type="file")]
@@ -102,7 +102,7 @@ class WholeNumber(click.IntRange):
     """A whole number within limits."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read one, or say what is expected."""
+        """Read a whole number, or raise an error that says what is expected."""
         try:
             int(value)
         except ValueError:
@@ -113,10 +113,10 @@ class WholeNumber(click.IntRange):
 
 
 class AttributeName(click.Choice):  # type: ignore[type-arg]
-    """One of some names, or that of a basis function, such as basis:3."""
+    """One of the given names, or that of a basis function, such as basis:3."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read one; whether the patch has so many functions is seen later."""
+        """Read a name; whether the patch has that basis function is checked later."""
         text = str(value).removeprefix(BASIS)
         if text != value and text.isascii() and text.isdecimal():
             return value
@@ -124,14 +124,14 @@ class AttributeName(click.Choice):  # type: ignore[type-arg]
 
 
 def named_files(kind: FileName) -> list[str]:
-    """Inputs or outputs that the running command was given."""
+    """Return the inputs or outputs of the running command."""
     context = click.get_current_context()
     given = [context.params.get(param.name or "") for param in context.command.params if param.type is kind]
     return [path for value in given if value is not None for path in ((value,) if isinstance(value, str) else value)]
 
 
 def check_outputs(*outputs: str) -> None:
-    """Refuse outputs that are inputs of the running command, before anything is written."""
+    """Refuse outputs that are also inputs of the running command, before anything is written."""
     refuse_overwriting(named_files(INPUT), outputs)
 
 
@@ -142,7 +142,7 @@ specs_argument = click.argument("specs", metavar="SPEC...", nargs=-1, required=T
 spec_format_option = click.option(
     "--spec-format",
     type=click.Choice(SPEC_FORMATS),
-    help="Read specs as this. Without it the suffix says, or the first character.",
+    help="Read specs in this format; by default the suffix or the first character decides.",
 )
 
 output_option = click.option(
@@ -151,7 +151,7 @@ output_option = click.option(
     metavar="OUT",
     default=STANDARD,
     type=OUTPUT,
-    help="Write to this file. Without it, or with -, to standard output.",
+    help="Write to this file; by default, or with -, to standard output.",
 )
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -160,16 +160,16 @@ weld_option = click.option(
     "--weld",
     callback=tolerance_of,
     metavar="T",
-    help="Join edges of a model that are as near as this, in model units, or as 0.01% of the size; in place of the "
-    "spec's weld.",
+    help="Join edges of a model that are at most this far apart, in model units or such as 0.01% of the size; "
+    "overrides the spec's weld.",
 )
 
 parametrization_option = click.option(
     "--parametrization",
     type=click.Choice(PARAMETRIZATIONS),
     default=PARAMETRIZATIONS[0],
-    help="Where vertices are put: linear, evenly up to the edges, whatever the units of the knots (so it is without "
-    "this option); or toric, at the paper's parameters, which may crowd.",
+    help="Where vertices are put: linear, evenly up to the edges, whatever the units of the knots (the default); "
+    "or toric, at the paper's parameters, which may crowd.",
 )
 
 
@@ -186,8 +186,8 @@ threads_option = click.option(
     default=0,
     expose_value=False,
     callback=_limit_threads,
-    help="Threads that share the work on large meshes; without this option, or with 0, one for each processor that the "
-    "process may use. Any number makes the same bytes.",
+    help="Threads that share the work on large meshes; by default, or with 0, one for each processor that the "
+    "process may use. The bytes do not depend on the number.",
 )
 
 resolution_option = click.option(
@@ -210,14 +210,14 @@ lifting_option = click.option(
     "--lifting",
     callback=numbers_of,
     metavar="L,…",
-    help="A lifting value for each knot, in place of the spec's. Expressions such as 4*sqrt(2) may be used.",
+    help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used.",
 )
 
 
 def console_option(function: Function) -> Function:
-    """Add ``-q/--quiet``; the command gets a `console`, and is not called where it would overwrite what it reads."""
+    """Add ``-q/--quiet``; the command gets a `console`, and is not called if it would overwrite what it reads."""
 
-    @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+    @click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
     @functools.wraps(function)
     def command(*args: Any, quiet: bool, **values: Any) -> object:
         check_outputs(*named_files(OUTPUT))
@@ -232,7 +232,7 @@ def mesh_options(function: Function) -> Function:
 
 
 def mesh_options_of(formats: tuple[str, ...]) -> Callable[[Function], Function]:
-    """Add the options of a mesh in one of some formats."""
+    """Add the options of a mesh in one of these formats."""
     return functools.partial(_mesh_options, formats=formats)
 
 
@@ -242,7 +242,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         "--tolerance",
         callback=tolerance_of,
         metavar="T",
-        help="In place of -n: the largest distance between mesh and surface, in model units, or as 1% of the size.",
+        help="Instead of -n: the largest distance between mesh and surface, in model units or such as 1% of the size.",
     )
     @parametrization_option
     @threads_option
@@ -250,14 +250,14 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         "-f",
         "--format",
         type=click.Choice(formats, case_sensitive=False),
-        help="Format, whatever the name of OUT. Without it the suffix of OUT says, else obj.",
+        help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
     )
     @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
     @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
     @click.option(
         "--up",
         type=click.Choice(UP),
-        help="Which axis of the file is up where z is in the spec; without this option y in GLB files, as glTF "
+        help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
         "prescribes, and z in all others.",
     )
     @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
@@ -266,14 +266,14 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         "--radius",
         callback=length_of,
         metavar="R",
-        help="Make a tube of this radius, in model units, around a curve. That distant parts meet is not looked for.",
+        help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
     )
     @click.option(
         "--thickness",
         callback=length_of,
         metavar="D",
-        help="Make a solid of this thickness, in model units: on the side of the normals, or the other if negative. "
-        "Folds, and distant parts that meet, are said.",
+        help="Make a solid of this thickness, in model units, on the side of the normals, or the other if negative. "
+        "A message reports folds, and distant parts that meet.",
     )
     @click.option(
         "--attribute",
@@ -315,7 +315,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         if resolution is not None and tolerance is not None:
             raise click.UsageError("-n and --tolerance exclude each other")
         if radius is not None and thickness is not None:
-            raise click.UsageError("--radius is for curves and --thickness for surfaces, they exclude each other")
+            raise click.UsageError("--radius is for curves and --thickness is for surfaces: they exclude each other")
         if radius is not None and radius < 0:
             raise click.UsageError(f"--radius must be positive, got {radius:g}")
         if radius is not None and uv:

@@ -26,25 +26,25 @@ HEARTBEAT_SECONDS = 1.0
 """Seconds between two signs of life of a worker."""
 
 MISSED_HEARTBEATS = 60
-"""Signs of life that a worker may miss while its result is waited for. Some libraries try for ever, and let no other
-thread run meanwhile, when there is too little memory for them to be imported."""
+"""Signs of life that a worker may miss while its result is awaited. If there is too little memory to import them, some
+libraries try for ever and let no other thread run meanwhile."""
 
 SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
 
 def processors() -> int:
-    """Number of processors that this process may use."""
+    """Return the number of processors that this process may use."""
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(count, MAX_JOBS)
 
 
 def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> Generator[R]:
-    """Yield ``function(task)`` for each task, in their order, computed by some processes.
+    """Yield ``function(task)`` for each task, in their order, computed by several processes.
 
     Parameters
     ----------
     function : callable
-        At the top of a module.
+        Defined at the top level of a module.
     tasks : iterable
     jobs : int
         Number of processes.
@@ -52,7 +52,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     Raises
     ------
     GtbError
-        A process was killed, or says nothing for long, as happens when memory runs out; or what `function` raises.
+        A process was killed, or is silent for long, as happens when memory runs out; or `function` raises it.
 
     Notes
     -----
@@ -62,11 +62,11 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     from concurrent.futures.process import BrokenProcessPool
     from multiprocessing import active_children, get_context
 
-    # A copy of this process has everything imported already; elsewhere than on Linux, copies are not safe.
+    # A copy of this process has already imported everything; copies are safe only on Linux.
     context = get_context("fork" if sys.platform == "linux" else "spawn")
     life, sign = context.Pipe(duplex=False)
     if os.name == "posix":
-        os.set_blocking(sign.fileno(), False)  # where nobody listens for hours, the pipe is full
+        os.set_blocking(sign.fileno(), False)  # if nobody listens for hours, the pipe is full
     executor = ProcessPoolExecutor(jobs, context, _start_worker, (sign,))
     try:
         yield from in_order(
@@ -81,7 +81,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     finally:
         for process in active_children():
             process.kill()
-        # A result that is cut off in the middle would be waited for as long as anyone, so this process, can write more.
+        # A truncated result would be awaited as long as any process, this one included, could still write the rest.
         writer = getattr(getattr(executor, "_result_queue", None), "_writer", None)
         if writer is not None:
             writer.close()
@@ -91,7 +91,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
 
 
 def _awaited(result: Future[R], life: Connection) -> R:
-    """Return a result when it is there, unless a worker falls silent before."""
+    """Wait for a result, unless a worker falls silent first."""
     from concurrent.futures import wait
     from multiprocessing import active_children
 
@@ -103,7 +103,7 @@ def _awaited(result: Future[R], life: Connection) -> R:
         for process in active_children():
             missed[process.pid] = 0 if process.pid in heard else missed.get(process.pid, 0) + 1
         if max(missed.values(), default=0) > MISSED_HEARTBEATS:
-            raise GtbError("a process says nothing any more (is there too little memory? -j 1 needs less)")
+            raise GtbError("a process has fallen silent (is there too little memory? -j 1 needs less)")
     return result.result()
 
 
@@ -119,7 +119,7 @@ def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: 
 
 @contextmanager
 def _signals_later() -> Iterator[None]:
-    """Let the signals that stop this process wait, here and in the processes that are started meanwhile."""
+    """Delay the signals that stop this process, here and in the processes started meanwhile."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -131,10 +131,10 @@ def _signals_later() -> Iterator[None]:
 
 
 def _start_worker(sign: Connection) -> None:
-    """Leave Ctrl-C to the first process, end with it however it ends, and give signs of life until then."""
+    """Leave Ctrl-C to the parent process, end when it ends, however it ends, and give signs of life until then."""
     import threading
 
-    limit_threads(1)  # the processes share the processors already
+    limit_threads(1)  # the processes already share the processors
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for number in SIGNALS - {signal.SIGINT}:
         signal.signal(number, signal.SIG_DFL)

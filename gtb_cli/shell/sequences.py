@@ -1,4 +1,4 @@
-"""What `gtb degenerate` and `gtb knot-limit` share: the meshes of a sequence in a folder, or one file that plays."""
+"""What `gtb degenerate` and `gtb knot-limit` share: writing a sequence as a folder of meshes, or as one animation."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ ANIMATED = "glb"
 """The format that holds an animation."""
 
 LIMIT = "limit"
-"""What the last mesh of a sequence is called."""
+"""Name of the last mesh of a sequence."""
 
 NAME_DIGITS = 6
-"""Digits of numbers in file names; more where a number has more."""
+"""Digits of numbers in file names, unless a number needs more."""
 
 WRITING_SHARE = 0.1
-"""Fraction of a step's work, for the progress bar, that is the writing of its file."""
+"""Fraction of a step's work that is the writing of its file, for the progress bar."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SequenceOutput:
     place : str
         A folder, a file with an animation, or standard output.
     meshes, emits_spec, animated : bool
-        Whether meshes are written, a spec is printed, and the meshes are one file that plays.
+        Whether meshes are written, a spec is printed, and the meshes are one animation.
     distances : bool
         Whether distances to the limit are measured.
     options : MeshOptions
@@ -61,14 +61,14 @@ class SequenceOutput:
     console: Console
 
     def check_length(self, values: Iterable[float]) -> None:
-        """Refuse an animation of too many meshes before they are made: there is one for each value at least."""
+        """Refuse an animation of too many meshes before they are made: each value gives at least one."""
         if self.animated:
             from gtb_cli.formats.morph import check_count
 
             check_count(len(set(values)))
 
     def made(self, maker: Callable[..., MeshSequence], patch: Patch, *arguments: object) -> MeshSequence | None:
-        """The sequence that a function of `gtb_cli.sequences.sequence` makes; None where no meshes are asked for."""
+        """Return the sequence that `maker` makes, or None if no meshes are wanted."""
         if not self.meshes:
             return None
         _check_kind(self.options, patch)
@@ -86,7 +86,7 @@ class SequenceOutput:
     def write(self, sequence: MeshSequence | None, prefix: str, source: str, spec_text: str) -> None:
         """Write the meshes and print the spec.
 
-        `prefix` is that of values in file names, `source` the name of the spec in errors.
+        `prefix` stands before values in file names; `source` names the spec in errors.
         """
         if sequence is not None:
             _write_sequence(sequence, prefix, self, source)
@@ -95,7 +95,7 @@ class SequenceOutput:
 
 
 def sequence_options(spec_help: str) -> Callable[[Function], Function]:
-    """Add the options of a sequence, ``--emit-spec`` with this help among them; the command gets a `SequenceOutput`."""
+    """Add the options of a sequence, with this help for ``--emit-spec``; the command gets a `SequenceOutput`."""
 
     def decorator(function: Function) -> Function:
         @click.option("--emit-spec", is_flag=True, help=spec_help)
@@ -137,7 +137,7 @@ def sequence_options(spec_help: str) -> Callable[[Function], Function]:
 
 
 def _is_animation(options: MeshOptions, output: str) -> bool:
-    """Tell whether an output is one file with an animation, not a folder; refuse what a sequence cannot be."""
+    """Tell whether an output is an animation and not a folder; refuse options that a sequence cannot have."""
     animation = not is_folder(output) and _is_animated_file(options, output)
     if animation:
         if options.ascii:
@@ -145,7 +145,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
         options.format_for(output)
     if options.recipe.parametrization == "toric":
         raise click.UsageError(
-            "--parametrization toric: the meshes of a sequence have common faces in the linear one only; "
+            "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
             "toric parameters would run together"
         )
     for name, given in (
@@ -185,9 +185,9 @@ def _check_kind(options: MeshOptions, patch: Patch) -> None:
 
 
 def number_text(value: float) -> str:
-    """Shortest text of a number for the name of a file: 5, 0.4, 600, 1e6, 1e-30.
+    """Return the shortest text of a number for a file name: 5, 0.4, 600, 1e6, 1e-30.
 
-    Six digits, or as many as tell it from all other numbers.
+    It has six digits, or as many as distinguish it from all other numbers.
     """
     value += 0.0  # not -0
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
@@ -196,11 +196,11 @@ def number_text(value: float) -> str:
 
 
 def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, source: str) -> None:
-    """Make and write the meshes and `sequence.json`, or an animation, and say of each mesh when it is made."""
+    """Make and write the meshes and `sequence.json`, or an animation, and report each mesh when it is made."""
     texts = [number_text(value) for value in sequence.values[:-1]]
     if out.animated:
         labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT]
-        # Meshes are made when the file is open, so that one that cannot be written is an error at once.
+        # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
         write_blocks(out.place, _animation(sequence, labels, out, source))
         return
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
@@ -224,7 +224,7 @@ def _write_folder(sequence: MeshSequence, names: list[str], kind: str, out: Sequ
 
 
 def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> Iterator[bytes]:
-    """Make the meshes and one file of them all; what is unusual of several is said once."""
+    """Make the meshes and yield one file of them all; a warning that several share appears once."""
     from gtb_cli.formats.morph import animated_glb
 
     options = out.options
@@ -256,7 +256,7 @@ def _members(sequence: MeshSequence, names: list[str], progress: Progress, sourc
 
 
 def _say(place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str], console: Console) -> None:
-    """Say what a mesh is."""
+    """Report a mesh and its warnings."""
     if member.doubt:
         console.warn(f"{sequence.key} {member.value:g}: the distance is between coarse meshes: {member.doubt}")
     for warning in warnings:

@@ -1,4 +1,4 @@
-"""Reports on several specs: one after the other, whatever is wrong with some of them."""
+"""Reports on several specs, one after the other, even if some of them have errors."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ long_option = click.option(
     "--long",
     "in_full",
     is_flag=True,
-    help="Say all: not a line for each of several specs, nor an extract of a large model.",
+    help="Print everything, not just a line for each of several specs or an extract of a large model.",
 )
 
 
 def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:
-    """The specs that a command was given, folders as the specs in them; none of them is its output."""
+    """Return the specs that a command was given, with those in folders; refuse one that is also its output."""
     if list(specs).count(STANDARD) > 1:
-        raise click.UsageError("standard input can be read once only")
+        raise click.UsageError("standard input can be read only once")
     found = specs_among(specs)
     refuse_overwriting(found, [output])
     return found
 
 
 def reports_on(specs: Sequence[str], report: Callable[[str], Found]) -> tuple[list[tuple[str, Found]], list[str]]:
-    """What a function says of each spec, beside its name; and the lines of errors of those it cannot."""
+    """Return the name of each spec with what `report` returns for it, and the error lines of the other specs."""
     found: list[tuple[str, Found]] = []
     errors: list[str] = []
     for spec in specs:
@@ -41,7 +41,7 @@ def reports_on(specs: Sequence[str], report: Callable[[str], Found]) -> tuple[li
             found.append((shown_input(spec), report(spec)))
         except GtbError as error:
             errors += str(error).split("\n")
-        except Exception as error:  # noqa: BLE001 -- what is wrong with one spec does not take the others along
+        except Exception as error:  # noqa: BLE001 -- an error in one spec does not stop the others
             errors += [f"{shown_input(spec)}: {line}" for line in lines_about(error)]
     if not found:
         raise GtbError("\n".join(errors))
@@ -49,6 +49,6 @@ def reports_on(specs: Sequence[str], report: Callable[[str], Found]) -> tuple[li
 
 
 def json_of(rows: Sequence[tuple[str, dict[str, Any]]], several: bool) -> str:
-    """One object, or for several specs a list of them, each with the name of its file."""
+    """Return one JSON object, or for several specs a list of objects, each with the name of its file."""
     data = [{"file": name, **row} for name, row in rows] if several else rows[0][1]
     return json.dumps(data) + "\n"

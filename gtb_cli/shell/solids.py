@@ -1,4 +1,4 @@
-"""`gtb mesh` where the format is one of CAD, or of curved cells: surfaces instead of triangles."""
+"""`gtb mesh` in formats of CAD or of curved cells, which hold surfaces instead of triangles."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ EXACT_SUFFIXES = CAD_SUFFIXES | {name: name for name in CELL_FORMATS}
 
 
 def surface_format(format: str | None, output: str) -> str | None:
-    """Format of surfaces that -f names, or the suffix of the output; None for meshes."""
+    """Return the surface format that -f or the suffix of the output names; None for meshes."""
     if format is not None:
         return format if format in (*CAD_FORMATS, *CELL_FORMATS) else None
     return EXACT_SUFFIXES.get(os.path.splitext(output)[1][1:].lower())
 
 
 def _short(reason: str) -> str:
-    """Why there are no exact pieces, without what other commands offer."""
+    """Shorten the reason why there are no exact pieces by the advice to use other commands."""
     return reason.partition(". What")[0].replace(" (--max-degree)", "")
 
 
@@ -47,13 +47,13 @@ def write_surfaces(
     Raises
     ------
     RequirementError
-        A closed solid is required, and does not come of it.
+        A closed solid is required, and the surfaces do not form one.
     DomainError
-        The format holds exact pieces only, and there are none.
+        The format holds only exact pieces, and there are none.
     """
     recipe = options.recipe
     if len(specs) > 1 or is_folder(output) or os.path.isdir(specs[0]):
-        raise click.UsageError(f"{kind.upper()} is written of one spec, to a file or standard output")
+        raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
     given = {
         "--normals": recipe.normals,
         "--uv": options.uv,
@@ -77,7 +77,7 @@ def write_surfaces(
 
 
 def _with_y_up(spec: Patch | Model) -> Patch | Model:
-    """The surfaces turned as `Mesh.with_y_up` turns meshes: their points (x, y, z) to (x, z, −y)."""
+    """Turn surfaces as `Mesh.with_y_up` turns meshes: the point (x, y, z) becomes (x, z, −y)."""
     import numpy as np
 
     from gtb_cli.theory.model import Model

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 STDIN = "<stdin>"
-"""What messages call standard input."""
+"""Name of standard input in messages."""
 
 UNSAFE = '/\\:*?"<>|'
-"""Characters that some file system does not take in a name."""
+"""Characters that some file systems do not allow in names."""
 
 MAX_STEM = 200
-"""Longest stem of a file name, in bytes: with a suffix every file system takes it."""
+"""Longest stem of a file name, in bytes: every file system allows it with a suffix."""
 
 
 def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
@@ -34,7 +34,7 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     Raises
     ------
     SpecError
-        It cannot be read, or is not right: a line for each error.
+        The spec cannot be read or has errors: a line for each.
     """
     from gtb_cli.spec.document import MAX_BYTES
     from gtb_cli.spec.loading import load, parse
@@ -69,7 +69,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
     Raises
     ------
     SpecError
-        There is none, or reading it fails.
+        The file does not exist, or reading it fails.
     """
     if path == STANDARD and sys.stdin is None:
         raise SpecError(f"{STDIN}: standard input is closed")
@@ -86,7 +86,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
 
 
 def is_regular(file: IO[bytes]) -> bool:
-    """Whether an open file has an end that is known: it is not a pipe, and not a device."""
+    """Tell whether an open file has a known end: it is neither a pipe nor a device."""
     try:
         return stat.S_ISREG(os.fstat(file.fileno()).st_mode)
     except (OSError, ValueError):  # bytes in memory
@@ -99,9 +99,9 @@ def shown_input(path: str) -> str:
 
 
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
-    """Raise a usage error for an output that is one of the inputs, or of the files that they include, by whatever name.
+    """Raise a usage error if an output is one of the inputs, or of the files they include, under whatever name.
 
-    What is not a regular file, such as a terminal, may be both.
+    Anything but a regular file, such as a terminal, may be both.
     """
     existing = [(output, os.stat(output)) for output in outputs if output != STANDARD and os.path.isfile(output)]
     if not existing:
@@ -116,7 +116,7 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
 
 
 def _status(path: str) -> os.stat_result | None:
-    """What the system knows of an input, or None where there is none."""
+    """Return the status of an input, or None if it does not exist."""
     try:
         return os.stat(path) if path != STANDARD else os.fstat(sys.stdin.fileno())
     except (OSError, ValueError, AttributeError):
@@ -129,9 +129,9 @@ def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
     Raises
     ------
     ExportError
-        They cannot be written.
+        The bytes cannot be written.
     BrokenPipeError
-        The reader of a pipe has gone.
+        The reader of a pipe has closed it.
     """
     if output != STANDARD:
         from gtb_cli.files import replace_file
@@ -157,13 +157,13 @@ def write_text(output: str, text: str) -> None:
 
 
 def is_terminal(output: str) -> bool:
-    """Whether an output is standard output and that is a terminal."""
+    """Tell whether an output is standard output and a terminal."""
     return output == STANDARD and sys.stdout is not None and sys.stdout.isatty()
 
 
 @contextmanager
 def about(source: str) -> Iterator[None]:
-    """Name the spec in errors that are about what it describes."""
+    """Name the spec in errors about the shape that it describes."""
     try:
         yield
     except GtbError as error:
@@ -171,17 +171,17 @@ def about(source: str) -> Iterator[None]:
 
 
 def is_folder(output: str) -> bool:
-    """Whether the name of an output means a folder."""
+    """Tell whether the name of an output means a folder."""
     return os.path.isdir(output) or output.endswith(("/", os.sep))
 
 
 def is_device(output: str) -> bool:
-    """Whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
+    """Tell whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
     return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
 
 
 def file_stem(name: str | None) -> str:
-    """Turn any name into that of a file, without suffix: one that stays in its folder and is not hidden."""
+    """Turn any name into the stem of a file name that stays in its folder and is not hidden."""
     kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]

@@ -1,4 +1,4 @@
-"""What is to be made again: files that a manifest shows to be up to date, and dependencies for make."""
+"""What has to be made again: files that a manifest shows to be up to date, and dependencies for make."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 READ_BYTES = 1 << 20
-"""Bytes that are read at a time."""
+"""Bytes read at a time."""
 
 
 def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
-    """Sums of the files that a spec is read from, by name from its folder on; none where one cannot be read."""
+    """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
     from gtb_cli.spec.sources import sources
 
     folder = os.path.dirname(path) or os.curdir
@@ -23,7 +23,7 @@ def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
 
 
 def known_entries(manifest: str, versions: Mapping[str, object], options: Mapping[str, object]) -> dict[str, Any]:
-    """Read entries of an old manifest by the names of their files: none where other versions or options made them."""
+    """Read the entries of an old manifest by file name; none if other versions or options made them."""
     try:
         with open(manifest, "rb") as file:
             record = json.load(file)
@@ -31,11 +31,11 @@ def known_entries(manifest: str, versions: Mapping[str, object], options: Mappin
             return {}
         return {entry["file"]: entry for entry in record["files"]}
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return {}  # what cannot be read shows nothing
+        return {}  # a manifest that cannot be read shows nothing
 
 
 def is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
-    """Whether a file is what its entry says, and so are those that it was made from."""
+    """Tell whether a file, and the files that it was made from, are what its entry says."""
     inputs, folder = entry.get("inputs"), os.path.dirname(spec) or os.curdir
     if not isinstance(inputs, dict) or next(iter(inputs), None) != os.path.basename(spec):
         return False
@@ -45,7 +45,7 @@ def is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
 
 
 def _sum_of(path: str) -> str | None:
-    """sha256 of a regular file, or None where there is none."""
+    """Return the sha256 of a regular file, or None if there is no such file."""
     if not os.path.isfile(path):
         return None
     found = hashlib.sha256()
@@ -59,9 +59,9 @@ def _sum_of(path: str) -> str | None:
 
 
 def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
-    """Write rules for make: each output after its spec and what that includes; these have rules of their own.
+    """Write rules for make: each output depends on its spec and the included files, which have rules of their own.
 
-    A rule without prerequisites and recipe lets make go on where an included file is gone.
+    A rule without prerequisites and recipe lets make go on after an included file has been deleted.
     """
     from gtb_cli.spec.sources import sources
 

@@ -22,7 +22,7 @@ HEADERS = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Re
 
 
 class Watch:
-    """What files show now: made anew when one has changed, and the last good state where there is an error.
+    """What the files show now: made anew when a file has changed; after an error, the last good state.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Watch:
         self.look()
 
     def look(self) -> None:
-        """Read the files again if they are not what they were."""
+        """Read the files again if they have changed."""
         with self._lock:
             stamp = [_stamp(path) for path in self._paths]
             if stamp == self._stamp:
@@ -59,13 +59,13 @@ class Watch:
                 self.error = "not enough memory for this"
 
     def state(self, have: int) -> dict[str, Any]:
-        """What a page that has a version needs."""
+        """Return what a page with version `have` needs."""
         self.look()
         news: dict[str, Any] = {"version": self.version, "error": self.error}
         return news | {"data": self.data} if have < self.changed else news
 
     def page(self) -> str:
-        """The page as it is now."""
+        """Return the page as it is now."""
         self.look()
         from gtb_cli.pictures.page import page_with
 
@@ -73,7 +73,7 @@ class Watch:
 
 
 def _stamp(path: str) -> object:
-    """What changes when a file, or one of a folder, does."""
+    """Return a value that changes when a file, or a file in a folder, changes."""
     try:
         inner = [os.path.join(path, name) for name in sorted(os.listdir(path))] if os.path.isdir(path) else [path]
         return [
@@ -84,15 +84,15 @@ def _stamp(path: str) -> object:
 
 
 def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
-    """The answers to a browser on this machine."""
+    """Return the class that answers a browser on this machine."""
 
     class Handler(BaseHTTPRequestHandler):
-        """Answers for the page, and for what is new; nothing else, and to nobody who came by another name."""
+        """Answers requests for the page and for news, and refuses requests to any other host name."""
 
         server_version, sys_version = "gtb", ""
 
         def do_GET(self) -> None:
-            """Answer."""
+            """Answer a request."""
             if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
                 return self._answer(403, "text/plain", "this server is for this machine")
             address = urlsplit(self.path)
@@ -117,7 +117,7 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(body)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Say nothing: a page asks four times a second."""
+            """Log nothing: a page asks four times a second."""
 
     return Handler
 

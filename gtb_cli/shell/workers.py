@@ -1,4 +1,4 @@
-"""Who does the work on several meshes: this process, several processes, or a cluster."""
+"""The workers that make several meshes: this process, several processes, or a cluster."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ R = TypeVar("R")
 
 
 class Workers(NamedTuple):
-    """Some processes, or those of a cluster.
+    """A number of processes, or a cluster.
 
     Attributes
     ----------
     jobs : int
-        Number of processes; 1: this one.
+        Number of processes; 1 means this process.
     cluster : str or None
-        Where the scheduler of a cluster is.
+        Address or file of the scheduler of a cluster.
     """
 
     jobs: int
@@ -32,7 +32,7 @@ class Workers(NamedTuple):
     def results(
         self, function: Callable[[T], R], tasks: Sequence[T], here: Callable[[T], R] | None = None
     ) -> Generator[R]:
-        """Yield ``function(task)`` for each task, in their order; `here` is called in place of it in this process."""
+        """Yield ``function(task)`` for each task, in their order; in this process, `here` is called instead."""
         if self.cluster is not None and tasks:
             from gtb_cli.shell.cluster import in_cluster
 
@@ -52,14 +52,14 @@ def workers_option(function: Function) -> Function:
         type=WholeNumber(0, MAX_JOBS),
         metavar="JOBS",
         default=1,
-        help="Processes that share the work on several meshes; 0: as many as there are processors; 1 without this "
-        "option. Any number makes the same files.",
+        help="Processes that share the work on several meshes; 0 means one for each processor; 1 without this "
+        "option. The files do not depend on the number.",
     )
     @click.option(
         "--cluster",
         metavar="ADDRESS",
-        help="Share the work on a cluster: where a Dask scheduler listens, or its scheduler file. By the extra "
-        "gtb-cli[cluster]; makes the same files, too.",
+        help="Share the work on a cluster: the address of a Dask scheduler, or its scheduler file. Needs the extra "
+        "gtb-cli[cluster]; makes the same files.",
     )
     @functools.wraps(function)
     def command(*args: Any, jobs: int, cluster: str | None, **values: Any) -> object:

@@ -119,7 +119,7 @@ def test_help_opens_with_an_example(name):
         (["mesh", PENTAGON, "-n", "3", "--tolerance", "1"], "-n and --tolerance exclude each other"),
         (["mesh", PENTAGON, "--parametrization", "cubic"], "'cubic' is not one of 'linear', 'toric'"),
         (["mesh", PENTAGON, "--spec-format", "yaml"], "'yaml' is not one of 'toml', 'json'"),
-        (["mesh", "-", "-"], "standard input can be read once only"),
+        (["mesh", "-", "-"], "standard input can be read only once"),
         (["mesh", PENTAGON, BICUBIC], "2 specs need a folder"),
         (["mesh", PENTAGON, BICUBIC, "-o", "x.obj"], "2 specs need a folder for their meshes, and x.obj names a file"),
         (["mesh", PENTAGON, "-o", PENTAGON], "is read by this command, and would be overwritten"),

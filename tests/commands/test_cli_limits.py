@@ -203,7 +203,7 @@ def test_a_tolerance_in_percent(tmp_path):
         (["--from", "1", "--to", "inf", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
         (["--from", "0", "--to", "2", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
         (["--count", "1", "-o", "out"], "is not in the range"),
-        (["--from", "5", "--to", "5", "--count", "3", "-o", "out"], "too near each other for 3 x of six digits"),
+        (["--from", "5", "--to", "5", "--count", "3", "-o", "out"], "too near each other for 3 values of six digits"),
         (["--from", "0.1", "--to", "10", "--count", "3", "-o", "out"], "0.1 goes towards 0 and 10 towards infinity"),
         (["-x", "0", "-x", "inf", "-o", "out"], "0 goes towards 0 and inf towards infinity"),
         (["-x", "1e400", "-o", "out"], "inf is not finite"),

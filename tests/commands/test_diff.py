@@ -131,7 +131,7 @@ def test_a_mesh_without_end_is_not_read_to_it(tmp_path, monkeypatch):
     threading.Thread(target=write, daemon=True).start()
     result = gtb("diff", pipe, PENTAGON)
     assert result.status == 2
-    assert "pipe.obj: does not end within 1 MB, and more is read from files only" in result.err
+    assert "pipe.obj: does not end within 1 MB; more is read only from files" in result.err
     large = tmp_path / "large.obj"
     large.write_bytes(b"v 0 0 0\n" * 200_000 + b"l 1 2\n")
     assert gtb("diff", large, large).status == 0
@@ -172,7 +172,7 @@ def test_a_tolerance_that_the_file_cannot_hold_is_said(tmp_path):
     result = gtb("diff", tmp_path / "x.ply", tmp_path / "x.ply", "--tolerance", "1e-12", "--json")
     found = json.loads(result.out)
     assert found["asked_tolerance"] == 1e-12 < found["tolerance"] == found["resolution"]
-    assert "in place of 1e-12: the numbers in the files hold no less" in result.err
+    assert "instead of 1e-12: the numbers in the files are no finer" in result.err
 
 
 def test_faces_that_look_to_the_other_side_are_said(tmp_path):

@@ -164,7 +164,7 @@ def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
         monkeypatch.setenv(name, value)
     result = gtb()
     assert result.status == 2
-    assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which set COMP_WORDS and COMP_CWORD, too\n"
+    assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which also set COMP_WORDS and COMP_CWORD\n"
 
 
 def test_the_beginning_of_an_option_suggests_it():

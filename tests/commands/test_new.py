@@ -99,7 +99,7 @@ def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
     path.write_text("mine", encoding="utf-8")
     result = gtb("new", "pentagon", "-o", path)
     assert result.status == 2
-    assert "is there already, and would be overwritten" in result.err
+    assert "already exists and would be overwritten" in result.err
     assert path.read_text(encoding="utf-8") == "mine"
     assert gtb("new", "curve", "-o", tmp_path / "x.toml", "-q").err == ""
 

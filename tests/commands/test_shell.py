@@ -228,7 +228,7 @@ def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
     child, terminal = on_terminal("mesh", PENTAGON, "-n", 1, *options)
     shown = read_all(terminal)
     assert child.wait(TIMEOUT) == (2 if refused else 0)
-    assert ("is binary, and standard output a terminal" in shown) == refused
+    assert ("is binary, and standard output is a terminal" in shown) == refused
     assert ("f 1 " in shown) != refused
 
 

@@ -236,7 +236,7 @@ def test_loops_are_filled(tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     result = gtb("import", path)
     assert result.status == 0, result.err
-    assert "the inside is fair, and not that of the file's scheme" in result.err
+    assert "the inside is made fair and is not that of the file's scheme" in result.err
     patch = parse(result.text)
     assert isinstance(patch, Patch)
     assert len(patch.domain.vertices) == 3

@@ -335,7 +335,7 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     for arguments, status, message in [
         ([INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight"], 1, "not watertight: 1 of 1 shells are open"),
         ([INTEGERS, "-f", "step", "--normals"], 2, "--normals is for meshes, and STEP holds surfaces"),
-        ([INTEGERS, PENTAGON, "-f", "step", "-o", tmp_path], 2, "STEP is written of one spec"),
+        ([INTEGERS, PENTAGON, "-f", "step", "-o", tmp_path], 2, "STEP is written for one spec"),
         ([CURVE, "-f", "iges"], 2, "is a curve, and CAD files are made of surfaces"),
         ([INTEGERS, "-f", "step", "--unit", "miles"], 2, "'miles' is not one of"),
         ([INTEGERS, "-f", "step", "--manifest", tmp_path / "m.json"], 2, "--manifest and --deps are for meshes"),

@@ -321,7 +321,7 @@ def test_no_animation_on_a_terminal(monkeypatch):
     monkeypatch.setattr("gtb_cli.shell.meshing.is_terminal", lambda output: output == console_room.STANDARD)
     result = gtb(*DEGENERATE_LINE, "-f", "glb")
     assert (result.status, result.out) == (2, b"")
-    assert "GLB is binary, and standard output a terminal: give -o FILE" in result.err
+    assert "GLB is binary, and standard output is a terminal: give -o FILE" in result.err
 
 
 def test_a_curve_warns_once_that_it_has_no_normals(tmp_path):

@@ -120,7 +120,7 @@ def test_options_of_a_limit_make_a_sequence_with_exact_normals():
 
 
 REFUSED = {
-    "x of a mesh": (["x.obj", "-x", "2"], "-x is for a spec, and x.obj is not one"),
+    "x of a mesh": (["x.obj", "-x", "2"], "-x is for specs, and x.obj is not a spec"),
     "x of a model": (["teapot.toml", "-x", "2"], "expected a single patch, this is a model of 32"),
     "x without a lifting": (["bicubic.toml", "-x", "2"], "has no lifting"),
     "steps of nothing": (["bicubic.toml", "--steps", "0.5"], "--steps is for a knot limit, with --merge"),
@@ -128,7 +128,7 @@ REFUSED = {
     "curves and surfaces": (["pentagon.toml", "example-3.1.toml"], "curves and surfaces are not shown on one page"),
     "too fine": (["bicubic.toml", "-n", "1000"], "2000000 faces, and a page has room for"),
     "no file": (["nothing.toml"], "No such file"),
-    "a watched output": (["bicubic.toml", "--watch"], "it has no -o"),
+    "a watched output": (["bicubic.toml", "--watch"], "it takes neither -o"),
 }
 
 
