@@ -103,10 +103,17 @@ def _is_short(column: FloatArray) -> bool:
 
 
 def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[int]:
+    """For each knot the highest one at its place, itself where it is alone."""
     places = np.full(len(points), -1)
+    across = np.argsort(points[:, 0], kind="stable")
+    first = points[across, 0]
+    starts = np.searchsorted(first, points[:, 0] - 2 * tolerance, "left")
+    ends = np.searchsorted(first, points[:, 0] + 2 * tolerance, "right")
     for i in np.lexsort([np.arange(len(points)), -heights]).tolist():
         if places[i] < 0:
-            places[(np.abs(points - points[i]).max(axis=1) <= tolerance) & (places < 0)] = i
+            near = across[starts[i] : ends[i]]
+            near = near[(np.abs(points[near] - points[i]).max(axis=1) <= tolerance) & (places[near] < 0)]
+            places[near] = i
     return [int(i) for i in places]
 
 
