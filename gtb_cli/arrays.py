@@ -41,7 +41,7 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
 
 
 def _hint(values: ArrayLike) -> str:
-    """Say which functions take expressions, if there are any among the values."""
+    """Say which function takes expressions, if the values are text."""
     try:
         is_text = np.asarray(values).dtype.kind == "U"
     except ValueError:  # rows of different lengths

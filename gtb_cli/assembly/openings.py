@@ -41,8 +41,7 @@ FAR_WELD = 0.01
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Say what keeps a model from being closed, a line for each pair of edges or open ring; empty for a closed
-    model."""
+    """Say what keeps a model from being closed, one line for each pair of edges or open ring; empty if closed."""
     lines, told = [], set()
     for first, second, reason in near_misses(joints, patches):
         lines.append(f"{edge_name(patches, first)} is open: {reason.format(edge_name(patches, second))}")

@@ -1,5 +1,4 @@
-"""Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if there are any, otherwise fitted
-surfaces."""
+"""Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if possible, otherwise fitted surfaces."""
 
 from __future__ import annotations
 
@@ -73,8 +72,7 @@ class Half(NamedTuple):
     fractions: FloatArray
 
     def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(k, 3) points at (k,) parameters in [0, 1], their (k,) weights, and their places as fractions of this
-        half."""
+        """(k, 3) points at (k,) parameters in [0, 1], their weights, and their places as fractions of this half."""
         degree = len(self.rows) - 1
         k = np.arange(degree + 1)
         shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
@@ -141,8 +139,7 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
 
 
 def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int, str]) -> dict[EdgeRef, list[Half]]:
-    """Halves of the edges that fitted patches share with exact ones: the first from the edge's start, the other from
-    its end.
+    """Halves of the edges that fitted patches share with exact ones, from the start and from the end of each edge.
 
     An exact patch whose edges have too high a degree for its neighbours becomes a fitted one.
     """

@@ -51,8 +51,7 @@ def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[t
 
 
 def float_rows(text: bytes) -> tuple[FloatArray, IntArray]:
-    """Return the numbers of all lines of a text, and the count of each line; the error names a word that is not a
-    number."""
+    """Return the numbers of all lines of a text, and the count of each line; errors name the bad word."""
     return _rows(text, np.float64, _NUMBER) or (floats(text.split()), _counts(text))
 
 

@@ -158,8 +158,7 @@ def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
 
 
 def _quadrilateral(net: FloatArray) -> Cell:
-    """The cell of a tensor product: edges run along the first direction, then the second, away from the first
-    corner."""
+    """The cell of a tensor product: edges along the first direction, then the second, away from the first corner."""
     m, n = net.shape[0] - 1, net.shape[1] - 1
     corners = [(0, 0), (m, 0), (m, n), (0, n)]
     first, second = range(1, m), range(1, n)

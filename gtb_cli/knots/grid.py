@@ -1,4 +1,4 @@
-"""Grids of knots, on which exponentials are products of few."""
+"""Grids of knots, on which exponentials are products of a few."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 
 GRIDS = 1024
-"""Sets of knots of which it is remembered whether they are a grid."""
+"""Number of sets of knots remembered as grids or not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +20,13 @@ class Grid:
     Attributes
     ----------
     order : (n,) int
-        The knots row by row: those of the lowest second coordinate first.
+        The knots row by row, beginning with the lowest second coordinate.
     first : (2,) float
-        The knot of the lowest coordinates.
+        The knot with the lowest coordinates.
     steps : pair of (p,) float
-        Coordinates of the columns and of the rows, from those.
+        Coordinates of the columns and of the rows, relative to `first`.
     are_equal : pair of bool
-        Whether all steps are one, to rounding.
+        Whether all steps are equal, to rounding.
     """
 
     order: IntArray
@@ -35,19 +35,19 @@ class Grid:
     are_equal: tuple[bool, ...]
 
     def exponentials(self, s: FloatArray) -> FloatArray:
-        """(n, m) numbers e^<a − first, s> at (2, m) torus coordinates, the knots in `order`.
+        """(n, m) numbers e^<a − first, s> at (2, m) torus coordinates, with the knots in `order`.
 
         Notes
         -----
-        Of equal steps powers are multiplied, each from two about half as high: the rounding grows with the logarithm
-        of the degree. That leaves two exponentials for each point.
+        Equal steps need only two exponentials for each point: each power is the product of two powers about half as
+        high, so that rounding grows with the logarithm of the degree.
         """
         columns, rows = map(_exponentials, self.steps, self.are_equal, s)
         return np.asarray((rows[:, None] * columns).reshape(-1, s.shape[1]))
 
 
 def grid_of(knots: FloatArray) -> Grid | None:
-    """The grid that (n, 2) knots are, if they are one."""
+    """Return the grid that (n, 2) knots form, or None."""
     return _grid(np.ascontiguousarray(knots).tobytes()) if knots.shape[1] == 2 else None
 
 

@@ -102,8 +102,7 @@ def extents_of(knots: FloatArray) -> FloatArray:
 
 
 def origin_of(knots: FloatArray) -> FloatArray:
-    """(d,) 0 in coordinates of (n, d) knots whose zeros are exact, as over an edge; otherwise the middle of the
-    hull."""
+    """(d,) 0 if zeros in the coordinates of (n, d) knots are exact, as over an edge; else the middle of the hull."""
     low, high = knots.min(axis=0), knots.max(axis=0)
     far = np.maximum(np.abs(low), np.abs(high)) > 4 * extents_of(knots)
     return np.where(far, (low + high) / 2, 0.0)
@@ -159,6 +158,5 @@ class _Cells:
 
 
 def _spanning(polygon: tuple[int, ...]) -> tuple[int, ...]:
-    """Corners of a cell that are not collinear: both ends of a segment, three corners of a polygon that are far
-    apart."""
+    """Corners of a cell that are not collinear: both ends of a segment, three distant corners of a polygon."""
     return polygon if len(polygon) == 2 else (polygon[0], polygon[len(polygon) // 3], polygon[2 * len(polygon) // 3])

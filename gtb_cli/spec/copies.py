@@ -37,8 +37,7 @@ MOST_SHOWN = 8
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The motion of a copy, ``R (S b − about) + about + translation``; S holds the factor and sign of each
-    coordinate."""
+    """The motion of a copy, ``R (S b − about) + about + translation``; S has each coordinate's factor and sign."""
 
     factors: FloatArray
     rotation: FloatArray | None

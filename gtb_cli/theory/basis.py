@@ -1,4 +1,4 @@
-"""GT-Bernstein and rational GT-Bernstein basis on arrays, in logarithms.
+"""The GT-Bernstein and rational GT-Bernstein bases on arrays, in logarithms.
 
 With the torus coordinate ``s(u) = Σ_j s_j ξ_j log h_j(u)``, every exponent is linear:
 ``Σ_j h_j(a_i) log h_j(u) = <a_i, s> + (a term common to all i)``, so that the rational basis is
@@ -20,34 +20,34 @@ from gtb_cli.knots.face import Face
 from gtb_cli.knots.grid import grid_of
 
 BLOCK_NUMBERS = 1 << 18
-"""Numbers per work array (knots times parameters of a block): two megabytes, which stay in the cache."""
+"""Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
 
 UNDERFLOW = -700.0
-"""Exponents below this are cut off: exp would be subnormal, a hundred times slower, and 1e-304 of the sum."""
+"""Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum."""
 
 SAFE_EXPONENT = 250.0
-"""Exponents up to this size, either sign, neither over- nor underflow, nor do their products with coordinates: the
-largest of each column, two passes over the numbers, need not be taken off first."""
+"""Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
+each column need not be subtracted first, which saves two passes over the numbers."""
 
 CUT_OFF_SHARE = float(np.exp(UNDERFLOW))
-"""What is left of a weight at `UNDERFLOW`: shares up to it are none."""
+"""Value of a share at `UNDERFLOW`: shares up to this count as 0."""
 
 NOTHING: IntArray = np.empty(0, dtype=np.int64)
 
 
 class Location(NamedTuple):
-    """Where some parameters lie: on which face of Δ, at which torus coordinates.
+    """The location of parameters: a face of Δ, and torus coordinates on it.
 
     Attributes
     ----------
     rows : slice or (B,) int
-        Which of the parameters these are. A location may cover rows that a later one (an edge, a corner)
-        covers again: the later one stands.
+        The indices of these parameters. A later location (an edge, a corner) may cover some of the rows again, and then
+        replaces the earlier one.
     face : Face
     knots : (k, e) float
-        The knots on that face, in coordinates of that face, e its dimension.
+        The knots on that face, in coordinates of the face, which has dimension e.
     s : (e, B) float
-        Torus coordinates, dual to those.
+        Torus coordinates, dual to those of the knots.
     heights : (r, B) float or None
         Edge functions at the parameters; None for linear ones where they were not needed: Σ T_i h_j(a_i).
     """
@@ -60,7 +60,7 @@ class Location(NamedTuple):
 
 
 def block_length(knots: int) -> int:
-    """Number of parameters handled at once for a number of knots."""
+    """The number of parameters handled at once for a given number of knots."""
     return max(256, BLOCK_NUMBERS // knots)
 
 
@@ -86,7 +86,7 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     Parameters
     ----------
     knots : (n, d) float
-        Best centred: only their differences matter.
+        Preferably centred: only their differences matter.
     log_weights : (n,) float
         log(c_i ω_i).
     s : (d, m) float
@@ -122,8 +122,8 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
 
     Notes
     -----
-    Unlike the rational basis, β depends on the scale of the edge functions and can be beyond the range
-    of floats (exponents in the hundreds): then entries are 0 or inf.
+    Unlike the rational basis, β depends on the scale of the edge functions and can exceed the range of floats
+    (exponents in the hundreds); its entries are then 0 or inf.
 
     References
     ----------
@@ -139,7 +139,7 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
 
 
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
-    """(1 + k, m) sums of the weights and of the weighted (n, k) values at (d, m) torus coordinates, up to a factor."""
+    """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
     factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
@@ -155,8 +155,8 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     ----------
     domain : Domain
     u : (n, d) float, optional
-        Different parameters, as many as knots. Default for curves: the inner Chebyshev points of Δ, for surfaces:
-        the knots drawn 10 % towards the middle of Δ.
+        Distinct parameters, one per knot. The default is the inner Chebyshev points of Δ for curves, and the knots
+        moved by 10 % towards the middle of Δ for surfaces.
 
     Returns
     -------
@@ -165,12 +165,12 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     Raises
     ------
     DomainError
-        Repeated knots (the system is singular), or a solution that is not positive, hence not a basis. The message has
-        the values, those that are 0 to rounding as 0.
+        Knots are repeated, so that the system is singular, or the solution is not positive, hence not a basis. The
+        message has the values, with 0 for those that are 0 to rounding.
 
     Notes
     -----
-    The paper does not guarantee positive solutions; knots {0, 1, 3} with t = (1.5, 2, 2.25) have none.
+    The paper does not guarantee a positive solution; knots {0, 1, 3} with t = (1.5, 2, 2.25) do not have one.
 
     References
     ----------
@@ -189,7 +189,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
     rows = matrix.max(axis=1, keepdims=True)
     if not np.isfinite(matrix).all() or not (rows > 0).all() or not (matrix > 0).any(axis=0).all():
         raise DomainError("coefficients: the exponents are so large that β is beyond the range of floats")
-    # Rows are scaled to a largest entry of 1, columns too, so that the rank decision does not see units.
+    # Rows and columns are scaled to a largest entry of 1, so that the rank decision does not depend on units.
     columns = (matrix / rows).max(axis=0)
     scaled = matrix / rows / columns
     if np.linalg.matrix_rank(scaled) < n:
@@ -198,7 +198,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
         )
     solution = np.linalg.solve(scaled, 1.0 / rows[:, 0])
     c = solution / columns
-    # Entries are powers, with an error of their logarithm; by Skeel's bound the solution is wrong by no more than this.
+    # Entries are powers, and the error is that of their logarithms; Skeel's bound limits the error of the solution.
     logs = np.abs(np.log(matrix[matrix > 0])).max()
     doubt = EPS * (n + logs) * (np.abs(np.linalg.inv(scaled)) @ (np.abs(scaled) @ np.abs(solution)))
     if not (solution > doubt).all():
@@ -217,14 +217,14 @@ def shares(e: FloatArray) -> FloatArray:
 
 
 def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor for each column.
+    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column.
 
     Parameters
     ----------
     e : (n, m) float
-        Logarithms of T, up to an addend for each column.
+        Logarithms of T, up to a constant per column.
     eta : (n, m) or (n, 1) float
-        Coordinates of the knots. Those with an exact 0 do not count, however large their T.
+        Coordinates of the knots. A knot with an exact 0 does not count, however large its T.
     deltas : (n, 3) float
     mean : (3, m) float
         Σ_i T_i δ_i.

@@ -1,9 +1,9 @@
 """Exact Bézier pieces: a patch with commensurable exponents as rational Bézier rectangles, a curve as two curves.
 
-In the coordinates (s, t) at corner i of Δ in which all edge functions but h_{i−1} and h_i are 1, the basis is
-``β_a = c_a s^{h_{i−1}(a)} t^{h_i(a)}``, (s, t) in [0, 1]². The r charts tile the patch, as the cones of the normal fan
-tile the plane of torus coordinates. Where the exponents are whole multiples of a step, monomials become Bernstein
-polynomials by ``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
+Corner i of Δ has coordinates (s, t) in [0, 1]² in which all edge functions but h_{i−1} and h_i are 1. The basis there
+is ``β_a = c_a s^{h_{i−1}(a)} t^{h_i(a)}``. The r charts tile the patch because the cones of the normal fan tile the
+plane of torus coordinates. If the exponents are whole multiples of a step, monomials become Bernstein polynomials by
+``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 DEGREE = 25
-"""Highest degree of a piece, where nothing else is asked for."""
+"""Default of the highest degree of a piece."""
 
 MAX_SEARCHED_DEGREE = 2000
-"""Highest degree that is searched for, to be named where it exceeds what is allowed."""
+"""Highest degree searched for, so that a message can name a degree above the allowed one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """The part of a patch about a corner of Δ, as a rational Bézier rectangle; of a curve, that about an end.
+    """The part of a patch about a corner of Δ, as a rational Bézier rectangle; for a curve, the half at one end.
 
     Attributes
     ----------
     corner : int
     steps : (d,) float
-        Values of the edge functions h_{i−1}, h_i (of a curve, of the end's own) that are one power of s, t.
+        Values of the edge functions h_{i−1}, h_i (for a curve, of the end's own) that raise the power of s, t by one.
     patch : Patch
-        With the knots 0 … D_1 × 0 … D_2, by rows in ascending t, and binomial coefficients: at (D_1 s, D_2 t) it is the
-        point of these coordinates. The second half of a curve runs towards its end, and is at N (1 − s).
+        Has the knots 0 … D_1 × 0 … D_2, by rows in ascending t, and binomial coefficients. Its parameter (D_1 s, D_2 t)
+        gives the point with coordinates (s, t). The second half of a curve runs towards its end: the parameter is N (1
+        − s).
     """
 
     corner: int
@@ -65,12 +66,12 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = DEGREE) -> Model:
     Raises
     ------
     DomainError
-        There are none, or only of a higher degree: says why, and what can be had.
+        There are no such pieces, or only pieces of a higher degree; the message gives the reason and an alternative.
 
     Notes
     -----
-    Each edge is divided where the knots on it have equal shares c ω of the sum of these, which is up to the data of
-    that edge: pieces of patches that share them are joined as the patches were.
+    Each edge is divided where the knots on it have shares proportional to c ω. This point depends only on the data of
+    the edge: pieces of patches that share it are joined like the patches.
     """
     if isinstance(spec, Patch):
         return Model(tuple(chart.patch for chart in bezier_charts(spec, max_degree)), spec.name)
@@ -84,16 +85,16 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = DEGREE) -> Model:
 
 
 def bezier_charts(patch: Patch, max_degree: int = DEGREE) -> tuple[Chart, ...]:
-    """Return the charts of a patch, one for each corner of Δ; of a curve two, one for each end.
+    """Return the charts of a patch, one for each corner of Δ; for a curve, one for each end.
 
     Raises
     ------
     DomainError
-        As `bezier_pieces`.
+        See `bezier_pieces`.
 
     References
     ----------
-    Krasauskas' charts of toric patches; for real knots, whatever makes the exponents commensurable.
+    Krasauskas' charts of toric patches, here for all real knots with commensurable exponents.
     """
     if patch.dimension == 1:
         return _halves(patch, 0.0, max_degree)
@@ -114,19 +115,20 @@ def split_curve(curve: Patch, at: float, max_degree: int = DEGREE) -> Model:
     ----------
     curve : Patch
     at : float
-        Between its ends.
+        A parameter between the ends.
     max_degree : int
 
     Returns
     -------
     Model
-        What de Casteljau's algorithm gives for the homogeneous control points of the Bézier form of the whole curve, in
-        which those of missing knots are zero.
+        The result of de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier form, with
+        zeros for missing knots.
 
     Raises
     ------
     DomainError
-        A surface; a parameter that is an end or lies outside; or no such form, as for `bezier_pieces`.
+        The patch is a surface, the parameter is an end or lies outside, or there is no Bézier form (see
+        `bezier_pieces`).
     """
     if curve.dimension != 1:
         raise DomainError("split: is for curves, and this is a surface")
@@ -141,9 +143,9 @@ def split_curve(curve: Patch, at: float, max_degree: int = DEGREE) -> Model:
 
 
 def bezier_degree(values: FloatArray, rounding: float) -> int | None:
-    """Return the least D for which D v / max(v) are whole numbers, for (n,) numbers v ≥ 0.
+    """Return the least D for which all D v / max(v) are whole numbers, for (n,) numbers v ≥ 0.
 
-    None where D exceeds `MAX_SEARCHED_DEGREE`. `rounding` is that of each number.
+    Return None if D exceeds `MAX_SEARCHED_DEGREE`. `rounding` is the error of each number.
     """
     shares = values / values.max()
     error = rounding / float(values.max()) + 4 * EPS
@@ -185,10 +187,10 @@ def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
 
 
 def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Chart, ...]:
-    """The two parts of a curve that meet at a torus coordinate."""
+    """Return the two parts of a curve that meet at a torus coordinate."""
     powers, steps = _powers(curve, max_degree)
     degree = int(powers.max())
-    # De Casteljau's weights are these, times a power for each: v = x/(1 + x) is where the Bézier form is split.
+    # De Casteljau's weights are these times powers; the Bézier form is split at v = x/(1 + x).
     x = s * (float(np.ptp(curve.domain.vertices)) / degree)
     charts = []
     for end, place in enumerate(curve.domain.vertices[:, 0].tolist()):
@@ -203,7 +205,7 @@ def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Chart, ...]:
 
 
 def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) -> Patch:
-    """The rectangle of (D_1 + 1, D_2 + 1) log weights and control points."""
+    """Return the rectangle with (D_1 + 1, D_2 + 1) log weights and control points."""
     along, across = (np.arange(count, dtype=np.float64) for count in logs.shape)
     knots = np.column_stack([np.tile(along, len(across)), np.repeat(across, len(along))])
     return _bezier(patch, knots, logs.T.ravel(), points.transpose(1, 0, 2).reshape(-1, 3), f"piece{corner}")
@@ -217,12 +219,12 @@ def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArra
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Log weights, and control points, of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l.
+    """Log weights and control points of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l.
 
     Returns
     -------
     (D_1 + 1, D_2 + 1) float, (D_1 + 1, D_2 + 1, 3) float
-        All sums are of positive terms; that of the corner's knot is in every one. For a single power D_2 is 0.
+        All sums have positive terms, among them that of the corner's knot. D_2 is 0 for a single power.
     """
     first, *others = (_conversion(column) for column in powers.T)
     second = others[0] if others else np.zeros((1, len(powers)))
@@ -237,7 +239,7 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
         totals = shares.sum(axis=1)
         logs[i] = top[:, 0] + np.log(totals)
         points[i] = shares @ centred / totals[:, None] + middle
-    # The corner is the mean of the control points of the knots there, and of one of them that one.
+    # The corner is the mean of the control points of the knots there; a single control point is kept exactly.
     at_corner = np.flatnonzero((powers == 0).all(axis=1))
     if len(at_corner) == 1:
         points[0, 0] = patch.control_points[at_corner[0]]

@@ -1,11 +1,11 @@
 """Gaussian and mean curvature of a surface, and scalars for the vertices of its mesh.
 
-Derivatives by the torus coordinates are moments under T: ``∂P = Σ_i T_i b_i (a_i − μ)`` and
-``∂²P = Σ_i T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates, and in the product of ∂²P
-with the normal the factor (a_i − μ)(a_i − μ)ᵀ may be any quadratic function of a_i with the same Hessian, as moments
-with affine functions are tangents. So coordinates ξ, η are taken that are 0 and 1 at the three knots with most of T,
-and ξ(ξ − 1), ξη and η(η − 1) as the quadratic functions: they vanish at all three, and no digits are lost where T is
-nearly that of an edge or a corner. There, the limit is what remains of each sum: the knots whose T vanishes last.
+Derivatives with respect to the torus coordinates are moments under T: ``∂P = Σ_i T_i b_i (a_i − μ)`` and ``∂²P = Σ_i
+T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates. In the product of ∂²P with the normal,
+any quadratic function of a_i with the same Hessian may replace (a_i − μ)(a_i − μ)ᵀ, since moments with affine functions
+are tangents. We take coordinates ξ, η that are 0 and 1 at the three knots with most of T, and the quadratic functions
+ξ(ξ − 1), ξη and η(η − 1). These vanish at all three knots, so that no digits are lost near an edge or a corner. The
+limit there keeps only the knots whose T vanishes last.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
 PLANE_ROUNDINGS = 8
-"""Roundings of a point's distance from its control point below which it is in the tangent plane."""
+"""Number of roundings of its distance from the point within which a control point counts as in the tangent plane."""
 
 WORK_ARRAYS = 12
 """Number of arrays as large as T that are alive at once."""
 
 
 class Curvature(NamedTuple):
-    """Curvatures of a surface at some of its points; NaN where there is no finite limit.
+    """Curvatures of a surface at points; NaN without a finite limit.
 
     Attributes
     ----------
     gaussian : (m,) float
         K = κ₁ κ₂, in units of 1 / length².
     mean : (m,) float
-        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive where the surface bends away from its normal: 1 / R for a
-        sphere with its normals outwards.
+        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive if the surface bends away from its normal: 1 / R for a
+        sphere with outward normals.
     """
 
     gaussian: FloatArray
@@ -57,12 +57,12 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
     u : (m, 2) float
         Parameters in Δ.
     parametrization : {"toric", "linear"}
-        What u means. The curvature at a point of the surface is the same.
+        The parametrisation of u. The curvature at a point of the surface does not depend on it.
 
     Returns
     -------
     Curvature
-        With respect to the normals of `Patch.normals`.
+        Curvatures with respect to the normals of `Patch.normals`.
 
     Raises
     ------
@@ -71,20 +71,20 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
 
     Notes
     -----
-    On edges and at corners these are limits, by formula. With δ < δ' the distances of the two layers of knots next to
-    an edge, the curvature across the edge has a limit if δ' ≥ 2δ, and in general none if δ' < 2δ: it grows like
-    h^(δ'/δ − 2) with the distance h in the linear parametrisation. At a corner the same holds for both edges, and no
-    knot inside may be nearer to either than the first layer. Without such a limit, or a normal, values are NaN.
+    Values on edges and at corners are limits, computed by formula. Let δ < δ' be the distances of the two layers of
+    knots next to an edge. The curvature across the edge has a limit if δ' ≥ 2δ. If δ' < 2δ, it generally grows like
+    h^(δ'/δ − 2), where h is the distance in the linear parametrisation. At a corner the condition must hold for both
+    edges, and no knot inside may be nearer to either than the first layer. Without a limit or a normal, values are NaN.
 
-    Inside, the relative error is a few roundings over the sine of the angle between the derivatives, however near the
-    boundary is.
+    The relative error inside is a few roundings divided by the sine of the angle between the derivatives, however near
+    the boundary is.
     """
     columns = patch.domain.columns(u)
     return curvature_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
 
 
 def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
-    """Curvatures, as `curvature`, at locations found by any parametrisation."""
+    """Curvatures, like `curvature`, at locations found by any parametrisation."""
     field = _CurvatureField(patch)
     gaussian, mean = np.empty(count), np.empty(count)
     for location in where:
@@ -93,10 +93,10 @@ def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvatu
 
 
 class _Layers(NamedTuple):
-    """Which knots count in each sum: (n,) bool each, and those that stand against a limit if they are not in the plane.
+    """(n,) bool each: the knots that count in each sum, and those that prevent a limit unless they are in the plane.
 
-    Inside Δ all count everywhere. In ξ and η of `_CurvatureField`, the limits on an edge are sums over knots of
-    one η each, those at a corner over knots of one ξ and η.
+    Inside Δ all knots count in all sums. With ξ and η of `_CurvatureField`, a limit on an edge is a sum over the knots
+    with one value of η; a limit at a corner is a sum over the knots with one value of ξ and of η.
     """
 
     point: BoolArray
@@ -109,7 +109,7 @@ class _Layers(NamedTuple):
 
 
 class _CurvatureField:
-    """Curvatures of one patch: what does not depend on the point is made once."""
+    """Curvatures of one patch; data that do not depend on the point are computed once."""
 
     def __init__(self, patch: Patch) -> None:
         if patch.dimension == 1:
@@ -118,7 +118,7 @@ class _CurvatureField:
         self.log_weights = patch.log_products
         points = patch.control_points
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
-        # With points of size 1 no product of derivatives leaves the range of floats.
+        # If points have size 1, no product of derivatives leaves the range of floats.
         self.extent = float(np.abs(points - middle).max()) or 1.0
         self.points = (points - middle) / self.extent
         self.rounding = coordinate_rounding(points) / self.extent
@@ -153,7 +153,7 @@ class _CurvatureField:
         return _Layers(on, on, first, on, first, second, against=(level > 1) & (level < 2))
 
     def _corner_layers(self, corner: int) -> _Layers:
-        """ξ runs along the edge that starts in the corner, η along the one that ends there."""
+        """The layers at a corner; ξ runs along the edge that starts there, η along the one that ends there."""
         heights, incidence = self.domain.heights, self.domain.incidence
         before, after = (corner - 1) % heights.shape[1], corner
         xi = _levels(heights[:, before], incidence[:, after])
@@ -165,7 +165,7 @@ class _CurvatureField:
         return _Layers(point, first, other_first, second, (xi == 1) & (eta == 1), other_second, against=slow)
 
     def _curvatures(self, e: FloatArray, layers: _Layers) -> Curvature:
-        """Curvatures where T has given (n, m) logarithms, up to an addend for each column."""
+        """Curvatures from the (n, m) logarithms of T, up to a constant per column."""
         leader = np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)
         gaussian, mean = np.empty(e.shape[1]), np.empty(e.shape[1])
         for k, here in groups(leader):
@@ -174,9 +174,9 @@ class _CurvatureField:
             gaussian[here], mean[here] = self._about(k, e[:, here] - e[k, here], layers)
         return Curvature(gaussian, mean)
 
-    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of points without a normal or a finite limit
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
     def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
-        """Curvatures where knot k has the largest T, with respect to which the logarithms are."""
+        """Curvatures at points where knot k has the largest T; the logarithms are relative to it."""
         xi, eta, e_one, e_other, turn = _triangle(self.frames[k], e, layers)
         deltas = cleared(self.points - self.points[k], self.rounding)
         t = _weighted(e, layers.point, 0.0, 1.0)
@@ -205,25 +205,25 @@ class _CurvatureField:
         return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
 
     def _depths(self, deltas: FloatArray, p: FloatArray, normal: FloatArray) -> FloatArray:
-        """(n, m) distances of control points from the tangent planes, 0 for what may be rounding."""
+        """(n, m) distances of control points from the tangent planes, with 0 in place of possible rounding."""
         d = deltas @ normal - (normal * p).sum(axis=0)
-        # The leading knot's and its likes are as near as p is.
+        # The control points of the leading knot, and those equal to it, are as near as p is.
         near = PLANE_ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
         d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
         return np.asarray(d)
 
 
 class _Triangle(NamedTuple):
-    """Coordinates in which the three knots with most of T, each time, are 0 and 1.
+    """Coordinates that are 0 and 1 at the three knots with most of T, for each column.
 
     Attributes
     ----------
     xi, eta : (n, m) float
-        0 at the leading knot; ξ is 1 at the second and 0 at the third, η the other way.
+        Both are 0 at the leading knot; ξ is 1 at the second knot and 0 at the third, and η vice versa.
     e_one, e_other : (m,) float
-        Logarithms of T of the second and the third.
+        Logarithms of T at the second and the third knot.
     turn : (m,) float
-        1 where the three are counter-clockwise, else −1.
+        1 if the three knots are counter-clockwise, otherwise −1.
     """
 
     xi: FloatArray
@@ -234,7 +234,7 @@ class _Triangle(NamedTuple):
 
 
 def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> _Triangle:
-    """Choose the other two knots as pivots, so that the triangle is neither light nor narrow."""
+    """Choose the other two knots like pivots, so that the triangle has neither little weight nor a small angle."""
     columns = np.arange(e.shape[1])
     candidates = layers.xi[:, None] & np.isin(np.arange(len(e)), axes.away)[:, None]
     one = np.where(candidates, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
@@ -249,14 +249,14 @@ def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> _Triangle:
 
 
 def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
-    """(n, m) factor · T up to exp(shift), of members; exact zeros stay."""
+    """(n, m) factor · T up to exp(shift), for members; exact zeros are kept."""
     x = np.exp(np.clip(e - shift, UNDERFLOW, -UNDERFLOW)) * factor
     x[~members] = 0.0
     return np.asarray(x)
 
 
 def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
-    """(n,) heights in units of the lowest positive one (of some knots); 0, 1 and 2 exactly, within `LAYER`."""
+    """(n,) heights in units of the lowest positive one (among some knots), rounded to 0, 1 and 2 within `LAYER`."""
     positive = heights > 0 if among is None else (heights > 0) & among
     level = heights / heights[positive].min()
     for whole in (1, 2):

@@ -1,4 +1,4 @@
-"""Toric degeneration: weights x^λ ω, and the regular control curve or surface that patches tend to as x grows."""
+"""Toric degeneration: weights x^λ ω, and the regular control curve or surface to which patches tend as x grows."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MAX_WEIGHT_LOG = 700.0
-"""Largest natural logarithm of a weight, in size: exp(±700), and products with knots and points, are ordinary
-floats."""
+"""Largest absolute value of a weight's natural logarithm: exp(±700), and its products with knots and points, are
+ordinary floats."""
 
 
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:
@@ -25,15 +25,15 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     ----------
     patch : Patch
     x : float
-        Finite and positive. As x → ∞ the patch tends to `regular_control_surface` of the same lifting, as x → 0 to
-        that of −λ; x = 1 gives the patch back.
+        Finite and positive. The patch tends to the `regular_control_surface` of λ for x → ∞, and to that of −λ for x →
+        0; x = 1 returns the patch itself.
     lifting : (n,) float, optional
         λ_i; default the patch's own.
 
     Returns
     -------
     Patch
-        The same but for its weights, given as logarithms where some are beyond the range of floats.
+        The same patch with new weights, given as logarithms if some are beyond the range of floats.
 
     Raises
     ------
@@ -52,25 +52,25 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
         raise DomainError("lifting: λ log x is beyond the largest float")
     logs = exponents + patch.log_weights
     if max(np.abs(array).max() for array in (exponents, patch.log_weights, logs)) <= MAX_WEIGHT_LOG:
-        # Powers, as 5³ is 125, and exp(3 log 5) nearly.
+        # Powers, because 5³ is 125, but exp(3 log 5) is not exactly.
         return patch.replace(weights=patch.weights * np.power(float(x), lifting_of(patch, lifting)))
     return patch.replace(log_weights=logs)
 
 
 def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> Model:
-    """Find the limit of a patch under toric degeneration: each cell of the regular decomposition, a patch of its own.
+    """Return the limit of a patch under toric degeneration: a patch for each cell of the regular decomposition.
 
     Parameters
     ----------
     patch : Patch
-        A curve's is its regular control curve.
+        The limit of a curve is its regular control curve.
     lifting : (n,) float, optional
-        λ_i; default the patch's own. The limit for x → 0 is that of −λ.
+        λ_i; the default is the patch's own. The limit for x → 0 is that of −λ.
 
     Returns
     -------
     Model
-        As `cells_of`, which takes a decomposition that is known already.
+        The same as from `cells_of`, which takes a known decomposition.
 
     Raises
     ------
@@ -85,14 +85,14 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
 
 
 def cells_of(patch: Patch, decomposition: RegularDecomposition) -> Model:
-    """Give each cell its own patch: the knots, weights, coefficients and control points of that cell, in its order."""
+    """Return a patch for each cell, with its knots, weights, coefficients and control points, in the cell's order."""
     name = patch.name or "patch"
     cells = [patch.part(np.array(cell), name=f"{name}-cell{i}") for i, cell in enumerate(decomposition.cells)]
     return Model(tuple(cells), name=patch.name)
 
 
 def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
-    """(n,) the lifting given, or else the patch's own; refuses none, and one that does not fit the knots."""
+    """(n,) the given lifting or, by default, the patch's own; refuses a missing lifting, and one of wrong length."""
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
         raise DomainError("lifting: the patch has none, and none is given")

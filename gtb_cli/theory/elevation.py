@@ -13,31 +13,32 @@ from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000
-"""Largest number of knots of a result."""
+"""Largest number of knots of an elevated patch."""
 
 MAX_SUMS = 2_000_000
 """Largest number of sums of knots before equal ones are merged: their arrays need 100 MB."""
 
 MAX_PLAIN_WEIGHT = 1e150
-"""Largest weight, and inverse of the smallest, that is multiplied and added as it is; others are logarithms."""
+"""Largest weight, and inverse of the smallest, for plain arithmetic; other weights are handled as logarithms."""
 
 
 def elevate(patch: Patch, by: int = 1) -> Patch:
     """Elevate the degree of a patch: more knots, weights and control points for the same image.
 
-    The knots become sums of the patch's and of `multiplier`'s, taken `by` times; see `product`. For Bézier curves,
-    triangles and tensor product patches it is the classical elevation of the degree, of both degrees, by `by`.
+    The knots become sums of the patch's knots and those of `multiplier`, `by` times; see `product`. For Bézier curves,
+    triangles and tensor product patches this is the classical degree elevation by `by`, in both directions of the
+    latter.
 
     Parameters
     ----------
     patch : Patch
     by : int
-        How often.
+        Number of elevations.
 
     Returns
     -------
     Patch
-        With all coefficients 1 and no lifting.
+        The elevated patch, with all coefficients 1 and without a lifting.
 
     Raises
     ------
@@ -46,8 +47,8 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
 
     Notes
     -----
-    The image is the same, exactly. A curve with k_0 = k_1 has the same points at the same fractions of its interval;
-    a Bézier patch at the same fractions of its domain; other surfaces are reparametrised.
+    The image is exactly the same. A curve with k_0 = k_1 keeps its points at the same fractions of its interval, and a
+    Bézier patch at the same fractions of its domain; other surfaces are reparametrised.
 
     References
     ----------
@@ -62,15 +63,15 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
 
 
 def multiplier(patch: Patch) -> FloatArray:
-    """Choose the knots by which a patch is multiplied in one elevation.
+    """Return the knots by which one elevation multiplies a patch.
 
     Returns
     -------
     (m, d) float
-        For the lattices of Bézier curves, triangles and tensor product patches one step in each direction. For other
-        curves 0 and the largest gap between knots. For other surfaces the corners of Δ relative to the first, as no
-        others are sure to add no edges; where all edges of Δ are divided into k equal steps, a k-th of that, so that
-        edges shared with Bézier patches become the same ones.
+        For the lattices of Bézier curves, triangles and tensor product patches, one step in each direction. For other
+        curves, 0 and the largest gap between knots. For other surfaces, the corners of Δ relative to the first: only
+        these are sure not to add edges. A k-th of that if all edges of Δ have k equal steps, so that edges shared with
+        Bézier patches stay shared.
     """
     shape = patch.domain
     lattice = lattice_of(shape)
@@ -84,7 +85,7 @@ def multiplier(patch: Patch) -> FloatArray:
 
 
 def _common_steps(shape: Domain) -> int:
-    """Number of equal steps into which knots divide each edge of a surface's Δ; 1 where the steps are not equal."""
+    """The number of equal steps into which knots divide each edge of a surface's Δ; 1 if the steps are not equal."""
     counts = set()
     for edge in range(len(shape.vertices)):
         on_edge = lattice_of(domain(shape.along(edge, shape.knots[shape.edge_knots(edge)])))
@@ -95,8 +96,8 @@ def _common_steps(shape: Domain) -> int:
 def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) -> Patch:
     """Multiply numerator and denominator of a patch by ``Σ_k g_k e^{<d_k, s>}``.
 
-    The knots become all sums a_i + d_k, equal ones merged, with ``W_e = Σ c_i ω_i g_k`` and control points
-    ``Σ c_i ω_i g_k b_i / W_e``, the sums over a_i + d_k = e.
+    The knots become all distinct sums e = a_i + d_k, with ``W_e = Σ c_i ω_i g_k`` and control points
+    ``Σ c_i ω_i g_k b_i / W_e``, summed over a_i + d_k = e.
 
     Parameters
     ----------
@@ -109,17 +110,17 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
     Returns
     -------
     Patch
-        The same image. Its knots are in ascending order, by rows from below for a surface; its coefficients are 1, and
-        it has no lifting.
+        A patch with the same image. Its knots are ascending, by rows from below for a surface; its coefficients are 1,
+        and it has no lifting.
 
     Raises
     ------
     DomainError
-        Shapes that do not fit, or a result of more than `MAX_ELEVATED_KNOTS` knots.
+        Shapes do not fit, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
 
     Notes
     -----
-    An edge of the hull of d_k that is parallel to none of Δ's becomes an edge of the result which is one point.
+    If an edge of the hull of d_k is not parallel to any edge of Δ, it becomes a collapsed edge of the result.
     """
     places = finite("knots", knots)
     if places.ndim == 1 and patch.dimension == 1:
@@ -164,7 +165,7 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
 
 
 def _with_scale_of(patch: Patch, result: Patch) -> Patch:
-    """Give a product the edge functions of the patch where its edges are the same, in the same order."""
+    """Give a product the edge functions of the patch if it has the same edges in the same order."""
     ours, theirs = result.domain, patch.domain
     normals = patch.edge_normals
     corners = ours.vertices
@@ -176,11 +177,11 @@ def _with_scale_of(patch: Patch, result: Patch) -> Patch:
 
 
 def _equal(points: FloatArray) -> tuple[IntArray, IntArray]:
-    """Indices of the first of each group of equal (m, d) points, groups by rows from below, and each point's group."""
+    """The first index of each group of equal (m, d) points, by rows from below, and the group of each point."""
     tolerance = knot_tolerance(points)
     group = np.zeros(len(points), dtype=np.int64)
     for coordinates in points.T[::-1]:
-        # Within each group so far, a gap in the coordinate begins another one.
+        # A gap in the coordinate splits each group found so far.
         order = np.lexsort((coordinates, group))
         begins = (np.diff(coordinates[order]) > tolerance) | (np.diff(group[order]) > 0)
         group[order] = np.concatenate([[0], np.cumsum(begins)])

@@ -1,4 +1,4 @@
-"""Where the patches of a model meet: edges that carry the same boundary curve, and which way round."""
+"""Joints of a model: edges of patches that carry the same boundary curve, and their directions."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ EdgeRef = tuple[int, int]
 """(patch, edge): edge j of the hull of a patch's knots; for a curve, end j."""
 
 CURVE_TOLERANCE = 1e-9
-"""Largest difference between edges that carry the same curve: of points in the model's size, of knots in the edge's
-length, and of logarithms of weights. Rounding of data typed or computed twice, far below what is visible."""
+"""Largest difference between edges that carry the same curve: of points, relative to the model's size; of knots,
+relative to the edge's length; and of logarithms of weights. It allows for data typed or computed twice, and is far
+below anything visible."""
 
 SEAM_GAP = 1e-2
-"""Edges with ends and curves nearer than this fraction of the smaller edge's size, but not the same, are reported."""
+"""Different edges are reported if their ends and curves are nearer than this fraction of the smaller edge's size."""
 
 EDGE_SAMPLES = 33
-"""Points on each of two curves between which their distance is measured."""
+"""Number of points on each of two curves for measuring their distance."""
 
 SLANT = np.array([1.0, 1.618033988749895, 2.414213562373095])
-"""A direction in which different places are hardly ever equally far."""
+"""A direction along which different places hardly ever have the same coordinate."""
 
 
 @dataclass(frozen=True)
 class Joint:
-    """Two edges that carry the same curve; `opposite` if they run through it in opposite directions.
+    """Two edges that carry the same curve; `opposite` if they traverse it in opposite directions.
 
-    `distance` is how far apart the curves are that are welded, in model units; 0 for those that are the same.
+    `distance` is the distance of welded curves, in model units; 0 for equal curves.
     """
 
     first: EdgeRef
@@ -49,20 +50,19 @@ class Joints:
     Attributes
     ----------
     shared : tuple of Joint
-        Each edge with the first one that carries the same curve.
+        Pairs of an edge and the first edge with the same curve.
     open : tuple of EdgeRef
-        Edges with a curve of their own.
+        Edges that do not share their curve.
     collapsed : tuple of EdgeRef
         Edges whose control points all coincide; they are not part of a boundary.
     crowded : tuple of tuple of EdgeRef
         Curves shared by more than two edges: there the model is not a manifold.
     almost : tuple of (EdgeRef, EdgeRef, float)
-        Open edges that nearly coincide (see `SEAM_GAP`), with the largest distance between their curves, in model
-        units.
+        Open edges that nearly coincide (see `SEAM_GAP`), with the largest distance of their curves, in model units.
     flipped : tuple of bool
-        For each patch, whether its orientation must be reversed to agree with its neighbours'.
+        Whether the orientation of each patch must be reversed to agree with its neighbours.
     one_sided : tuple of Joint
-        Joints at which no choice of `flipped` makes the orientations agree.
+        Joints at which orientations disagree for every choice of `flipped`.
     """
 
     shared: tuple[Joint, ...]
@@ -75,7 +75,7 @@ class Joints:
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is shared by exactly two, consistently oriented: the model bounds a volume."""
+        """Whether exactly two patches share every edge, consistently oriented: the model bounds a volume."""
         return not (self.open or self.crowded or self.one_sided)
 
 
@@ -88,18 +88,18 @@ def diagonal_of(patches: Sequence[Patch]) -> float:
 def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     """Find the edges of patches that carry the same curve.
 
-    Two boundary curves are the same if, either way round, they have the same points at the same fractions in the linear
-    parametrisation. That is so if their control points agree, if an affine map takes the knots of one edge to those of
-    the other, and if the weights c ω differ by a factor κ e^{σ a} only, as such factors change nothing. Edges with the
-    same ends and other data, such as one of a higher degree, are compared by `EDGE_SAMPLES` points.
+    Two boundary curves are the same if, in either direction, they have the same points at the same fractions of the
+    linear parametrisation. This holds if their control points agree, an affine map takes the knots of one edge to those
+    of the other, and the weights c ω differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends
+    but different data, such as a higher degree, are compared at `EDGE_SAMPLES` points.
 
     Parameters
     ----------
     patches : sequence of Patch
-        All curves (whose ends are joined where they coincide) or all surfaces.
+        All curves (whose ends are joined if they coincide) or all surfaces.
     weld : float, optional
-        Edges of surfaces whose curves are as near as this, in model units, are joined, too, the nearest first; edges
-        as small as this are points.
+        Edges of surfaces within this distance of each other, in model units, are joined as well, the nearest first;
+        edges up to this size count as points.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
 
     Notes
     -----
-    n log n for n edges, unless more than a few have the same ends.
+    O(n log n) for n edges, unless more than a few have the same ends.
     """
     dimensions = {patch.dimension for patch in patches}
     if len(dimensions) != 1:
@@ -165,14 +165,14 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
 
 
 def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
-    """Name an edge for people, as ``lid edge 2``."""
+    """Return the name of an edge in messages, such as ``lid edge 2``."""
     index, edge = ref
     return f"{patches[index].name or f'patches[{index}]'} edge {edge}"
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What an edge's curve depends on: knots on [0, 1], log weights up to what leaves it unchanged, points."""
+    """The data that determine an edge's curve: knots on [0, 1], normalised log weights, points."""
 
     knots: FloatArray
     log_weights: FloatArray
@@ -189,11 +189,11 @@ class Curve:
         return float(np.ptp(self.points, axis=0).max())
 
     def reversed(self) -> Curve:
-        """The same curve the other way round."""
+        """The same curve in the opposite direction."""
         return Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
 
     def same_as(self, other: Curve, tolerance: float) -> bool:
-        """Whether the data are the same, points up to a distance."""
+        """Whether the data are the same, with points within a distance."""
         return (
             len(self.knots) == len(other.knots)
             and bool(np.abs(self.points - other.points).max() <= tolerance)
@@ -203,7 +203,7 @@ class Curve:
 
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
-    """What the curve of an edge depends on."""
+    """Return the data that determine the curve of an edge."""
     members = patch.domain.edge_knots(edge)
     weights, points = patch.log_products[members], patch.control_points[members]
     if patch.dimension == 1:
@@ -227,7 +227,7 @@ def edge_curve(patch: Patch, edge: int) -> Curve:
 def _same_data(
     curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float
 ) -> dict[int, list[tuple[int, bool]]]:
-    """For the first of each kind of curve the later ones with the same data, and whether they run the other way."""
+    """For each first curve, the later ones with the same data, and whether they run in the opposite direction."""
     followers: dict[int, list[tuple[int, bool]]] = {}
     heights = _heights(curves) / (2 * tolerance * SLANT.sum())
     shelves: dict[int, list[int]] = {}
@@ -252,7 +252,7 @@ def _near_curves(
     followers: Mapping[int, Sequence[object]],
     least_reach: float,
 ) -> list[tuple[int, int, float, bool]]:
-    """Pairs of curves within `SEAM_GAP`, or `least_reach`, one of them open: distance, and whether one is turned."""
+    """Pairs of curves, one of them open, within `SEAM_GAP` or `least_reach`: distance, and whether one is reversed."""
 
     @cache
     def sampled(i: int) -> FloatArray:
@@ -281,13 +281,13 @@ def _near_curves(
 
 
 def _heights(curves: Sequence[Curve]) -> FloatArray:
-    """(n,) how far up `SLANT` each curve's ends are, together: alike for curves with the same ends, either way."""
+    """(n,) sum of the coordinates of each curve's ends along `SLANT`: equal for curves with the same ends."""
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
     return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SLANT)
 
 
 def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...], tuple[Joint, ...]]:
-    """Walk over the joints; of each connected part, the smaller half is flipped (the later one where equal)."""
+    """Walk over the joints, and flip the smaller half of each connected component (the later half if equal)."""
     neighbours: list[list[tuple[int, bool]]] = [[] for _ in range(count)]
     for joint in shared:
         (a, _), (b, _) = joint.first, joint.second
@@ -312,12 +312,12 @@ def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...],
 
 
 def edge_points(patch: Patch, edge: int, count: int) -> FloatArray:
-    """(count, 3) points of a surface's edge at equal fractions of its knots' hull, by the edge's own data."""
+    """(count, 3) points of a surface's edge at equal fractions of its knots' hull, from the edge's own data."""
     return edge_points_at(patch, edge, np.linspace(0.0, 1.0, count))
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
-    """(m, 3) points of a surface's edge at (m,) fractions of its knots' hull, by the edge's own data."""
+    """(m, 3) points of a surface's edge at (m,) fractions of its knots' hull, from the edge's own data."""
     v, start, end = patch.domain.vertices, edge, (edge + 1) % len(patch.domain.vertices)
     faces = np.full(len(fractions), patch.domain.faces.edge(edge).number)
     faces[fractions == 0] = patch.domain.faces.corners[start]

@@ -1,5 +1,5 @@
 """Knots that move to the places of others: the merged patch, which is the limit inside Δ, and the films that the limit
-has besides where knots come to the boundary."""
+gains where knots reach the boundary."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from gtb_cli.knots.face import Face
 from gtb_cli.theory.patch import Patch
 
 PARALLEL_RATIO = 1e-9
-"""Ratio of the singular values of speeds below which they are parallel: knots typed on one line."""
+"""Ratio of the singular values of speeds below which these count as parallel: knots typed on one line."""
 
 MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)
-"""Smallest weight that is a float with all its digits."""
+"""Smallest weight that is a float with full precision."""
 
 
 def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
-    """Merge knots into others: what the patch tends to, inside Δ, as knot k moves to the place of knot q.
+    """Merge knots into others: the limit of the patch, inside Δ, as knot k moves to the place of knot q.
 
-    ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, the sums over q and all k that
+    ``c̃_q = c_q``, ``ω̃_q = Σ c_i ω_i / c_q`` and ``b̃_q = Σ c_i ω_i b_i / Σ c_i ω_i``, summed over q and all k that
     merge into it.
 
     Parameters
@@ -38,12 +38,13 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
     Returns
     -------
     Patch
-        Without the knots k; the others keep their order, and q its place, coefficient and lifting value.
+        The patch without the knots k. The other knots keep their order; q keeps its place, coefficient and lifting
+        value.
 
     Raises
     ------
     DomainError
-        Indices out of range, cycles, or a move that would change the hull.
+        An index is out of range, moves form a cycle, or a move would change the hull.
 
     Notes
     -----
@@ -81,7 +82,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     moves : mapping of int to int
         {k: q} by index. In a chain {1: 2, 2: 3} both knots move to the place of knot 3.
     step : float
-        From 0, the patch itself, to 1, where the knots are repeated ones.
+        From 0, the patch itself, to 1, where the knots coincide.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     Raises
     ------
     DomainError
-        As `merge_knots`, or a step outside [0, 1].
+        An error of `merge_knots`, or a step outside [0, 1].
 
     References
     ----------
@@ -106,7 +107,7 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
 
 
 def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
-    """(n,) the knot at whose place each knot ends: itself, or the end of its chain; refuses what `merge_knots` does."""
+    """(n,) the knot at whose place each knot ends: itself, or the end of its chain; errors as in `merge_knots`."""
     n = len(patch.knots)
     if not moves:
         raise DomainError("moves: expected at least one knot to move")
@@ -121,14 +122,14 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
             if way[-1] == k:
                 raise DomainError(f"moves: {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
             if len(way) > n:
-                break  # into a cycle without k, which its own knots report
+                break  # enters a cycle without k, which is reported for the knots of the cycle
         targets[k] = way[-1]
     _refuse_hull_change(patch, targets)
     return targets
 
 
 def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
-    """All ways lie inside Δ, so that the hull stays the same if a knot stays at each corner."""
+    """Refuse moves that leave a corner without a knot; all paths lie inside Δ, so that other moves keep the hull."""
     shape = patch.domain
     stays = (targets == np.arange(len(targets))) | (patch.knots == patch.knots[targets]).all(axis=1)
     corners = shape.faces.knots[shape.faces.corners]
@@ -144,12 +145,12 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """What moving knots leave between the patch's boundary, which stays, and that of the merged patch.
+    """The surface or curve that moving knots leave between the patch's fixed boundary and that of the merged patch.
 
-    On a facet or corner F of Δ let η_i be the speeds, over the facets that meet in F, at which the knots that end on F
-    come there (0 for those that are there). For distances ε from the end of the way, the points of the patch at
-    torus coordinates s + τ/ε outwards tend to those of the knots on F with the weights ``c_i ω_i ∏_j z_j^{η_ij}``,
-    z_j = e^{−τ_j} from 1, the merged patch's boundary, to 0, the boundary that stays.
+    Let F be a facet or corner of Δ, and let η_ij be the speed at which knot i, which ends on F, approaches facet j
+    through F (0 for a knot already there). At a distance ε from the end of the motion, the points of the patch at torus
+    coordinates s + τ/ε outwards tend to those of the knots on F with the weights ``c_i ω_i ∏_j z_j^{η_ij}``. Here z_j =
+    e^{−τ_j} runs from 1, the merged patch's boundary, to 0, the fixed boundary.
 
     Attributes
     ----------
@@ -158,9 +159,9 @@ class Film:
     members : (k,) int
         The knots that end on F.
     speeds : (k, g) float
-        η, for the g facets that meet in F, in units of the smallest positive one of each.
+        η for the g facets that meet in F, in units of the smallest positive speed of each facet.
     along : (k,) or None
-        Coordinates of the ends of the ways along an edge; None where F is a corner, or an end of a curve.
+        Coordinates along the edge of the ends of the paths; None if F is a corner, or an end of a curve.
     log_products : (k,) float
         log(c_i ω_i).
     control_points : (k, 3) float
@@ -174,7 +175,7 @@ class Film:
     control_points: FloatArray
 
     def section(self, z: float) -> Patch:
-        """Return the curve at level z of the film of an edge."""
+        """The curve at level z of the film of an edge."""
         if self.along is None:
             raise DomainError("the film of a corner has no sections")
         return self._curve(self._log_weights(np.array([[z]]))[0])
@@ -188,7 +189,7 @@ class Film:
         return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
 
     def _log_weights(self, z: FloatArray) -> FloatArray:
-        """(m, k) logarithms of the weights, −inf where they vanish."""
+        """(m, k) logarithms of the weights, −inf for weights 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             powers = self.speeds[None] * np.log(z)[:, None, :]
         return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
@@ -222,25 +223,25 @@ class KnotLimit:
 
     @cached_property
     def films(self) -> tuple[Film, ...]:
-        """What the limit as a set has beside the merged patch; nothing where the convergence is uniform."""
+        """The parts of the limit set outside the merged patch; empty if the convergence is uniform."""
         return tuple(_films(self.patch, self.targets))
 
     @cached_property
     def arrivals(self) -> Mapping[int, int]:
-        """For each knot that comes to an end, corner or edge on which it is not: the number of that face."""
+        """The number of the end, corner or edge that each knot from outside it reaches."""
         faces = self.patch.domain.faces
         arriving = np.flatnonzero(self._comes.any(axis=1)).tolist()
         return {k: faces.smallest(self.targets[k]).number for k in arriving}
 
     def nearness(self, step: float) -> float:
-        """Smallest distance, at a step, of a knot from a facet that it comes to, as a fraction of Δ's size."""
+        """The smallest distance, at a step, of a knot from a facet that it reaches, as a fraction of Δ's size."""
         shape = self.patch.domain
         least = (shape.heights / shape.normal_lengths).min(where=self._comes, initial=np.inf)
         return float(least) * (1 - step) / shape.size
 
     @cached_property
     def _comes(self) -> BoolArray:
-        """(n, r) whether each knot comes to a facet on which it is not."""
+        """(n, r) whether each knot moves to a facet on which it does not lie at first."""
         incidence = self.patch.domain.incidence
         return np.asarray(incidence[self.targets] & ~incidence)
 
@@ -251,7 +252,7 @@ class KnotLimit:
 
 
 def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
-    """Find what a patch tends to as knots move to the places of others, along lines and all at once.
+    """Find the limit of a patch as knots move to the places of others, along lines and all at once.
 
     Parameters
     ----------
@@ -266,18 +267,18 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     Raises
     ------
     DomainError
-        As `merge_knots`.
+        See `merge_knots`.
 
     Notes
     -----
-    A knot that comes to the boundary from inside does not count there before it has arrived: the boundary stays what
-    it was, while inside the patches tend to one with another boundary. The Hausdorff limit is the merged patch with
-    what is stretched between the two: a segment at the end of a curve (a curve where several knots arrive there), a
+    A knot that moves to the boundary from inside does not count there until it arrives: the boundary stays the same,
+    while the patches tend, inside, to a patch with another boundary. The Hausdorff limit is the merged patch together
+    with a film between the two boundaries: a segment at the end of a curve (a curve if several knots arrive there), a
     membrane at an edge.
 
     References
     ----------
-    Thm 3.1, Thm 4.1, which claim the merged patch alone; Ex. 4.2.
+    Thm 3.1, Thm 4.1, which state only the merged patch as the limit; Ex. 4.2.
     """
     return KnotLimit(patch, dict(moves), ends_of_moves(patch, moves))
 
@@ -295,7 +296,7 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
         if not face.is_corner:
             along = shape.along(face.index, patch.knots[targets[members]])
         elif shape.dimension == 2:
-            # Where all come on one line, the film of the corner is a border of its edges' films.
+            # If all arrive along one line, the film of the corner is a border of its edges' films.
             values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
             if len(values) < 2 or values[1] <= PARALLEL_RATIO * values[0]:
                 continue

@@ -1,7 +1,7 @@
-"""The linear parametrisation: a point p of Δ is put where μ(s) = p.
+"""The linear parametrisation: a parameter p in Δ stands for the torus coordinates s with μ(s) = p.
 
-With the knots as control points it is the identity; on an edge of Δ it depends on that edge's knots, weights and
-coefficients alone, so that patches which share an edge share its points. Each face has a moment map of its own.
+A patch whose control points are its knots is the identity. Only an edge's own knots, weights and coefficients count on
+it, so that patches that share an edge share its points. Each face has its own moment map.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from gtb_cli.theory.moment import MomentMap
 from gtb_cli.threads import in_threads
 
 WORTH_THREADS = 20_000
-"""Points for which threads are started: fewer are found in less time than it takes."""
+"""Fewest points worth starting threads: fewer are found in less time than the start takes."""
 
 COARSE = 1e-10
-"""Residual that is enough for points that others are only started from."""
+"""Residual sufficient for points that only serve as starts of others."""
 
 HOPELESS = 0.5
-"""Share of points not found from coarser ones from which none are sought like that, as with x^λ where x is 1e30."""
+"""Interpolation is given up if it fails for at least this share of the points, as with x^λ for x = 1e30."""
 
 LAST_CORNER = 1e-6
-"""How near the last corner of its edge, as a fraction of the hull's size, coordinates of a point start from there."""
+"""Distance, as a fraction of the hull's size, within which a point has coordinates from its edge's last corner."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearParametrization:
-    """The linear parametrisation of a patch: where p in Δ lies, found by solving μ(s) = p.
+    """The linear parametrisation of a patch, which locates p in Δ by solving μ(s) = p.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class LinearParametrization:
 
     Notes
     -----
-    On an edge only that edge's knots and weights are used. Inside, each point is solved in coordinates along and
-    over its nearest edge, in which the knots on that edge have an exact 0, so that digits are kept up to the edge.
+    Points on an edge depend only on that edge's knots and weights. Each point inside is solved in coordinates along and
+    over its nearest edge: the knots on that edge have an exact 0 there, so that digits are kept up to the edge.
     """
 
     shape: Domain
@@ -57,7 +57,7 @@ class LinearParametrization:
     def locations(
         self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0, resolution: int = 0
     ) -> Iterator[Location]:
-        """Locate (m, d) points of Δ: s such that |μ(s) − p| ≤ `RESIDUAL`, or `within`, times the hull's size.
+        """Locate (m, d) points of Δ: find s with |μ(s) − p| at most `RESIDUAL`, or `within`, times the hull's size.
 
         See `gtb_cli.theory.parametrization.RationalBasis.locations`.
         """
@@ -83,14 +83,14 @@ class LinearParametrization:
             s = chart.moments.inverse(chart.coordinates(p.take(rows, axis=0), here), within)
             return Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
 
-        # Each chart has its own moment map, which learns from its own points only.
+        # Each chart has its own moment map, which learns only from its own points.
         parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
         yield from in_threads(located, parts, worth=len(inside) > WORTH_THREADS)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
         """Locate the inner vertices of `triangulation`, and return the rows of all others and of those not found.
 
-        They are started from what is interpolated from a few of them, all in the chart of the longest edge.
+        Values interpolated from a few of them are their starts, all in the chart of the longest edge.
         """
         shape, inner, lattice = self.shape, np.flatnonzero(faces == INTERIOR), sheets(self.shape, resolution)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
@@ -131,7 +131,7 @@ class LinearParametrization:
         return np.concatenate(rest)
 
     def _charts(self, heights: FloatArray) -> IntArray:
-        """(m,) numbers of charts for points inside: twice the nearest edge, and 1 more near its last corner."""
+        """(m,) numbers of charts for points inside: twice that of the nearest edge, plus 1 near its last corner."""
         shape = self.shape
         edge = shape.nearest_edge(heights)
         if shape.dimension == 1:
@@ -148,7 +148,7 @@ class LinearParametrization:
         return self._edges[number]
 
     def _chart(self, number: int) -> _Chart:
-        """A chart by its number, with what it has learnt."""
+        """A chart by its number; it keeps what it learns."""
         if number not in self._made:
             self._made[number] = _Chart(self.shape, self.log_weights, *divmod(number, 2))
         return self._made[number]
@@ -164,7 +164,7 @@ class LinearParametrization:
 
 @dataclass(frozen=True, eq=False)
 class _Chart:
-    """Coordinates along an edge and over it, from its first corner or its last; of a curve, from one of its ends."""
+    """Coordinates along and over an edge, from its first corner or its last; for a curve, from one of its ends."""
 
     shape: Domain
     log_weights: FloatArray
@@ -172,7 +172,7 @@ class _Chart:
     last: int
 
     def coordinates(self, points: FloatArray, heights: FloatArray) -> FloatArray:
-        """(m, d) coordinates of (m, d) points with given (r, m) edge functions."""
+        """(m, d) coordinates of (m, d) points with (r, m) edge functions."""
         shape, edge = self.shape, self.edge
         steps = points - shape.vertices[(edge + self.last) % len(shape.vertices)]
         if shape.dimension == 1:
@@ -187,7 +187,7 @@ class _Chart:
 
     @cached_property
     def axes(self) -> FloatArray:
-        """(2, 2): unit vectors along the edge and over it, in rows."""
+        """(2, 2) unit vectors along and over the edge, in rows."""
         shape, edge = self.shape, self.edge
         return np.array([shape.direction(edge), shape.normals[edge] / shape.normal_lengths[edge]])
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Model:
     """Several patches that belong together, such as a closed body or a regular control surface.
 
-    A value, as `Patch` is one; ``len``, ``model[0]`` and iteration are about its patches.
+    A value, like `Patch`; ``len``, ``model[0]`` and iteration refer to its patches.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ class Model:
         All curves or all surfaces.
     name : str, optional
     weld : float, optional
-        Edges whose curves are as near as this, in model units, are joined; None: edges with the same curve.
+        Edges within this distance of each other, in model units, are joined; None joins only edges with the same curve.
 
     Raises
     ------
     DomainError
-        No patches, something else, or curves and surfaces together.
+        There are no patches, one of them is not a patch, or curves and surfaces are mixed.
     """
 
     patches: tuple[Patch, ...]
@@ -79,19 +79,19 @@ class Model:
 
     @cached_property
     def joints(self) -> Joints:
-        """How the edges of the patches are joined."""
-        from gtb_cli.theory.joints import find_joints  # its rules of likeness are not needed to read a model
+        """The joints between the edges of the patches."""
+        from gtb_cli.theory.joints import find_joints  # not needed to read a model
 
         return find_joints(self.patches, self.weld)
 
     def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-        """Draw the model on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        """Draw the model on matplotlib axes, and return these; see `gtb_cli.plot`."""
         import gtb_cli
 
         return gtb_cli.plot(self, ax, what, **options)
 
     def _repr_html_(self) -> str:
-        """A frame for notebooks, in which the model can be turned."""
+        """A frame for notebooks in which the model can be turned."""
         import gtb_cli
 
         return gtb_cli.frame(self)

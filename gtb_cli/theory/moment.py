@@ -1,7 +1,7 @@
 """The moment map μ and its inverse.
 
 ``μ(s) = Σ_i T_i(s) a_i`` maps the torus coordinates one-to-one onto the interior of the knots' hull (Birch's theorem).
-The inverse is what the linear parametrisation needs: p ↦ P(μ⁻¹(p)).
+The linear parametrisation needs the inverse: p ↦ P(μ⁻¹(p)).
 """
 
 from __future__ import annotations
@@ -27,57 +27,57 @@ from gtb_cli.theory.basis import (
 )
 
 RESIDUAL = 1e-12
-"""Largest |μ(s) − p| that is accepted, as a fraction of the hull's size."""
+"""Largest accepted |μ(s) − p|, as a fraction of the hull's size."""
 
 ACCEPTED = RESIDUAL / 2
-"""The same in the coordinates in which a point is solved, whose axes may be longer and turned."""
+"""The same in the coordinates of the solver, whose axes may be longer and turned."""
 
 TARGET = 1e-14
-"""Residual at which a point is done at once if all digits are asked for; where rounding keeps it above, `REFUSALS`
-steps in a row end it."""
+"""Residual at which a point is done if all digits are asked for; if rounding keeps it above, `REFUSALS` refused steps
+in a row end the iteration."""
 
 REFUSALS = 4
 ITERATIONS = 300
 
 EXTREME = 3.0
-"""Range of log(c_i ω_i), affine part removed, from which the tropical limit is tried as a start too."""
+"""Range of log(c_i ω_i), without the affine part, from which the tropical limit is also tried as a start."""
 
 CROWD = 16
-"""If knots are more than four times as many, so many share one `EXTREME`: smooth weights have hundreds of cells."""
+"""`EXTREME` is scaled by the number of knots over this if that exceeds 4: smooth weights have hundreds of cells."""
 
 CELL_FLOOR = 1e-3
-"""How near the border of its cell, as a fraction of the next layer's distance, a tropical start may be: on the border
-itself it is infinite."""
+"""Smallest distance of a tropical start from the border of its cell, as a fraction of the next layer's distance: the
+start is infinite on the border itself."""
 
 HALVINGS = 60
-"""Largest number of times a start that is far too far out is drawn in."""
+"""Largest number of times a start that is much too far out is halved."""
 
 SEEING_REACH = 1.0
-"""Torus coordinates of unit knots from which a start is not drawn in further: it sees all knots."""
+"""Torus coordinates of unit knots within which a start is not halved further, since all knots count there."""
 
 WEAKEST = 1e-8
-"""Smallest regularisation, times the residual: less is lost in the rounding of the Hessian's determinant."""
+"""Smallest regularisation, as a multiple of the residual: rounding of the Hessian's determinant hides a smaller one."""
 
 FIRST = 1e-2
-"""The same to begin with, and after a step that was refused: `REFUSALS` of these lead to short steps."""
+"""First regularisation, as a multiple of the residual, also after a refused step; `REFUSALS` of these shorten steps."""
 
 CANCELLED = 1 - 8 * EPS
-"""Share of μ² that is taken from mean squares for the Hessian: what is left is as much as rounding makes of it."""
+"""Share of μ² subtracted from mean squares for the Hessian: the rest is of the order of the rounding."""
 
 SHORT = 8.0
-"""Largest exponent by which a plain step of Newton's method may change what knots weigh."""
+"""Largest exponent by which a plain step of Newton's method may change the shares of knots."""
 
 SHORT_STEPS = 6
-"""Points that take more of them are left to the safe method."""
+"""Largest number of plain steps; a point that needs more is left to the safe method."""
 
 OFTEN = 2
-"""A point of a part of the hull with so many points, of which nothing is known, is solved before the others …"""
+"""Fewest points in a part of the hull without a correction for which one of them is solved before the others …"""
 
 MANY = 50
-"""… if there are so many parts like that: few points are solved together in less time than one after the other."""
+"""… and the fewest such parts for which this is done: a few points are solved faster together than in turn."""
 
 POOR = 0.05
-"""Residual of a start, as a fraction of the hull's size, from which the cells' limits are tried too."""
+"""Residual of a start, as a fraction of the hull's size, above which the cells' limits are also tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,24 +92,24 @@ class MomentMap:
 
     Notes
     -----
-    The inverse minimises the convex function log Σ c_i ω_i exp<a_i, s> − <p, s> by Newton's method: by plain steps
-    where these are short, else with a regularisation that follows the gradient. It starts from the torus coordinates of
-    p as if only the nearest layers of knots counted, corrected by what was found nearby, or, where weights are extreme
-    and the function is lower there, from the limit in a cell of the regular decomposition that log(c_i ω_i) induces.
+    The inverse minimises the convex function log Σ c_i ω_i exp<a_i, s> − <p, s> by Newton's method, with plain steps if
+    these are short, otherwise with a regularisation that scales with the gradient. It starts from the torus coordinates
+    of p for the nearest layers of knots alone, corrected by nearby solutions. If weights are extreme and the function
+    is lower there, it starts from the limit in a cell of the decomposition that log(c_i ω_i) induces.
     """
 
     knots: FloatArray
     log_weights: FloatArray
 
     def __call__(self, s: FloatArray) -> FloatArray:
-        """(m, d) points μ(s) of (d, m) torus coordinates."""
+        """(m, d) points μ(s) at (d, m) torus coordinates."""
         sums = weighted_sums(self._unit_knots, self.log_weights, self._unit_knots, s * self._extents[:, None])
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
     def inverse(self, p: FloatArray, within: float = 0.0) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
 
-        Where `within`, a fraction of the hull's size, is more than `TARGET`, that is near enough.
+        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET`.
 
         Raises
         ------
@@ -139,9 +139,9 @@ class MomentMap:
         return np.asarray(s / self._extents[:, None])
 
     def nearly(self, p: FloatArray, corrections: FloatArray) -> tuple[FloatArray, IntArray]:
-        """(d, m) torus coordinates of (d, m) points, from what their `corrections` are, nearly.
+        """(d, m) torus coordinates of (d, m) points from their approximate `corrections`.
 
-        And which points were not found like that.
+        Also the indices of the points not found in this way.
         """
         unit = self._unit(p)
         start = self._hull.starts(unit)
@@ -154,22 +154,22 @@ class MomentMap:
         return found, left
 
     def corrections(self, p: FloatArray, s: FloatArray) -> FloatArray:
-        """(d, m) differences of torus coordinates of (d, m) points from those that the nearest layers give."""
+        """(d, m) differences between torus coordinates of (d, m) points and those from the nearest layers alone."""
         return np.asarray(s * self._extents[:, None] - self._hull.starts(self._unit(p)))
 
     def _unit(self, p: FloatArray) -> FloatArray:
-        """(d, m) points in the coordinates in which they are solved."""
+        """(d, m) points in the coordinates of the solver."""
         unit = p - self._origin[:, None]
         unit /= self._extents[:, None]
-        if len(unit) == 1:  # far from the origin, rounding may be more than the hull's
+        if len(unit) == 1:  # far from the origin, rounding may move points out of the hull
             np.clip(unit, self._unit_knots.min(), self._unit_knots.max(), out=unit)
         return np.asarray(unit)
 
     @cached_property
     def _bezier_shift(self) -> FloatArray | None:
-        """(d, 1) what all starts of layers are off by, for Bézier weights, up to affine ones; None for others.
+        """(d, 1) common error of all starts for Bézier weights times affine factors; None for other weights.
 
-        There p has the parameters of Bernstein polynomials, and is found by logarithms alone.
+        For these, p has the parameters of Bernstein polynomials, and logarithms alone give its torus coordinates.
         """
         shape = self._hull.shape
         if lattice_of(shape) is None:
@@ -180,13 +180,13 @@ class MomentMap:
             return None
         affine = np.column_stack([self._unit_knots, np.ones(len(rest))])
         shift = np.asarray(-np.linalg.lstsq(affine, rest)[0][:-1, None], dtype=np.float64)
-        # Any points inside will do to see whether that is exact: the knots drawn to the middle.
+        # Any points inside show whether this is exact: here, the knots moved to the middle.
         p = (0.7 * self._unit_knots + 0.3 * self._unit_knots.mean(axis=0)).T
         mu, *_ = self._evaluate(self._hull.starts(p) + shift)
         return shift if np.abs(mu - p).max() <= 10 * TARGET else None
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
-        """Remember what was added to the starts of some points that were solved."""
+        """Remember the corrections of the starts of solved points."""
         _, (xx, yy, xy), *_ = self._evaluate(solution)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             slopes = np.array([[yy, -xy], [-xy, xx]]) / (xx * yy - xy * xy) - self._hull.starts.slopes(unit)
@@ -202,12 +202,12 @@ class MomentMap:
 
     @cached_property
     def _extents(self) -> FloatArray:
-        """(d,): the unit of each coordinate, so that thin hulls are solved like others."""
+        """(d,) unit of each coordinate, so that thin hulls are solved like others."""
         return extents_of(self.knots)
 
     @cached_property
     def _origin(self) -> FloatArray:
-        """(d,): 0 in coordinates where zeros are exact, as over an edge; else the middle of the hull."""
+        """(d,) 0 in coordinates whose zeros are exact, as over an edge; otherwise the middle of the hull."""
         return origin_of(self.knots)
 
     @cached_property
@@ -216,7 +216,7 @@ class MomentMap:
 
     @cached_property
     def _exponents(self) -> FloatArray:
-        """(n, d + 1): unit knots, and log weights less that of the knot nearest 0, where Σ c ω e^<a, s> is about 1."""
+        """(n, d + 1) unit knots, and log weights relative to the knot nearest 0, where Σ c ω e^<a, s> is about 1."""
         nearest = np.lexsort((-self.log_weights, np.abs(self._unit_knots).max(axis=1)))[0]
         return np.column_stack([self._unit_knots, self.log_weights - self.log_weights[nearest]])
 
@@ -226,19 +226,19 @@ class MomentMap:
 
     @cached_property
     def _summed(self) -> FloatArray:
-        """What is summed under T: 1, the knots, their squares and, for d = 2, their product."""
+        """The functions averaged under T: 1, the knots' coordinates, their squares and, for d = 2, their product."""
         a = self._unit_knots.T
         return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
 
     @cached_property
     def _on_grid(self) -> tuple[Grid, FloatArray] | None:
-        """Where the knots are a grid: it, and what is summed under its exponentials."""
+        """The grid of the knots, if they form one, and the values summed under its exponentials."""
         grid = grid_of(self._unit_knots)
         return None if grid is None else (grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order])
 
     @cached_property
     def _cells(self) -> tuple[tuple[CellStarts, FloatArray], ...]:
-        """Each cell of the regular decomposition that log(c_i ω_i) induces, with its gradient; none where tame."""
+        """The cells of the regular decomposition that log(c_i ω_i) induces, with gradients; empty for tame weights."""
         w, affine = self.log_weights, np.column_stack([self._unit_knots, np.ones(len(self.knots))])
         extreme = EXTREME * (len(w) / CROWD if len(w) > 4 * CROWD else 1)
         if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < extreme:
@@ -246,9 +246,9 @@ class MomentMap:
         return cells_with_gradients(self._hull, self._unit_knots, w)
 
     def _evaluate(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | float]:
-        """Gradient μ (d, m) of log Σ c ω e^<a, s>, its Hessian's entries: (1, m), or xx, yy, xy as (3, m); the sum.
+        """The gradient μ (d, m) of log Σ c ω e^<a, s>, its Hessian (1, m), or xx, yy, xy as (3, m), and the sum.
 
-        That is given as a factor of the exponential of what is last.
+        The sum is a factor times the exponential of the last result.
         """
         d, count = s.shape
         columns = np.empty((d + 1, count))
@@ -273,7 +273,7 @@ class MomentMap:
         return mu, hessian, sums[0], shift
 
     def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
-        """Solve by short steps from `start`; others by `_newton` from `safe` first, or else from `start`."""
+        """Solve by short steps from `start`; if these fail, by `_newton` from `safe`, and then from `start`."""
         solution, left = self._short_steps(unit, start, target)
         if len(left):
             p = unit[:, left]
@@ -290,10 +290,10 @@ class MomentMap:
         return solution
 
     def _short_steps(self, unit: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, IntArray]:
-        """Take Newton's plain steps while they are short; where that is not enough, columns are left as they were.
+        """Take Newton's plain steps while they are short; columns for which this does not suffice are not changed.
 
-        Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. So how
-        large the residual is after a step is known before it is taken, and a point that it brings near enough is done.
+        Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. This
+        bounds the residual before a step is taken; a point is done after the step if the bound is small enough.
         """
         s, p = start, unit
         solution, active = start, np.arange(start.shape[1])
@@ -326,7 +326,7 @@ class MomentMap:
     def _newton(self, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
         """Minimise log Σ c ω e^<a, s> − <p, s> by regularised steps.
 
-        Returns the columns, and (m,) residuals of those that did not come near enough, 0 of the others.
+        Returns the columns, and (m,) residuals of those that did not converge, 0 for the others.
         """
         at = self._drawn_in(p, self._better_start(p, self._state(p, start.copy())))
         solution, active = at.s.copy(), np.arange(len(at.value))
@@ -346,7 +346,7 @@ class MomentMap:
             step = regularised_step(at.gradient, at.hessian, sigma * residual)
             trial = self._state(p, at.s + step)
             slope = dot(at.gradient, step)
-            # Below the rounding of the objective only the gradient can tell a better point.
+            # Below the rounding of the objective, only the gradient can identify a better point.
             rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + dot(np.abs(p), np.abs(trial.s)))
             lower = np.where(rounding, size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
             if lower.all():
@@ -365,7 +365,7 @@ class MomentMap:
         return State(s, np.log(total) + shift - dot(p, s), mu - p, hessian)
 
     def _better_start(self, p: FloatArray, at: State) -> State:
-        """Go over to a cell's limit where the objective is lower there."""
+        """Replace a start by a cell's limit if the objective is lower there."""
         poor = np.flatnonzero(size(at.gradient) > POOR) if self._cells else NOTHING
         for cell, gradient in self._cells if len(poor) else ():
             other = self._state(p[:, poor], cell(p[:, poor], CELL_FLOOR) - gradient[:, None])
@@ -374,9 +374,9 @@ class MomentMap:
         return at
 
     def _drawn_in(self, p: FloatArray, at: State) -> State:
-        """Draw in starts far beyond their solutions, which see no curvature there.
+        """Draw in starts far beyond their solutions, where the curvature vanishes.
 
-        By halves, while, to second order, the minimum along the ray of a start is on the other side of 0.
+        A start is halved while, to second order, the minimum along its ray is on the other side of 0.
         """
         for _ in range(HALVINGS):
             s, hessian = at.s, at.hessian

@@ -1,8 +1,8 @@
 """Unit normals of a surface, with their limits on the boundary.
 
 With respect to the torus coordinates, ``∂P/∂s = Σ_i T_i (b_i − P)(a_i − μ)ᵀ``: covariances of the control points with
-two coordinates of the knots, whichever two. Where few knots hold nearly all of T these are differences of nearly
-equal numbers, unless the coordinates are exactly 0 for those knots; so the coordinates are chosen by place.
+any two coordinates of the knots. If a few knots hold nearly all of T, these are differences of nearly equal numbers,
+unless the coordinates are exactly 0 for those knots; therefore the coordinates depend on the place.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from gtb_cli.knots.layers import LAYER, layers, ranks
 from gtb_cli.theory.basis import Location, covariance, exponents, shares
 
 CANCELLATION = 1e-3
-"""Fraction of what was summed below which a derivative, or the angle between the two, has lost three digits, and
-coordinates about the two leading knots are used: these keep all digits, in four times the time."""
+"""Ratio of a derivative to its summands, or of the angle between two derivatives to its own, below which three digits
+are lost. Coordinates about the two leading knots are used then: they keep all digits, in four times the time."""
 
 SAME_DIRECTION = 1e-6
-"""Distance of unit vectors below which two ways to a corner have one limit."""
+"""Distance of unit vectors below which two paths to a corner have the same limit."""
 
 NEAREST_KNOTS = 1024
-"""Knots, nearest to an edge that is one point, whose pairs decide its normals: half a million pairs are 60 MB."""
+"""Number of knots nearest to a collapsed edge whose pairs decide its normals: half a million pairs take 60 MB."""
 
 PAIR_BLOCK = 1 << 20
-"""Pairs of knots, times places on the edge, that are summed together, which bounds the memory."""
+"""Number of pairs of knots times places on the edge summed together, which bounds the memory."""
 
 CUT_OFF_SUM = 1e-280
-"""Sums below this may consist of exponents that were cut off at `UNDERFLOW`."""
+"""Sums below this may consist only of exponentials cut off at `UNDERFLOW`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class NormalField:
     Parameters
     ----------
     domain : Domain
-        A surface's.
+        The domain of a surface.
     log_weights : (n,) float
         log(c_i ω_i).
     control_points : (n, 3) float
@@ -53,16 +53,16 @@ class NormalField:
     Raises
     ------
     DomainError
-        The domain is a curve's.
+        The domain is that of a curve.
 
     Notes
     -----
-    Inside, moments are taken about the nearest corner, in heights over its two edges: exact zeros for the knots
-    that dominate near the boundary. Where that loses digits all the same (a heavy knot inside, large exponents),
-    they are taken about the knot with the largest T_i, along and across the direction to the second. On an edge:
-    tangent × derivative towards the nearest layer of knots that is not parallel to it; at a corner the
-    directions to the next knots along its two edges. There is no limit at a corner whose neighbours along the edges
-    are further away than knots inside: it depends on the way there.
+    Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
+    knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
+    taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
+    tangent × derivative towards the nearest layer of knots not parallel to it; at a corner it is the cross product of
+    the directions to the next knots along the two edges. A corner whose neighbours along the edges are farther away
+    than knots inside has no limit: it depends on the path.
     """
 
     domain: Domain
@@ -96,7 +96,7 @@ class NormalField:
         return result
 
     def _about_corners(self, t: FloatArray, heights: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Normals at (n, m) values of the rational basis, and where to doubt them."""
+        """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
         shape = self.domain
         r, columns = len(shape.vertices), np.arange(heights.shape[1])
         distance = heights / shape.normal_lengths[:, None]
@@ -169,9 +169,10 @@ class NormalField:
         return not self._deltas(int(knots[0]))[knots].any()
 
     def _about_point(self, edge: int, s: FloatArray) -> FloatArray:
-        """(m, 3) limits of normals at (m,) torus coordinates on an edge that is one point.
+        """(m, 3) limits of normals at (m,) torus coordinates on a collapsed edge.
 
-        With the knot on the edge averaged, as areas are affine in its place, the sum is over pairs of the others.
+        Areas are affine in the place of the knot on the edge, so that it can be averaged; the sum is over pairs of the
+        others.
         """
         along, height = self.domain.along(edge, self.domain.knots), self.domain.heights[:, edge]
         on_edge = np.flatnonzero(self.domain.incidence[:, edge])
@@ -196,9 +197,9 @@ class NormalField:
     def _pairs(self, at_point: IntArray, distance: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
         """(p,) knots j, (p,) knots k and (p, 3) products ``(b_j − b_i) × (b_k − b_i)`` that are not zero.
 
-        Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. With
-        knot i on an edge, on which the control points are the same, pairs of others remain: they lead wherever T does
-        not cancel. What is zero to rounding is left out, however large its T.
+        Normals have the direction of ``Σ T_i T_j T_k [a_i, a_j, a_k] (b_j − b_i) × (b_k − b_i)`` over all triples. Knot
+        i lies on a collapsed edge, whose control points are equal, so that pairs of other knots remain: they lead
+        unless T cancels. Products that are zero to rounding are left out, however large their T.
         """
         near = np.sort(np.argsort(distance, kind="stable")[:NEAREST_KNOTS])
         deltas = self._deltas(int(at_point[0]))
@@ -229,10 +230,10 @@ class NormalField:
         return self._beside_point(points, before, after) if np.isnan(normal[0, 0]) and points else normal
 
     def _beside_point(self, points: list[int], before: int, after: int) -> FloatArray:
-        """(1, 3) limit at a corner of edges that are one point; NaN where it depends on the way there.
+        """(1, 3) limit at a corner of collapsed edges; NaN if it depends on the path.
 
-        Each triple's T is a product of powers of the distances from both edges. On some way to the corner leads
-        each triple (or sum of those with its powers) unless another has both powers no larger.
+        The T of each triple is a product of powers of the distances from both edges. Each triple (or sum of triples
+        with the same powers) leads on some path to the corner, unless no power of another triple is larger.
         """
         heights, at = self.domain.heights, self.domain.incidence
         j, k, crosses = self._pairs(np.flatnonzero(at[:, points[0]]), heights[:, before] + heights[:, after])
@@ -240,7 +241,7 @@ class NormalField:
         found = [(np.empty((3, 0), dtype=np.int64), np.empty((0, 3)))]
 
         def in_line(rows: IntArray, knots: IntArray) -> IntArray:
-            """Note the triples of pairs with knots i; return the pairs that are in line with these."""
+            """Note the triples of pairs with knots i; return the pairs collinear with all of them."""
             i, b, c = knots[:, None], j[rows], k[rows]
             areas = (along[b] - along[i]) * (height[c] - height[i]) - (along[c] - along[i]) * (height[b] - height[i])
             proper = np.abs(areas) > LAYER * height.max()
@@ -248,7 +249,7 @@ class NormalField:
             found.append((np.array([knots[one], b[pair], c[pair]]), crosses[rows[pair]] * areas[proper, None]))
             return np.asarray(rows[~proper.any(axis=0)])
 
-        # Knots at the corner lead. Where a pair is in line with it, the next ones on each edge do.
+        # Knots at the corner lead; for a pair collinear with it, the next knots on each edge do.
         left = in_line(np.arange(len(j)), np.flatnonzero(at[:, before] & at[:, after]))
         for edge in points:
             rows = left
@@ -273,14 +274,14 @@ class NormalField:
 
 
 def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
-    """(m, 3) unit vectors along (3, m) sums, NaN where these are rounding beside the (m,) sums of lengths."""
+    """(m, 3) unit vectors along (3, m) sums; NaN if a sum is rounding relative to the (m,) sums of lengths."""
     length = np.sqrt((total**2).sum(axis=0))
     good = length > PARALLEL_SINE * size
     return np.asarray(np.where(good, total / np.where(good, length, 1.0), np.nan).T)
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(m, 3) unit cross products of (3, m) vectors, NaN where they are parallel or zero; sines of their angles."""
+    """(m, 3) unit cross products of (3, m) vectors, NaN if they are parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (_unit(_unit_size(v)) for v in (first, second))
         normal = np.cross(first, second, axis=0)
@@ -289,7 +290,7 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _unit_size(v: FloatArray) -> FloatArray:
-    """Columns with a largest entry of 1, so that squares do not underflow."""
+    """The columns scaled to a largest entry of 1, so that squares do not underflow."""
     return np.asarray(v / np.abs(v).max(axis=0))
 
 

@@ -1,7 +1,7 @@
-"""The rational basis T_i of a patch, and what its parameters mean.
+"""The rational basis T_i of a patch, and its parametrisations.
 
-In the toric parametrisation, the paper's, ``s(u) = Σ_j s_j ξ_j log h_j(u)``; in the linear one u is where μ(s) = u, so
-that a patch whose control points are its knots is the identity. The image is the same.
+The toric parametrisation, the paper's, has ``s(u) = Σ_j s_j ξ_j log h_j(u)``. The linear one has μ(s(u)) = u, so that a
+patch whose control points are its knots is the identity. The image is the same.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class RationalBasis:
     ----------
     domain : Domain
     log_weights : (n,) float
-        log(c_i ω_i), all that T depends on besides.
+        log(c_i ω_i); T depends only on these and the domain.
 
     References
     ----------
@@ -68,24 +68,24 @@ class RationalBasis:
         u : (m, d) float, or (m,) for a curve
         parametrization : {"toric", "linear"}
         faces : (m,) int, optional
-            Numbers of the faces of Δ on which the parameters are known to lie, whatever rounding has made of them.
+            Numbers of the faces of Δ on which the parameters are known to lie, despite rounding.
         within : float
-            A fraction of Δ's size by which linear parameters may be off, where that is enough.
+            Sufficient accuracy of linear parameters, as a fraction of Δ's size.
 
         Raises
         ------
         DomainError
-            A parameter is not finite or outside Δ, or the parametrisation is neither.
+            A parameter is not finite or lies outside Δ, or the parametrisation is unknown.
         ToleranceError
             A linear parameter was not found to `RESIDUAL`.
         """
         return self.locator(parametrization)(self.domain.columns(u), faces, within, 0)
 
     def locator(self, parametrization: Parametrization) -> Locator:
-        """Choose what `locations` calls with (m, d) parameters, `faces` and `within`, for many calls.
+        """Return the function that `locations` calls with (m, d) parameters, `faces` and `within`, for many calls.
 
-        A linear one learns from the points that it has found where to look for others: results of later calls differ
-        by rounding from those of `locations`, which begins anew.
+        A linear one learns from each point where to look for others: results of later calls differ by rounding from
+        those of `locations`, which begins anew.
         """
         if parametrization == "toric":
             return lambda u, faces, within, resolution: toric_locations(self.domain, u, faces)
@@ -94,13 +94,13 @@ class RationalBasis:
         raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
     def linear(self) -> LinearParametrization:
-        """A linear parametrisation that has not learnt anything yet."""
-        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh is made without it
+        """A new linear parametrisation, which has not learnt anything yet."""
+        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh does not need it
 
         return LinearParametrization(self.domain, self.log_weights)
 
     def values(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, n) values T_i at locations of that many parameters; exact zeros off the face of a location."""
+        """(count, n) values T_i at the locations of `count` parameters; exact zeros off the face of a location."""
         result = np.zeros((count, len(self.domain.knots)))
         for rows, face, knots, s, _ in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
@@ -114,11 +114,11 @@ class RationalBasis:
     def blend(self, values: FloatArray, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, k) sums ``Σ_i T_i values_i`` of (n, k) values, such as control points, without storing T.
 
-        On a corner with one knot exactly its value.
+        The sum at a corner with one knot is exactly the value of that knot.
 
         Notes
         -----
-        n exps and r logs per parameter and two small matrix products, in blocks that fit the cache.
+        The cost is n exps and r logs per parameter and two small matrix products, in blocks that fit in the cache.
         """
         result = np.empty((count, values.shape[1]))
         for rows, face, knots, s, _ in locations:
@@ -149,7 +149,7 @@ def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None
 def _blocks(
     domain: Domain, u: FloatArray, faces: IntArray | None
 ) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
-    """Split (m, d) parameters into blocks on one face each: rows, number of the face, edge functions."""
+    """Split (m, d) parameters into blocks, each on one face: rows, number of the face, edge functions."""
     length = block_length(len(domain.knots))
     rows: list[IntArray] = []
     kept: list[FloatArray] = []

@@ -1,4 +1,4 @@
-"""`Patch`: a GT-Bézier curve or surface; one type for both, as one theory covers both."""
+"""`Patch`: a GT-Bézier curve or surface, one type for both because one theory covers both."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 from gtb_cli.values import by_value
 
 COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
-"""Rules that make coefficients for a domain, by the names that specs have for them."""
+"""Rules for the coefficients of a domain, by their names in specs."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 class Made(NamedTuple):
-    """What a patch has worked out: a copy shares what is still right, and sees by it which weights are new."""
+    """Computed data of a patch: a copy shares those still valid, and finds out from them which weights are new."""
 
     weights: FloatArray
     log_weights: FloatArray
@@ -49,27 +49,27 @@ class Patch:
     weights : (n,) float, optional
         ω_i > 0, default 1.
     coefficients : (n,) float, "binomial" or "partition-of-unity", optional
-        c_i > 0, default 1, or the rule that makes them, as in a spec. They act only through the products c_i ω_i.
+        c_i > 0, default 1, or the name of a rule, as in a spec. They act only through the products c_i ω_i.
     edge_normals, edge_scale
-        Scale of the edge functions, see `gtb_cli.knots.domain.domain`: changes the parametrisation, not the image.
+        Scale of the edge functions, see `gtb_cli.knots.domain.domain`. It changes the parametrisation, not the image.
     lifting : (n,) float, optional
         λ_i, for the toric degeneration.
     name : str, optional
     log_weights : (n,) float, optional
-        log ω_i in place of `weights`, for weights beyond the range of floats (x^λ). A patch has both: these are what
-        counts, and `weights` are the numbers that were given, or their exponentials, 0 or inf where need be.
+        log ω_i instead of `weights`, for weights beyond the range of floats (x^λ). A patch has both: the logarithms
+        count, and `weights` are the given numbers or their exponentials, 0 or inf if out of range.
     made : Made, optional
-        What `replace` passes on to the copy.
+        Computed data that `replace` passes on to the copy.
 
     Raises
     ------
     DomainError
-        Arrays that do not fit, are not finite, or not positive; knots with a flat hull.
+        Arrays do not fit, are not finite, or are not positive; or the hull of the knots is flat.
 
     Notes
     -----
-    A value: patches with equal numbers and names are equal, have the same hash, and pickle and copy as such. Arrays are
-    the patch's own, and read-only; `replace` makes changed copies.
+    A value: patches with equal numbers and names are equal and have the same hash, also after pickling or copying.
+    Arrays belong to the patch and are read-only; `replace` makes changed copies.
 
     References
     ----------
@@ -125,7 +125,7 @@ class Patch:
         return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
 
     def _domain(self) -> Domain:
-        """Δ: that of the patch this is a copy of, where knots and edge functions are the same."""
+        """Δ, shared with the original of a copy if knots and edge functions are the same."""
         if self.made is not None:
             shape = self.made.rational_basis.domain
             normals, scale = shape.edge_normals, shape.edge_scale
@@ -134,7 +134,7 @@ class Patch:
         return domain(self.knots, self.edge_normals, self.edge_scale)
 
     def _set_weights(self, n: int) -> None:
-        """Fill in weights or logarithms from the other; in a copy, from what is new."""
+        """Compute weights from their logarithms or vice versa; in a copy, from the new ones."""
         weights: FloatArray | None = self.weights
         logarithms: FloatArray | None = self.log_weights
         if self.made is not None and weights is not self.made.weights and logarithms is self.made.log_weights:
@@ -154,16 +154,16 @@ class Patch:
     def replace(self, **changes: Any) -> Patch:
         """Return a copy with other values in some fields.
 
-        New `weights` replace the logarithms of the old, and new `log_weights` the weights. Δ is shared where knots,
-        edge normals and edge scale stay, and the rational basis where weights and coefficients do, too.
+        New `weights` replace the old logarithms, and new `log_weights` the old weights. The copy shares Δ if knots,
+        edge normals and edge scale stay the same, and the rational basis if weights and coefficients do as well.
         """
         return dataclasses.replace(self, **changes)
 
     def part(self, members: IntArray, **changes: Any) -> Patch:
-        """Return the patch of some knots, with what belongs to them.
+        """Return the patch of some knots, with the data that belong to them.
 
-        Its edges are its own: primitive normals become automatic ones, and the edge scale 1. Other fields may be
-        given, see `replace`.
+        Its edges are its own: primitive normals become automatic ones, and the edge scale becomes 1. Other fields may
+        be given, see `replace`.
         """
         names = ["knots", "control_points", "weights", "log_weights", "coefficients"]
         rows = {name: getattr(self, name)[members] for name in names if name not in changes}
@@ -190,7 +190,7 @@ class Patch:
 
     @property
     def log_products(self) -> FloatArray:
-        """(n,) log(c_i ω_i), all that the rational basis sees of weights and coefficients."""
+        """(n,) log(c_i ω_i); the rational basis depends on weights and coefficients only through these."""
         return self.rational_basis.log_weights
 
     def evaluate(self, u: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
@@ -199,14 +199,14 @@ class Patch:
         Parameters
         ----------
         u : (…, d) float, or (…) for a curve
-            Parameters in Δ: one, a row of them, or a grid. For a curve a last axis of length 1 is taken for d.
+            Parameters in Δ: one, a row of them, or a grid. For a curve, a last axis of length 1 counts as d.
         parametrization : {"toric", "linear"}
-            What they mean, see `gtb_cli.theory.parametrization`.
+            Parametrisation of u, see `gtb_cli.theory.parametrization`.
 
         Returns
         -------
         (…, 3) float
-            Points, in model units. On edge j the curve of the knots on that edge; at corners exactly their control
+            Points, in model units. Points on edge j lie on the curve of its knots; corners are exactly their control
             points.
 
         Raises
@@ -250,7 +250,8 @@ class Patch:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)
-            # Where h_j(u) is small, so are all T_i but those with h_j(a_i) exactly 0: digits are kept up to the edges.
+            # If h_j(u) is small, so are all T_i except those with h_j(a_i) = 0 exactly: digits are kept up to the
+            # edges.
             mean = points.T @ t
             rates = [
                 ((points * column[:, None]).T @ t - mean * (column @ t)) / height
@@ -270,8 +271,8 @@ class Patch:
         Returns
         -------
         (…, 3) float
-            NaN where the surface has no normal there (coincident control points): see
-            `gtb_cli.tessellation.tessellate`, which takes the mean of adjacent faces.
+            Unit vectors; NaN where the surface has no normal (coincident control points);
+            `gtb_cli.tessellation.tessellate` then takes the mean of adjacent faces.
 
         Raises
         ------
@@ -280,16 +281,16 @@ class Patch:
 
         Notes
         -----
-        On an edge: tangent × derivative towards the nearest layer of knots that is not parallel to it; at a corner
-        the directions to the next knots along its two edges. Inside, digits are kept up to the boundary and where
-        few knots hold nearly all of T; see `gtb_cli.theory.normals`.
+        The normal on an edge is tangent × derivative towards the nearest layer of knots not parallel to it; at a corner
+        it is the cross product of the directions to the next knots along its two edges. Inside, digits are kept up to
+        the boundary, even if a few knots hold nearly all of T; see `gtb_cli.theory.normals`.
         """
         columns, grid = self.domain.grid(u)
         normals = self.normals_at(self.rational_basis.locations(columns, parametrization), len(columns))
         return normals.reshape(*grid, 3)
 
     def normals_at(self, locations: Iterable[Location], count: int) -> FloatArray:
-        """(count, 3) unit normals, as `normals`, at locations found by any parametrisation."""
+        """(count, 3) unit normals, like `normals`, at locations found by any parametrisation."""
         return self._normal_field.at(locations, count)
 
     def boundary(self, edge: int) -> Patch:
@@ -313,13 +314,13 @@ class Patch:
         return self.part(members, knots=knots, edge_normals="auto", name=f"{self.name or 'patch'}-edge{edge}")
 
     def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-        """Draw the patch on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        """Draw the patch on matplotlib axes, and return these; see `gtb_cli.plot`."""
         import gtb_cli
 
         return gtb_cli.plot(self, ax, what, **options)
 
     def _repr_html_(self) -> str:
-        """A frame for notebooks, in which the patch can be turned."""
+        """A frame for notebooks in which the patch can be turned."""
         import gtb_cli
 
         return gtb_cli.frame(self)

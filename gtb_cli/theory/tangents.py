@@ -18,7 +18,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-    """Unit tangents of a curve in the direction of its parameter.
+    """Unit tangents of a curve, in the direction of increasing parameters.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
     Returns
     -------
     (…, 3) float
-        NaN where the derivative vanishes. At an end the limit: the direction from its control point to that of the
-        nearest knot that has another one, of copies of a knot to their mean.
+        Unit vectors; NaN where the derivative vanishes. At an end they are limits: the direction from its control point
+        to the nearest knot's different control point, where repeated knots count with their mean.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
 
     References
     ----------
-    Property (c) of GT-Bézier curves, eq. 302, whose lengths depend on k_0 and k_1; the directions do not.
+    Property (c) of GT-Bézier curves, eq. 302; its lengths depend on k_0 and k_1, but the directions do not.
     """
     columns, grid = patch.domain.grid(t)
     found = tangents_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
@@ -48,7 +48,7 @@ def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "tor
 
 
 def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArray:
-    """(count, 3) unit tangents, as `tangents`, at locations found by any parametrisation."""
+    """(count, 3) unit tangents, like `tangents`, at locations found by any parametrisation."""
     if patch.dimension != 1:
         raise DomainError("tangents: a surface has many at a point, expected a curve")
     result = np.empty((count, 3))
@@ -61,7 +61,7 @@ def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArr
 
 
 def _inside(patch: Patch, location: Location) -> FloatArray:
-    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised; about the knot with the largest T, which keeps digits at the ends."""
+    """``Σ_i T_i (a_i − μ)(b_i − P)``, normalised; about the knot with the largest T, to keep digits at the ends."""
     e = exponents(location.knots, patch.log_products, location.s)
     leader = e.argmax(axis=0)
     result = np.empty((e.shape[1], 3))
@@ -91,13 +91,13 @@ def _at_end(patch: Patch, end: int) -> FloatArray:
 
 
 def _deltas(patch: Patch, k: int) -> tuple[FloatArray, float]:
-    """(n, 3) control points less that of knot k, exactly 0 where they are equal within rounding; what that is."""
+    """(n, 3) control points less that of knot k, exactly 0 if they are equal within rounding; and this rounding."""
     rounding = coordinate_rounding(patch.control_points)
     return cleared(patch.control_points - patch.control_points[k], rounding), rounding
 
 
 def _unit(vectors: FloatArray, smallest: float) -> FloatArray:
-    """(m, 3) unit vectors, NaN where no entry is larger than `smallest`."""
+    """(m, 3) unit vectors; NaN if no entry is larger than `smallest`."""
     size = np.abs(vectors).max(axis=1, keepdims=True)
     scaled = np.where(size > smallest, vectors, np.nan) / np.where(size > 0, size, 1.0)
     return np.asarray(scaled / np.sqrt((scaled**2).sum(axis=1, keepdims=True)))
