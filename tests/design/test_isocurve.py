@@ -51,7 +51,7 @@ def test_a_polyline_is_had_anywhere() -> None:
 @pytest.mark.parametrize(
     ("patch", "axis", "value", "message"),
     [
-        (pentagon(), 0, 1.0, "is not a rectangle along the axes: isoparametric curves are no GT-Bézier curves"),
+        (pentagon(), 0, 1.0, "is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves"),
         (cubic_curve(), 0, 1.0, "is a curve"),
         (bicubic(), 1, 3.5, "v: expected 0 to 3, got 3.5"),
         (bicubic(), 0, float("nan"), "u: expected 0 to 3, got nan"),
