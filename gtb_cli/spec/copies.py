@@ -200,6 +200,8 @@ def _rotation(
         direction = direction / np.abs(direction).max()
     else:
         letter = values.choice(table, path, "axis", AXES, "a direction of 3 coordinates, ")
+        if letter not in AXES:
+            return nothing
         direction = np.array([1.0 if axis == letter else 0.0 for axis in AXES])
     return rotation_matrix(direction, degrees or 0.0), about
 

@@ -179,6 +179,10 @@ def test_right_angles_are_exact(degrees):
         ('copy = "wall"\nrotate = 72', "10: patches[1].rotate: must be a table such as"),
         ('copy = "wall"\nrotate = {axis = "z"}', "10: patches[1].rotate.degrees: is missing"),
         ('copy = "wall"\nrotate = {axis = [0, 0, 0], degrees = 1}', "10: patches[1].rotate.axis: must not be 0"),
+        (
+            'copy = "wall"\nrotate = {axis = 0, degrees = 1}',
+            '10: patches[1].rotate.axis: must be a direction of 3 coordinates, "x", "y" or "z", got 0',
+        ),
         ('copy = "wall"\nrotate = {axs = "z", degrees = 1}', "10: patches[1].rotate.axs: is not a key of a spec, did"),
         ('copy = "wall"\ntranslate = [1]', "10: patches[1].translate: must be a list of 2 or 3 coordinates"),
         ('copy = "wall"\ntranslate = ["k", 0]', "10: patches[1].translate[0]: expression 'k': unknown name 'k'"),
