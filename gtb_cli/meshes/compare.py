@@ -18,41 +18,41 @@ RELATIVE_ERROR = 1e-3
 """Relative error of a distance at which the search for farther points ends."""
 
 IGNORED_GAIN = 1e-5
-"""Relative gain over the largest distance found below which a sample is not measured exactly."""
+"""A sample is measured exactly if it may exceed the largest distance found by this fraction."""
 
 DISTANCE_ROUNDING = 1e-14
-"""Distance, as a fraction of the meshes' size, below which it is rounding."""
+"""Fraction of the meshes' size below which a distance is rounding."""
 
 NEIGHBOUR_BLOCK = 64
-"""Number of vertices, consecutive in space, of which one is measured first to find the others' distances sooner."""
+"""Number of vertices, consecutive in space, in a group; one is measured first to speed up the rest."""
 
 FIRST_BATCH = 64
-"""Number of points that are measured exactly first, farthest estimate first; each further batch is four times as
+"""Number of points in the first batch measured exactly, farthest estimate first; each further batch is four times as
 large."""
 
 CELL_BATCH = 1 << 16
 """Number of cells that are bounded together, which bounds the memory."""
 
 MAX_CUTS = 250_000
-"""Largest number of pieces that are cut in the search, in each direction; the bound is what has been proved by then."""
+"""Largest number of pieces cut in each direction; the search then stops with the bound proved so far."""
 
 CELLS_PER_CUT = 4
-"""Number of uncut cells that cost as much as one that is cut; a large mesh leaves less for cuts."""
+"""Number of uncut cells that cost as much as one cut; a large mesh leaves less for cuts."""
 
 MIN_CUT_SHARE = 0.16
-"""Fraction of `MAX_CUTS` that is left for the cuts of any large mesh."""
+"""Fraction of `MAX_CUTS` that even the largest mesh may spend on cuts."""
 
 CUT_BATCH = 20_000
 """Number of pieces that are cut together."""
 
 EXCESS_RATIO = 10
-"""Ratio of pieces to the cuts allowed above which little can be proved: then only the likely pieces are cut, once."""
+"""Ratio of pieces to allowed cuts above which little can be proved: only the likely pieces are cut then, once."""
 
 CORNER_BATCH = 64
-"""Number of corners, of the pieces with the largest bounds, that are measured exactly in each round."""
+"""Number of corners measured exactly in each round: those of the pieces with the largest bounds."""
 
 CONCURRENT_CELLS = 100_000
-"""Number of cells of a mesh from which the two directions are measured at the same time."""
+"""Smallest number of cells for which the two directions are measured at the same time."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Distance:
     Attributes
     ----------
     forward, backward : float
-        Largest distance found of a point of the first mesh from the second, and the other way, in model units. There
-        are such points: the distances are no larger than the true ones.
+        Largest distance found from a point of the first mesh to the second, and the other way, in model units. These
+        distances are attained, so they never exceed the true ones.
     forward_at, backward_at : tuple of 3 float
         Those points.
     bound : float
@@ -78,7 +78,7 @@ class Distance:
 
     @property
     def value(self) -> float:
-        """The larger one of the two directions."""
+        """The larger of the two directed distances."""
         return max(self.forward, self.backward)
 
 
@@ -90,14 +90,14 @@ def surface_distance(
     Parameters
     ----------
     a, b : Mesh
-        Triangles or segments; vertices that belong to none do not count.
+        Triangles or segments; unused vertices do not count.
     accuracy : float
-        An error of the distance that does not matter, in model units: the search ends there, or at a thousandth of
-        the distance, whichever is more.
+        Acceptable error of the distance, in model units: the search ends there, or at a thousandth of the distance,
+        whichever is more.
     effort : int
-        How many pieces may be cut in each direction; with none, the bound is that of whole cells.
+        How many pieces may be cut in each direction; with 0, the bound is that of whole cells.
     concurrent : int
-        Cells of the larger mesh from which on both directions are searched at the same time: the result is the same.
+        Both directions are searched at the same time if the larger mesh has this many cells; the result is the same.
 
     Returns
     -------
@@ -106,18 +106,18 @@ def surface_distance(
     Raises
     ------
     DomainError
-        A mesh without cells, or with vertices that are not finite.
+        A mesh has no cells, or vertices that are not finite.
 
     Notes
     -----
-    The distance from a point to a mesh is that to its exactly nearest cell (`NearestCells`). Its maximum over a cell is
-    at a corner or between them. The corners are looked at first. Then, as the distance to one cell is a convex
-    function, no point of a piece of a cell is farther from the other mesh than the farthest of its corners is from any
-    single cell there. Pieces for which this bound exceeds what was found are cut where they leave the region over the
-    cell below them (`Pieces.cut`), so that in the end each lies over one cell, and its bound is a distance that there
-    is. This ends when nothing more than `accuracy` can be gained, or the effort is spent; `Distance.bound` says what is
-    proved then: of meshes of up to some ten thousand cells the distance itself; of a million cells each that do not
-    match, only about the length of the cells.
+    The distance from a point to a mesh is the exact distance to its nearest cell (`NearestCells`). Its maximum over a
+    cell is attained at a corner or between corners. The corners are measured first. The distance to a single cell is a
+    convex function; hence no point of a piece is farther from the other mesh than the farthest corner of the piece is
+    from any one cell there. If this bound exceeds the distance found, the piece is cut where it leaves the region over
+    the cell below it (`Pieces.cut`). In the end each piece lies over one cell, and its bound is attained. The search
+    ends when no more than `accuracy` can be gained, or the effort is spent. `Distance.bound` says what has been proved
+    by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
+    meshes of a million cells each that do not match.
     """
     used = []
     for mesh in (a, b):
@@ -157,7 +157,7 @@ def _in_turn(directions: list[Direction], accuracy: float, effort: int) -> list[
 
 
 def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[_Search]:
-    """The same in two threads, as numpy and scipy let each other run."""
+    """The same in two threads, since numpy and scipy release the interpreter's lock."""
     import threading
 
     results: list[_Search | BaseException] = []
@@ -165,10 +165,10 @@ def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[
     def run() -> None:
         try:
             results.append(_directed(*directions[1], accuracy, effort))
-        except BaseException as error:  # noqa: BLE001 -- it is raised again where it is waited for
+        except BaseException as error:  # noqa: BLE001 -- the waiting thread raises it again
             results.append(error)
 
-    # A daemon: Ctrl-C ends the process and does not wait for it.
+    # A daemon: Ctrl-C ends the process without waiting for the thread.
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     forward = _directed(*directions[0], accuracy, effort)
@@ -179,7 +179,7 @@ def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[
 
 
 def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _Search:
-    """Search the cells given for the point that is farthest from the cells with the corners `other`."""
+    """Search the given cells for the point farthest from the cells with the corners `other`."""
     search = _Search(NearestCells(other), accuracy)
     used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
@@ -200,7 +200,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
-        # In turn those that may be farthest, so that the bound falls, and those that probably are.
+        # Alternate between the pieces that may be farthest, so that the bound falls, and those that probably are.
         number = min(CUT_BATCH, effort, len(pieces.bounds))
         order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
@@ -212,7 +212,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
 
 
 class _Search:
-    """The farthest point found so far, and a bound for what was left out so far."""
+    """The farthest point found so far, and a bound for everything left out so far."""
 
     def __init__(self, tree: NearestCells, accuracy: float) -> None:
         self.tree = tree
@@ -223,12 +223,12 @@ class _Search:
 
     @property
     def enough(self) -> float:
-        """What a bound need not go below."""
+        """The value below which a bound need not be lowered."""
         return self.found + max(self.found * RELATIVE_ERROR, self.accuracy, DISTANCE_ROUNDING)
 
     @property
     def low(self) -> float:
-        """Points that are no farther than this need not be looked at exactly."""
+        """The distance up to which points need not be measured exactly."""
         return self.found * (1 + IGNORED_GAIN) + DISTANCE_ROUNDING
 
     def needed(self, pieces: Pieces) -> Pieces:
@@ -247,7 +247,7 @@ class _Search:
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
     def bounded_well(self, pieces: Pieces) -> Pieces:
-        """As `bounded`, by the cells that are nearest to the middles."""
+        """Like `bounded`, with the cells nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
             if len(pieces.bounds):
                 samples, likely = find(pieces.middles, pieces.samples, pieces.likely)
@@ -255,7 +255,7 @@ class _Search:
         return pieces
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """As `look_at`, for (m, 3) points of which those that follow each other are near each other."""
+        """Like `look_at`, for (m, 3) points in an order that keeps neighbours together."""
         block = np.arange(len(points)) // NEIGHBOUR_BLOCK
         first = np.arange(0, len(points), NEIGHBOUR_BLOCK)
         distances, cells = self.look_at(points[first])
@@ -267,9 +267,9 @@ class _Search:
         return upper, guess
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
-        """Distances of (m, 3) points, exact where they may be the largest, else upper bounds; and of which cells.
+        """Distances of (m, 3) points, exact if they may be the largest, otherwise upper bounds; and the nearest cells.
 
-        Cells that are likely to be the nearest ones save work.
+        Cells that are likely to be nearest save work.
         """
         if likely is None:
             distances, cells = self.tree.start(points)
@@ -286,7 +286,7 @@ class _Search:
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
                 break
-            # One of some cells nearby is mostly the nearest, and found sooner than by a search.
+            # The nearest cell is mostly one of a few nearby, which are tried faster than a search is made.
             distances[chosen], cells[chosen] = self.tree.nearby(
                 points[chosen], distances[chosen], cells[chosen], self.low
             )
@@ -301,13 +301,13 @@ class _Search:
         return chosen[distances[chosen] > self.low]
 
     def note(self, points: FloatArray, distances: FloatArray) -> None:
-        """Keep the farthest of points whose distances are exact."""
+        """Keep the farthest of some points whose distances are exact."""
         farthest = int(distances.argmax())
         if distances[farthest] > self.found:
             self.found, self.place = float(distances[farthest]), points[farthest]
 
     def try_corners(self, pieces: Pieces) -> None:
-        """Look at the worst corners of the pieces with the largest bounds."""
+        """Measure the worst corners of the pieces with the largest bounds."""
         if len(pieces.bounds):
             worst = np.argsort(-pieces.bounds, kind="stable")[:CORNER_BATCH]
             self.look_at(pieces.corners[worst, pieces.worst[worst]])

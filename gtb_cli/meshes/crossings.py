@@ -9,17 +9,17 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 
 DEPTH = 1e-9
-"""Depth of a crossing below which triangles touch, of the largest extent: rounding of surfaces that share a plane."""
+"""Depth, relative to the largest extent, below which triangles only touch: the rounding of coplanar surfaces."""
 
 MOST_PAIRS = 1 << 20
-"""Pairs of boxes that are held at a time, in some 100 MB."""
+"""Number of pairs of boxes held at a time, in about 100 MB."""
 
 MOST_COMPARED = 50_000_000
-"""Most pairs of triangles that are compared, in half a minute: a mesh that is smooth has some 20 for each triangle, one
-whose triangles all lie upon each other would take for ever."""
+"""Largest number of pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
+triangles overlapped, the comparison would never end."""
 
 BITS = 20
-"""Binary digits of each coordinate by which triangles are put in order: for neighbours to be near each other."""
+"""Bits of each coordinate in the key that orders triangles so that neighbours stay together."""
 
 
 def crossing_cells(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
@@ -39,9 +39,9 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     Returns
     -------
     pairs : (p, 2) int
-        Cells, each pair once, with no vertex in common. Triangles that touch, or lie in one plane, do not cross.
+        Pairs of cells without a common vertex, each pair once. Triangles that touch, or lie in one plane, do not cross.
     is_complete : bool
-        Whether all were compared: not more than `MOST_COMPARED` pairs are near each other.
+        Whether all pairs were compared: at most `MOST_COMPARED` are near each other.
 
     Notes
     -----
@@ -91,13 +91,13 @@ def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
 
 
 def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Boxes around boxes two by two; a last one alone stays."""
+    """Boxes around pairs of boxes; a single last box stays as it is."""
     first = np.arange(0, len(low), 2)
     return np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
 
 
 def _curve_places(points: FloatArray) -> IntArray:
-    """(k,) places of points along Morton's curve."""
+    """(k,) positions of points along Morton's curve."""
     extent = float(np.ptp(points, axis=0).max()) or 1.0
     grid = ((points - points.min(axis=0)) * (((1 << BITS) - 1) / extent)).astype(np.int64)
     place = np.zeros(len(points), dtype=np.int64)
@@ -110,7 +110,7 @@ def _curve_places(points: FloatArray) -> IntArray:
 def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
     """(p,) whether a side of one of two (p, 3, 3) triangles passes through the inside of the other."""
     (heights, plane), (back, back_plane) = _heights(one, other), _heights(other, one)
-    # A triangle that is a line has no plane, and may pierce all the same.
+    # A triangle degenerated to a line has no plane, but may still pierce another.
     reaches = [
         ((rows.max(axis=1) > depth) & (rows.min(axis=1) < -depth)) | ~normal.any(axis=1)
         for rows, normal in ((heights, plane), (back, back_plane))
@@ -123,7 +123,7 @@ def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
 
 
 def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) heights of the others' corners over (p,) planes, and their normals: 0 where there is no plane."""
+    """(p, 3) heights of the other triangles' corners over (p,) planes, and the planes' normals; 0 without a plane."""
     a, b, c = triangle.transpose(1, 0, 2)
     normal = cross(b - a, c - a)
     length = np.sqrt(dot(normal, normal))
@@ -136,7 +136,7 @@ def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, Float
 def _pierced(
     triangle: FloatArray, sides: FloatArray, heights: FloatArray, normal: FloatArray, depth: float
 ) -> BoolArray:
-    """(p,) whether one of the sides of others, whose corners have these heights, meets the inside of a triangle."""
+    """(p,) whether a side of the other triangle, whose corners have these heights, meets the triangle's inside."""
     result = np.zeros(len(triangle), dtype=bool)
     for k in range(3):
         below, above = heights[:, k - 1], heights[:, k]

@@ -18,14 +18,14 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.welding import weld
 
 DEFAULT_TOLERANCE = 1e-9
-"""Part of the diagonal of the bounding box. Other processors and libraries change meshes by 1e-13 of it or so; a
-control point that is moved by 1e-6 moves the surface by more than this wherever it has a thousandth of the weight."""
+"""Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
+control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth."""
 
 ALLOWED_ERROR = 0.1
-"""Fraction of the tolerance below which the error of a distance between surfaces is to stay."""
+"""Largest error of a distance between surfaces, as a fraction of the tolerance."""
 
 MAX_REMEASUREMENTS = 3
-"""Number of times a distance is measured again, ten times as exactly, while the tolerance is between it and its
+"""Number of times a distance is measured again, ten times more accurately, while the tolerance lies between it and its
 bound."""
 
 Method: TypeAlias = Literal["vertices", "surface"]
@@ -53,15 +53,15 @@ class Difference:
     Attributes
     ----------
     method : {"vertices", "surface"}
-        Whether vertices were compared one by one, as the meshes have the same cells, or the surfaces (or curves).
+        What was compared: vertices one by one, if the meshes have the same cells, or the surfaces (or curves).
     distance, bound : float
-        Largest distance found, and what it is at most: the same for vertices.
+        Largest distance found, and an upper bound of the true one; both are equal for vertices.
     tolerance : float
-        What the distance may be.
+        Largest distance allowed.
     asked : float or None
-        The tolerance that was asked for; None: the default.
+        The tolerance asked for; None for the default.
     resolution : float
-        Distance of two points with the same coordinates but for what the files cannot hold; no tolerance is below.
+        Distance by which rounding in the files may separate equal points; no tolerance is smaller.
     diagonal : float
         Diagonal of the bounding box of the smaller mesh.
     forward, backward : Farthest
@@ -71,14 +71,14 @@ class Difference:
     vertex, other_vertex : int or None
         Indices of the vertices at the largest distance.
     group : str
-        Name of the part of the first mesh that has the farthest vertex, where it has parts.
+        Name of the group of the first mesh that has the farthest vertex; empty without groups.
     first, second : Measures or None
-        Measures of the meshes; None where vertices were compared.
+        Measures of the meshes; None if vertices were compared.
     same_kind : bool
-        False where one is a curve and the other a surface: these are never the same.
+        False if one is a curve and the other a surface: these are never the same.
     turned : int
-        Faces of the second mesh that look to the other side than in the first, where vertices were compared. They are
-        in the same place, so that this alone is not a difference.
+        Number of faces of the second mesh whose orientation is reversed, if vertices were compared. They are in the
+        same place, so this alone is not a difference.
     """
 
     method: Method
@@ -110,12 +110,12 @@ class Difference:
 
     @property
     def is_proved(self) -> bool:
-        """Whether, if they are the same, nothing can be farther apart than the tolerance."""
+        """Whether equality, if found, is proved: no two points can be farther apart than the tolerance."""
         return not self.same or self.bound <= self.tolerance
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What differs though the places are the same: parts that lie on others, faces that are there twice, holes."""
+        """Differences between surfaces in the same place: overlapping parts, duplicate faces, holes."""
         if not self.same or self.first is None or self.second is None:
             return ()
         rows = [("parts", self.first.components, self.second.components)]
@@ -136,8 +136,8 @@ def difference(
     ----------
     a, b : KnownMesh
     tolerance : float or str, optional
-        In model units, or as ``"1%"`` of the diagonal of the bounding box of the smaller mesh. By default
-        `DEFAULT_TOLERANCE` of it. In any case not less than the resolution.
+        In model units, or as a percentage ``"1%"`` of the diagonal of the smaller mesh's bounding box. The default is
+        `DEFAULT_TOLERANCE` times this diagonal. The tolerance is never less than the resolution.
     effort : int
         See `surface_distance`.
 
@@ -147,10 +147,11 @@ def difference(
 
     Notes
     -----
-    The resolution is what rounding to the numbers that the files have can make of equal points: for each coordinate
-    half a unit of the last place in either file, at the size of the largest. Meshes have the same cells if these have
-    the same corners in the same order, where vertices with equal coordinates, as in an STL file, count as one; or in
-    any order, as other programs write them, where each vertex has one of its own within the tolerance.
+    The resolution is the largest distance between equal points after rounding to the numbers in the files: for each
+    coordinate, half a unit in the last place in either file, at the size of the largest coordinate. Two meshes have the
+    same cells in one of two cases. Either their cells have the same corners in the same order, where vertices with
+    equal coordinates, as in an STL file, count as one. Or, in any order, each vertex matches one other within the
+    tolerance.
     """
     diagonal = min(_diagonal(a.mesh), _diagonal(b.mesh))
     steps = a.half_steps + b.half_steps
@@ -217,7 +218,7 @@ def _diagonal(mesh: Mesh) -> float:
 
 
 def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) distances of points, in a unit in which squares neither over- nor underflow."""
+    """(m,) distances of points, computed in a unit in which squares neither overflow nor underflow."""
     apart = a - b
     exponent = int(np.frexp(np.abs(apart).max(initial=0.0))[1])
     apart = np.ldexp(apart, -exponent)
@@ -244,7 +245,7 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
         every = np.arange(len(a.vertices))
         return every, every
     corners, other_corners = a.cells.ravel(), b.cells.ravel()
-    for kind in (np.float64, np.float32):  # what coincides in a file of 32-bit numbers may not in another
+    for kind in (np.float64, np.float32):  # 32-bit numbers of one file may coincide, those of the other not
         with np.errstate(over="ignore", under="ignore"):
             first, labels = weld(a.vertices.astype(kind).astype(np.float64)[corners])
             other_first, other_labels = weld(b.vertices.astype(kind).astype(np.float64)[other_corners])
@@ -252,7 +253,7 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
             continue
         if kind is np.float64:
             return corners[first], other_corners[first]
-        # Not all at one place: each corner counts, and none may be far from those that it was taken for.
+        # Points of one number may lie apart: each corner counts, and none may be far from those with its number.
         spread = max(
             float(_distances(mesh.vertices[used], mesh.vertices[used[start][labels]]).max())
             for mesh, used, start in ((a, corners, first), (b, other_corners, other_first))
@@ -264,9 +265,9 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
 
 
 def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntArray, IntArray], int] | None:
-    """The same, whatever the order of vertices, cells and their corners, if these vertices are within the tolerance.
+    """The same for any order of vertices, cells and corners, if matching vertices are within the tolerance.
 
-    And how many faces look to the other side.
+    Also how many faces are reversed.
     """
     if a.cells.shape != b.cells.shape:
         return None
@@ -275,14 +276,14 @@ def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntAr
         return None
     from scipy.spatial import cKDTree
 
-    exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither over- nor underflow
+    exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither overflow nor underflow
     points, others = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     place = np.asarray(tree.query(others, distance_upper_bound=float(np.ldexp(tolerance, exponent)))[1])
-    # Vertices that are too far from any have the index beyond the last, so that these are not one to one.
+    # A vertex too far from all others has the index beyond the last: the indices are then not one to one.
     if (np.bincount(place, minlength=len(first)) != 1).any():
         return None
-    # Rows of sorted corners, of which each mesh must have the same, and as many.
+    # Rows of sorted corners: both meshes must have the same rows, equally often.
     rows = np.concatenate([cells, place[other_cells]])
     here, there = _counted(np.sort(rows, axis=1))
     if not np.array_equal(here, there):
@@ -296,14 +297,14 @@ def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntAr
 
 
 def _counted(rows: IntArray) -> tuple[IntArray, IntArray]:
-    """How often each row of all is in the first half of them, and in the second."""
+    """How often each distinct row occurs in the first half of the rows, and in the second."""
     _, labels = weld(np.pad(rows, ((0, 0), (0, 3 - rows.shape[1]))).astype(np.float64))
     here, there = (np.bincount(part, minlength=len(rows)) for part in np.split(labels, 2))
     return here, there
 
 
 def _welded(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """An index of a vertex at each place that cells use, and the cells as numbers of these places."""
+    """The index of one vertex at each place in use, and the cells as indices of these places."""
     corners = mesh.cells.ravel()
     first, labels = weld(mesh.vertices[corners])
     return corners[first], labels.reshape(mesh.cells.shape)

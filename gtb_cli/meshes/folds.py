@@ -7,13 +7,13 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross
 
 FLAT_SINE = 64 * EPS
-"""Sine of the angle between two sides of a triangle below which it is a line, and has no side of its own to look to."""
+"""Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own."""
 
 
 def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
     """(k,) triangles, consistently oriented, at a side of which the surface turns by more than a right angle.
 
-    A triangle that is a line looks where a neighbour does, so that a fold along a row of them is found, too.
+    A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
     """
     a, b, c = (vertices[cells[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
@@ -29,7 +29,7 @@ def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
         rows = pairs[looks[pairs].sum(axis=1) == 1]
         if not len(rows):
             break
-        rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from one that looks to one that does not
+        rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from a triangle with a normal to one without
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True
     one, other = pairs.T

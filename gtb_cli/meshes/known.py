@@ -1,4 +1,4 @@
-"""Meshes with what their numbers are good for."""
+"""Meshes with the accuracy of their coordinates."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 
 COORDINATE_ROUNDING = 2.0**-50
-"""Rounding, as a fraction of the largest coordinate: some operations of double precision."""
+"""Rounding of a few double-precision operations, as a fraction of the largest coordinate."""
 
 
 @dataclass(frozen=True, eq=False)
 class KnownMesh:
-    """A mesh, and how exactly its numbers are known.
+    """A mesh, and how accurately its coordinates are known.
 
     Attributes
     ----------
     mesh : Mesh
     half_steps : (3,) float
-        How far a coordinate along each axis may be from the number that was meant: half a unit of the last digit or bit
-        that the file has at the size of the largest coordinate, and some roundings.
+        Largest error of a coordinate along each axis: half a unit in the last digit or bit of the file, at the size of
+        the largest coordinate, plus a few roundings.
     format : str
         One of `FORMATS`, or ``"spec"``.
     """

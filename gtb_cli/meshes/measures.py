@@ -1,4 +1,4 @@
-"""What can be said of a mesh in numbers: area, volume, length, boundary, and topology."""
+"""Measures of a mesh: area, volume, length, boundary, and topology."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from gtb_cli.meshes.welding import weld
 
 @dataclass(frozen=True)
 class Measures:
-    """Numbers of a mesh, in which vertices at exactly the same place are one.
+    """Measures of a mesh; vertices at exactly the same place count as one.
 
     Attributes
     ----------
     vertices, cells : int
-        Numbers of vertices and cells in the mesh.
+        Numbers of vertices and cells.
     bounds : ((3,), (3,)) float
         Lowest and highest coordinates of the vertices that cells use.
     area, length : float or None
         Area of the triangles; length of the segments of a curve.
     volume : float or None
-        Inside a closed mesh whose faces all look to the same side (negative: inwards); else None.
+        Volume inside a closed, consistently oriented mesh (negative if the faces look inwards); otherwise None.
     boundary_length : float or None
-        Length of the edges that have one face; None for a curve.
+        Total length of the edges with one face; None for a curve.
     components : int
         Parts that share no vertex.
     euler_characteristic : int
         Vertices in use, less edges, plus faces.
     open_edges : int
-        Edges with one face; of a curve, its ends (vertices with one segment).
+        Edges with one face; for a curve, its ends (vertices with one segment).
     crowded_edges : int
-        Edges with more than two faces; of a curve, vertices with more than two segments.
+        Edges with more than two faces; for a curve, vertices with more than two segments.
     collapsed : int
         Cells with two corners at the same place; they count nowhere else.
     """
@@ -63,7 +63,7 @@ class Measures:
         return self.open_edges == 0
 
     def record(self) -> dict[str, Any]:
-        """Plain data, ready for ``json.dumps``; None also for what is too large for a number, as an area may be."""
+        """Plain data, ready for ``json.dumps``; None also for a value that overflows, as an area may."""
         record: dict[str, Any] = {
             "vertices": self.vertices,
             "segments" if self.is_curve else "faces": self.cells,
@@ -89,7 +89,7 @@ def measure(mesh: Mesh) -> Measures:
     Raises
     ------
     DomainError
-        It has no cells, or vertices that are not finite.
+        The mesh has no cells, or vertices that are not finite.
 
     Notes
     -----
@@ -102,7 +102,7 @@ def measure(mesh: Mesh) -> Measures:
     low, high = points.min(axis=0), points.max(axis=0)
     if not (np.isfinite(low) & np.isfinite(high)).all():
         raise DomainError("mesh: vertices must be finite")
-    # Around the middle and in a power of two as unit, so that products keep their digits and do not overflow.
+    # About the middle, with a power of two as unit, so that products keep their digits and do not overflow.
     exponent = int(np.frexp((high / 2 - low / 2).max())[1])
     first, labels = weld(points)
     place = np.zeros(len(mesh.vertices), dtype=np.int64)

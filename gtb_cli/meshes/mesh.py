@@ -1,4 +1,4 @@
-"""`Mesh`: vertices and cells as plain arrays, with what is known of each vertex."""
+"""`Mesh`: vertices and cells as plain arrays, with optional data for each vertex."""
 
 from __future__ import annotations
 
@@ -28,14 +28,13 @@ class Origin:
     Attributes
     ----------
     patch : (m,) int
-        The patch in whose domain each vertex has its parameters: of those that share it, the first.
+        The patch in whose domain each vertex has its parameters; the first one if several share the vertex.
     turned : (p,) bool
         The patches whose orientation the mesh reverses.
     shared : (q, 2) int
-        Vertices that have several places in the domains, and the patch of each further place; only where normals were
-        asked for.
+        Vertices with several parameters, and the patch of each further parameter; only if normals were asked for.
     places : (q, d) float
-        The parameters there.
+        These further parameters.
     """
 
     patch: IntArray
@@ -49,8 +48,8 @@ class Origin:
 class Mesh:
     """A polyline or a triangle mesh.
 
-    A value: meshes with equal contents are equal, have the same hash, and pickle and copy as such. Its arrays are
-    read-only views of those that are given, which are not copied.
+    A value: meshes with equal contents are equal and have the same hash, also after pickling or copying. Its arrays are
+    read-only views of the given ones, which are not copied.
 
     Parameters
     ----------
@@ -60,17 +59,17 @@ class Mesh:
         Segments of a polyline, or triangles, as indices into `vertices`; triangles
         counter-clockwise in the domain.
     parameters : (m, d) float, optional
-        Domain parameter of each vertex; for a model, in the patch that `origin` says.
+        Domain parameter of each vertex; for a model, in the patch given by `origin`.
     normals : (m, 3) float, optional
         Unit normal of each vertex.
     groups : tuple of (name, start, stop)
-        Ranges of `cells` that came from one patch each; empty for a single patch.
+        Ranges of `cells`, one for each patch; empty for a single patch.
     origin : Origin, optional
         For a model.
     attributes : mapping of name to (m,) float
-        Further scalars per vertex.
+        Further scalars, one per vertex.
     name : str
-        What the mesh is called where a format has names.
+        Name of the mesh in formats that have names.
     """
 
     vertices: FloatArray
@@ -124,12 +123,12 @@ class Mesh:
 
     @property
     def edges(self) -> IntArray:
-        """(k, 2) segments of a polyline, or each edge of the triangles once, ends ascending, sorted."""
+        """(k, 2) segments of a polyline, or all edges of the triangles once, sorted, with ascending ends."""
         return self.cells if self.is_curve else sides_of(self.cells).edges
 
     @property
     def open_sides(self) -> IntArray:
-        """(k, 2) sides of triangles that do not meet just one other triangle's, in the opposite direction.
+        """(k, 2) sides of triangles that do not meet exactly one other side, in the opposite direction.
 
         A mesh without open sides is closed and consistently oriented.
         """
@@ -144,7 +143,7 @@ class Mesh:
 
     @property
     def with_y_up(self) -> Mesh:
-        """The mesh turned about the x axis, so that what was up along z is so along y: (x, z, −y)."""
+        """The mesh turned about the x axis, so that y is up instead of z: (x, z, −y)."""
 
         def turned(rows: FloatArray) -> FloatArray:
             return np.column_stack([rows[:, 0], rows[:, 2], 0.0 - rows[:, 1]])  # not -0
@@ -154,17 +153,17 @@ class Mesh:
 
     @property
     def bounds(self) -> FloatArray:
-        """(2, 3): the lowest and highest coordinates."""
+        """(2, 3) lowest and highest coordinates."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the mesh on axes of matplotlib, and return them; see `gtb_cli.plot`."""
+        """Draw the mesh on matplotlib axes, and return these; see `gtb_cli.plot`."""
         import gtb_cli
 
         return gtb_cli.plot(self, ax, **options)
 
     def _repr_html_(self) -> str:
-        """A frame for notebooks, in which the mesh can be turned."""
+        """A frame for notebooks in which the mesh can be turned."""
         import gtb_cli
 
         return gtb_cli.frame(self)
@@ -184,7 +183,7 @@ class Mesh:
 
 
 def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
-    """A read-only view of an array, or of a copy where it has another type."""
+    """A read-only view of an array, or of a copy if its type differs."""
     array = np.asarray(values)
     if kind is np.int64 and array.dtype.kind not in "iu":
         raise TypeError(f"whole numbers are expected, these are {array.dtype}")
