@@ -1,4 +1,4 @@
-"""Properties of the basis, and those that follow from it for curves and surfaces alike."""
+"""Properties of the basis, and properties that follow from it for curves and surfaces alike."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtb_cli.theory.basis import partition_of_unity_coefficients
 from gtb_cli.theory.moment import RESIDUAL
 
 FLAT_WIDTH = 1e-9
-"""Width, as a fraction of the extent, below which the control points count as flat and have no solid hull."""
+"""Width, as a fraction of the extent, below which the control points count as flat, without a solid hull."""
 
 AFFINE_MAP = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
 """Neither a rotation nor a scaling; its rows are no longer than 1.4, which `AFFINE_GAIN` allows for."""
@@ -32,18 +32,18 @@ INVERTED_POINTS = 300
 """Largest number of points at which the moment map is inverted."""
 
 MAX_STEEPNESS = 1e6
-"""Largest change of a point, in extents, per change of its moments, in sizes of the hull, at places that are compared:
-the solver's error is `RESIDUAL`, and steeper places would magnify it."""
+"""Largest change of a point, in extents, per change of its moments, in sizes of the hull, at which points are compared:
+steeper places would magnify the solver's error, `RESIDUAL`."""
 
 MAX_POWERS = 1_000_000
-"""Largest number of powers that are computed."""
+"""Largest number of powers to compute."""
 
 MAX_SYSTEM_KNOTS = 300
 """Largest number of knots for which the dense system (8) is solved."""
 
 
 def definition(probe: Probe) -> Outcome:
-    """Points against the definition with its powers, no logarithms."""
+    """Compare points with the definition, by its powers and without logarithms."""
     patch, domain = probe.patch, probe.patch.domain
     rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // MAX_POWERS))
     heights = probe.heights[:, rows].astype(np.longdouble)
@@ -51,10 +51,10 @@ def definition(probe: Probe) -> Outcome:
         products = np.exp(patch.log_products.astype(np.longdouble))
         beta = np.repeat(products[None], heights.shape[1], axis=0)
         for h, exponents in zip(heights, domain.heights.astype(np.longdouble).T, strict=True):
-            # 0**0 is 1, and a zero with any positive exponent 0.
+            # 0**0 is 1, and 0 to any positive power is 0.
             beta *= h[:, None] ** exponents
         total = beta.sum(axis=1)
-        # Where the largest is near the end of the range, others that count may be beyond it.
+        # If the largest is near the end of the range, others that matter may be beyond it.
         whole = np.isfinite(total) & (beta.max(axis=1) * EPS**2 > np.finfo(np.longdouble).tiny)
         shares = (beta / total[:, None])[whole].astype(np.float64)
     if not whole.any():
@@ -64,18 +64,18 @@ def definition(probe: Probe) -> Outcome:
 
 
 def nonnegativity(probe: Probe) -> Outcome:
-    """No value below zero: sums and quotients of exponentials have no rounding that makes one."""
+    """Look for values below zero: rounding cannot make sums and quotients of exponentials negative."""
     return at_most(largest(-probe.basis), 0.0, "largest negative value of the basis")
 
 
 def partition_of_unity(probe: Probe) -> Outcome:
-    """Sums of the basis."""
+    """Compare the sums of the basis with 1."""
     bound = EPS * (VALUE_ROUNDINGS + len(probe.patch.knots))
     return at_most(largest(np.abs(probe.basis.sum(axis=1) - 1)), bound, "largest difference of the sum from 1")
 
 
 def corners(probe: Probe) -> Outcome:
-    """At a corner its knot has the whole of T; copies of it share that in proportion c ω."""
+    """Compare T with 1 for the knot at each corner; coincident knots share it in proportion c ω."""
     patch, domain = probe.patch, probe.patch.domain
     members = domain.faces.knots[domain.faces.corners]
     logs = np.where(members, patch.log_products, -np.inf)
@@ -91,7 +91,7 @@ def corners(probe: Probe) -> Outcome:
 
 
 def hull(probe: Probe) -> Outcome:
-    """How far points are outside the convex hull of the control points."""
+    """Measure how far points are outside the convex hull of the control points."""
     control = probe.patch.control_points
     middle = control.mean(axis=0)
     control, points = ((array - middle) / probe.extent for array in (control, probe.points))
@@ -118,7 +118,7 @@ def hull(probe: Probe) -> Outcome:
 
 
 def affine_invariance(probe: Probe) -> Outcome:
-    """The image of the patch under an affine map against the patch of the control points' images."""
+    """Compare the image of the patch under an affine map with the patch of the mapped control points."""
     shift = AFFINE_SHIFT * probe.extent
     mapped = probe.patch.replace(control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
     value = probe.distance(mapped.evaluate(probe.u), probe.points @ AFFINE_MAP.T + shift)
@@ -128,7 +128,7 @@ def affine_invariance(probe: Probe) -> Outcome:
 
 
 def products(probe: Probe) -> Outcome:
-    """Factors moved from the coefficients to the weights change nothing."""
+    """Check that factors moved from the coefficients to the weights change nothing."""
     patch = probe.patch
     factor = np.where(np.arange(len(patch.knots)) % 2, 0.5, 2.0)
     with np.errstate(over="ignore", under="ignore"):
@@ -146,7 +146,7 @@ def products(probe: Probe) -> Outcome:
 
 
 def edge_scale(probe: Probe) -> Outcome:
-    """With other scales, every point is the point of the patch with the same moments μ = Σ T_i a_i."""
+    """Compare points with the points of other edge scales that have the same moments μ = Σ T_i a_i."""
     patch, domain = probe.patch, probe.patch.domain
     factors = np.resize(EDGE_FACTORS, len(domain.vertices)) * np.asarray(patch.edge_scale)
     scaled = patch.replace(edge_scale=factors)
@@ -167,7 +167,7 @@ def edge_scale(probe: Probe) -> Outcome:
 
 
 def _steepness(probe: Probe, shares: FloatArray) -> FloatArray:
-    """(m,) how fast points move with the moments at (m, n) values of T: extents per size of the hull.
+    """Return (m,) rates at which points move with the moments at (m, n) values of T: extents per size of the hull.
 
     ∂P/∂μ = Cov_T(b, a) Cov_T(a, a)⁻¹.
     """
@@ -190,13 +190,13 @@ def _steepness(probe: Probe, shares: FloatArray) -> FloatArray:
 
 
 def linear_precision(probe: Probe) -> Outcome:
-    """How far the toric parametrisation is from linear."""
+    """Measure how far the toric parametrisation is from linear."""
     error = description(probe.patch).linear_precision_error / probe.patch.domain.size
     return number(error, "largest |Σ T_i a_i − u| in the toric parametrization, of the hull's size")
 
 
 def linear_precision_of_linear(probe: Probe) -> Outcome:
-    """In the linear parametrisation the patch with its knots as control points is the identity."""
+    """Compare the patch with its knots as control points, in the linear parametrisation, with the identity."""
     patch, domain = probe.patch, probe.patch.domain
     knots = np.zeros((len(patch.knots), 3))
     knots[:, : domain.dimension] = (domain.knots - domain.center) / domain.size
@@ -213,12 +213,12 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
 
 
 def linear_samples(probe: Probe, rows: IntArray) -> FloatArray:
-    """(m, d) at most `INVERTED_POINTS` of some rows of the parameters, spread over all."""
+    """Return (m, d) parameters, at most `INVERTED_POINTS` of the given rows, spread over them."""
     return np.asarray(probe.u[rows[:: -(-len(rows) // INVERTED_POINTS)]])
 
 
 def coefficients_of_unity(probe: Probe) -> Outcome:
-    """The solution of (8): nothing guarantees that it is positive."""
+    """Solve (8); nothing guarantees that the solution is positive."""
     domain = probe.patch.domain
     if probe.repetitions:
         return not_applicable("repeated knots make the system singular")

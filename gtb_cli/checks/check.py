@@ -1,4 +1,4 @@
-"""Measuring the paper's properties on one patch or model: what was measured, its bound, and what follows."""
+"""Measure the paper's properties on a patch or model: what was measured, its bound, and the verdict."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def check_patch(patch: Patch) -> Report:
 
     Notes
     -----
-    At a fixed set of parameters, so that the same patch gives the same numbers. Bounds are what rounding may do: they
-    grow with the exponents, and with the distance of knots and control points from the origin as compared to
-    their extent. Where the paper claims a property only under conditions, or more than is so, a patch that
-    does not fulfil them is "not applicable". Less than 0.2 s for a few dozen knots.
+    The parameters are fixed, so that the same patch gives the same numbers. Bounds are what rounding may do: they grow
+    with the exponents, and with the distance of knots and control points from the origin relative to their extent.
+    If a property holds only under conditions, whether the paper states them or not, it is "not applicable" to a patch
+    that does not fulfil them. A few dozen knots take less than 0.2 s.
 
     References
     ----------
-    `PROPERTIES` has them, one by one.
+    See `PROPERTIES`, which has one for each property.
     """
     probe = Probe(patch)
     findings = []
@@ -48,15 +48,15 @@ def check_patch(patch: Patch) -> Report:
 
 
 def check_model(model: Model) -> ModelReport:
-    """Measure every property on each patch of a model, and how its patches are joined."""
+    """Measure every property on each patch of a model, and the joints between patches."""
     return ModelReport(model.name, tuple(map(check_patch, model)), joint_findings(model))
 
 
 def _measured(measure: Measure, probe: Probe) -> Outcome:
-    """Measure a property; a patch that cannot be evaluated has none.
+    """Measure a property; it fails for a patch that cannot be evaluated.
 
-    The linear parametrisation, by which some properties are measured, is a property of its own: where it is not found,
-    they do not fail.
+    Some properties are measured in the linear parametrisation, which has a finding of its own: if it is not found, they
+    do not fail.
     """
     try:
         return measure(probe)

@@ -1,4 +1,4 @@
-"""Properties of curves: those of totally positive bases, and the ends."""
+"""Properties of curves: those of totally positive bases, and those of the ends."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 
 MAX_MINOR_ORDER = 4
-"""Rows of the largest minors that are sampled: each is a sum of at most 24 products."""
+"""Largest number of rows of a sampled minor, which is then a sum of at most 24 products."""
 
 UNDERFLOWN = "in each sampled minor there are values of the basis below the range of floats"
 
 MINORS_PER_ORDER = 400
-"""Number of minors of each order that are sampled."""
+"""Number of sampled minors of each order."""
 
 SAMPLED_LINES = 100
 """Number of lines, or planes, whose crossings are counted."""
 
 CURVE_POINTS = 513
-"""Points of the curve between which crossings are counted: this may miss crossings, but never adds any."""
+"""Points of the curve between which crossings are counted: some may be missed, but none are added."""
 
 GRAZING_DISTANCE = 1e-6
 """Distance of a line from a control point, as a fraction of the extent, below which the line is left out."""
@@ -37,7 +37,7 @@ TURNING_POINTS = 129
 """Points of the curve from which its turning is measured."""
 
 MIN_CHORD = 1e-3
-"""Length, as a fraction of the extent, below which a chord is joined with the next: its direction is rounding."""
+"""Length, as a fraction of the extent, below which a chord is joined with the next: its direction would be rounding."""
 
 PLANE_WIDTH = 1e-12
 """Width, as a fraction of the extent, up to which control points lie in a plane."""
@@ -46,19 +46,19 @@ TURN_TOLERANCE = 1e-6
 """Difference from 2π, in radians, up to which a polygon turns once."""
 
 LAYER_LOG = 32.0
-"""Natural logarithm of the factor by which knots behind the next one have faded where the tangent is measured."""
+"""Natural logarithm of the factor by which knots beyond the next one have faded where the tangent is measured."""
 
 DEPTH_LOG = 600.0
-"""Natural logarithm of the largest ratio between values of the basis that is relied upon: floats reach 708."""
+"""Natural logarithm of the largest trusted ratio between values of the basis: floats reach 708."""
 
 MAX_NEGLECTED = 0.1
-"""Largest neglected share: with more, the limit is not reached within the range of floats."""
+"""Largest neglected share: with a larger one, the limit is not reached within the range of floats."""
 
 QUOTIENT_STEPS = tuple(2.0**-k for k in range(8, 50, 3))
-"""Fractions of the length of Δ at which the difference quotient is tried; the one with the smallest error counts."""
+"""Fractions of the length of Δ at which the difference quotient is tried; the smallest error counts."""
 
 INFINITE_WEIGHT_LOG = 120.0
-"""Natural logarithm of the ratio between one knot's share and all others at a weight that stands for infinity."""
+"""Natural logarithm of the ratio between one knot's share and all others for a weight that stands for infinity."""
 
 MAX_EIGENVALUE_KNOTS = 300
 """Largest number of knots for which dense eigenvalues are computed."""
@@ -68,7 +68,7 @@ WEIGHTS_TRIED = 16
 
 
 def total_positivity(probe: Probe) -> Outcome:
-    """Minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
+    """Measure minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
     minors, bound = _minors(probe)
     if not len(minors):
         return not_applicable(UNDERFLOWN)
@@ -79,7 +79,7 @@ def total_positivity(probe: Probe) -> Outcome:
 
 
 def strict_total_positivity(probe: Probe) -> Outcome:
-    """The same minors, which at parameters inside Δ and for distinct knots are positive."""
+    """Measure the same minors, which are positive at parameters inside Δ for distinct knots."""
     if probe.repetitions:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
     minors, bound = _minors(probe)
@@ -94,7 +94,7 @@ def strict_total_positivity(probe: Probe) -> Outcome:
 
 
 def _minors(probe: Probe) -> tuple[FloatArray, float]:
-    """Sampled minors, relative to the sums of their products' sizes, and what rounding may do to one."""
+    """Return sampled minors, relative to the sums of their products' sizes, and what rounding may do to one."""
     n = len(probe.patch.knots)
     u = np.sort(probe.u[probe.inside, 0])
     basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
@@ -104,14 +104,14 @@ def _minors(probe: Probe) -> tuple[FloatArray, float]:
         spread = evenly(MINORS_PER_ORDER, 2 * order)
         rows, columns = (_subsets(part, count) for part, count in ((spread[:, :order], len(u)), (spread[:, order:], n)))
         entries = basis[rows[:, :, None], columns[:, None, :]]
-        for axis in (2, 1):  # rows, then columns, brought to size: their factors are those of the minor
+        for axis in (2, 1):  # rows, then columns, are scaled: the minor is scaled by the product of the factors
             entries = entries / np.maximum(np.abs(entries).max(axis=axis, keepdims=True), np.finfo(float).tiny)
         minor, size = np.zeros(MINORS_PER_ORDER), np.zeros(MINORS_PER_ORDER)
         for permutation in permutations(range(order)):
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
             minor += _sign(permutation) * product
             size += np.abs(product)
-        # Inside Δ there are no zeros but those of values below the range of floats.
+        # Inside Δ a zero can only be a value below the range of floats.
         decidable = (size != 0) & (entries != 0).all(axis=(1, 2))
         ratios.append(minor[decidable] / size[decidable])
     bound = 2 * orders * probe.rounding + EPS * math.factorial(orders)
@@ -119,7 +119,7 @@ def _minors(probe: Probe) -> tuple[FloatArray, float]:
 
 
 def _subsets(spread: FloatArray, count: int) -> IntArray:
-    """(m, k) ascending indices below `count`, all different, from (m, k) numbers in [0, 1)."""
+    """Return (m, k) ascending, distinct indices below `count` from (m, k) numbers in [0, 1)."""
     k = spread.shape[1]
     return np.asarray(np.sort(spread * (count - k + 1), axis=1).astype(np.int64) + np.arange(k))
 
@@ -130,7 +130,7 @@ def _sign(permutation: tuple[int, ...]) -> int:
 
 
 def progressive_iteration(probe: Probe) -> Outcome:
-    """Spectral radius of I − C, C the collocation matrix at the knots: the factor by which a round shrinks errors."""
+    """Measure the spectral radius of I − C, where C is the collocation matrix at the knots: errors shrink by it."""
     patch = probe.patch
     if probe.repetitions:
         return not_applicable("repeated knots make the collocation matrix singular")
@@ -150,7 +150,7 @@ def progressive_iteration(probe: Probe) -> Outcome:
 
 
 def variation_diminishing(probe: Probe) -> Outcome:
-    """Crossings of lines (planes for a curve in space) with the curve and with its control polygon."""
+    """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
     control = _polygon(probe) / probe.extent
     points = _linear_points(probe, CURVE_POINTS) / probe.extent
     axes, flat = _plane(control)
@@ -172,7 +172,7 @@ def variation_diminishing(probe: Probe) -> Outcome:
 
 
 def _changes(values: FloatArray, tolerance: float) -> IntArray:
-    """(m,) changes of sign along each row; values within the tolerance have none."""
+    """Return (m,) numbers of sign changes along the rows; values within the tolerance do not count."""
     signs = np.sign(values) * (np.abs(values) > tolerance)
     last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), -1), axis=1)
     filled = np.where(last >= 0, np.take_along_axis(signs, np.maximum(last, 0), axis=1), 0)
@@ -180,7 +180,7 @@ def _changes(values: FloatArray, tolerance: float) -> IntArray:
 
 
 def convexity(probe: Probe) -> Outcome:
-    """A curve of a convex control polygon turns one way, once around with its chord."""
+    """Check that a curve with a convex control polygon turns one way, and once around with its chord."""
     control = _polygon(probe)
     axes, flat = _plane(control / probe.extent)
     if not flat:
@@ -201,7 +201,7 @@ def convexity(probe: Probe) -> Outcome:
 
 
 def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
-    """Sine of a closed polygon's largest turn against the others (None of a straight one), and the sum of turns."""
+    """Return the sine of a closed polygon's largest turn the wrong way (None if straight), and the sum of turns."""
     kept = [points[0]]
     for point in points[1:]:
         if np.hypot(*(point - kept[-1])) > MIN_CHORD * extent:
@@ -224,7 +224,7 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
 
 
 def end_tangents(probe: Probe) -> Outcome:
-    """Directions near the ends against those to the next control point that is another one."""
+    """Compare directions near the ends with those to the next distinct control point."""
     worst = Outcome("holds", 0.0, 0.0, "")
     for end in (0, 1):
         found = _end_tangent(probe, _End.of(probe, end))
@@ -239,7 +239,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     lead = end.lead
     if lead is None:
         return not_applicable("all control points coincide")
-    # Each knot behind the next fades like exp of its distance from it.
+    # Each knot beyond the next one fades exponentially with its distance from it.
     behind = slice(lead + 1, None)
     fading = end.logs[behind] - end.logs[lead] + end.log_lengths[behind] - end.log_lengths[lead]
     away = end.places[behind] - end.places[lead]
@@ -269,7 +269,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
 
 
 def end_tangent_lengths(probe: Probe) -> Outcome:
-    """Difference quotients at the ends against the paper's formula, with its k_0 and k_1."""
+    """Compare difference quotients at the ends with the paper's formula, with its k_0 and k_1."""
     ends = [_End.of(probe, end) for end in (0, 1)]
     if ends[0].lead is None:
         return not_applicable("all control points coincide")
@@ -296,7 +296,7 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
 
 
 def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[float, float]:
-    """The least bound for the error of a difference quotient over the `QUOTIENT_STEPS`, and the fraction it is at."""
+    """Return the least bound for the error of a difference quotient over the `QUOTIENT_STEPS`, and its fraction."""
     length = end.places[-1]
     best, step = np.inf, QUOTIENT_STEPS[0]
     vectors = np.exp(end.log_lengths - end.log_lengths.max())
@@ -305,7 +305,7 @@ def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[f
         delta = abs(float(u) - end.at)
         if delta < VALUE_ROUNDINGS * patch.domain.tolerance:
             break
-        # log of the basis against that of the end knot's: a place at distance d has d near log(near δ) − d far log(…).
+        # Log of the basis relative to the end knot's: a knot at distance d has d near log(near δ) − d far log(…).
         slope = near * np.log(near * delta) - far * np.log(far * (length - delta))
         shares = np.exp(np.clip(end.logs - end.logs[0] + slope * end.places, -DEPTH_LOG, DEPTH_LOG))
         others = float((shares[2:] * vectors[2:]).sum() / shares[1])
@@ -343,7 +343,7 @@ class _End:
 
 
 def one_weight(probe: Probe) -> Outcome:
-    """With a weight that outgrows all others, every point inside Δ goes to that knot's control point."""
+    """Check that every point inside Δ goes to a knot's control point if its weight outgrows all others."""
     patch = probe.patch
     u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
     s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u))
@@ -358,7 +358,7 @@ def one_weight(probe: Probe) -> Outcome:
 
 
 def _polygon(probe: Probe) -> FloatArray:
-    """(n, 3) control points in the order of their knots, about their middle."""
+    """Return (n, 3) control points in the order of their knots, relative to their middle."""
     points = probe.patch.control_points[np.argsort(probe.patch.knots[:, 0], kind="stable")]
     return np.asarray(points - _middle(probe))
 
@@ -369,7 +369,7 @@ def _middle(probe: Probe) -> FloatArray:
 
 
 def _linear_points(probe: Probe, count: int) -> FloatArray:
-    """(count, 3) points of the curve in order, evenly in the linear parametrisation, about the same middle."""
+    """Return (count, 3) points of the curve, evenly spaced in the linear parametrisation, about the same middle."""
     start, end = probe.patch.domain.vertices
     p = start + (end - start) * np.linspace(0.0, 1.0, count)[:, None]
     p[-1] = end
@@ -377,6 +377,6 @@ def _linear_points(probe: Probe, count: int) -> FloatArray:
 
 
 def _plane(control: FloatArray) -> tuple[FloatArray, bool]:
-    """Principal axes of control points (rows), and whether they are in the plane of the first two."""
+    """Return the principal axes (rows) of control points, and whether these lie in the plane of the first two."""
     axes = principal_axes(control - control.mean(axis=0))
     return axes, bool(np.ptp(control @ axes[2]) <= PLANE_WIDTH + 8 * EPS * np.abs(control).max())

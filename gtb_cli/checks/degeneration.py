@@ -1,4 +1,4 @@
-"""Limit properties: repeated knots, and weights that grow as a lifting says."""
+"""Limit properties: repeated knots, and weights that grow along a lifting."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ FADED_LOG = 30 * math.log(10)
 """Natural logarithm of the factor, 1e30, by which the nearest knot under a cell's plane has faded."""
 
 SUFFICIENT_LOG = 14 * math.log(10)
-"""The same for 1e14, which suffices where the range of the lifting is thousands of times its smallest gap."""
+"""The same for 1e14, which suffices if the range of the lifting is thousands of times its smallest gap."""
 
 MAX_LOG_RANGE = 1000.0
-"""Largest range of the natural logarithms of weights: rounding of exponents of this size stays far below
+"""Largest range of the natural logarithms of weights: exponents of this size have rounding errors far below
 `LIMIT_TOLERANCE`."""
 
 CELL_SCALE = 0.98
-"""Factor by which samples of a cell are drawn towards its middle: they stay inside Δ whatever rounding does, and away
-from other cells, near which the limit is approached most slowly."""
+"""Factor by which samples of a cell are drawn towards its middle: rounding cannot move them out of Δ, and they stay
+away from other cells, near which convergence is slowest."""
 
 LIMIT_TOLERANCE = 1e-6
-"""Largest distance from the limit, as a fraction of the extent; measured, 1e-12 is usual."""
+"""Largest distance from the limit, as a fraction of the extent; the usual measured value is 1e-12."""
 
 COMMON_FACTOR_LOG = 1000.0
-"""Natural logarithm of a common factor of all weights that no float holds."""
+"""Natural logarithm of a common factor of all weights that is beyond the range of floats."""
 
 CELL_SAMPLES = 100
 """Largest number, roughly, of samples of each cell."""
 
 MAX_CELLS = 50
-"""Largest number of cells that are compared; of more, evenly spread ones are chosen."""
+"""Largest number of cells to compare; if there are more, an evenly spread choice is compared."""
 
 
 def multiple_knots(probe: Probe) -> Outcome:
-    """A patch with repeated knots against the patch with these merged."""
+    """Compare a patch with repeated knots with the patch in which these are merged."""
     if not probe.repetitions:
         return not_applicable("no knot is repeated")
     value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
@@ -51,9 +51,9 @@ def multiple_knots(probe: Probe) -> Outcome:
 
 
 def weights(probe: Probe) -> Outcome:
-    """The patch with the weights x^λ ω against its own basis times x^λ; also for weights beyond the range of floats.
+    """Compare the patch of weights x^λ ω with the basis times x^λ, also for weights beyond the range of floats.
 
-    A common factor of the weights changes no point: with `COMMON_FACTOR_LOG` in it they are kept as logarithms.
+    A common factor of the weights changes no point; `COMMON_FACTOR_LOG` makes it so large that they must be logarithms.
     """
     patch = probe.patch
     lifting = np.arange(len(patch.knots)) % 2.0 if patch.lifting is None else patch.lifting
@@ -71,7 +71,7 @@ def weights(probe: Probe) -> Outcome:
 
 
 def toric_degeneration(probe: Probe) -> Outcome:
-    """The patch with its weights far along the lifting against the cells of the regular control curve or surface."""
+    """Compare the patch, with weights far along the lifting, with the cells of the regular control curve or surface."""
     patch = probe.patch
     if patch.lifting is None:
         return not_applicable("the patch has no lifting")
@@ -79,10 +79,10 @@ def toric_degeneration(probe: Probe) -> Outcome:
     limit = cells_of(patch, decomposition).patches
     gaps = np.stack([decomposition.gaps(cell) for cell in range(len(limit))])
     smallest = float(gaps.min(where=gaps > 0, initial=np.inf))
-    # With no gap the lifting is affine, and any power moves points along the patch.
+    # Without a gap the lifting is affine, and any power only moves points along the patch.
     exponent = 1.0 / max(float(np.ptp(patch.lifting)), np.finfo(float).tiny)
     if np.isfinite(smallest):
-        # A knot has to fade however large its weight is.
+        # A knot has to fade, however large its weight is.
         weights = float(np.ptp(patch.log_products))
         exponent = min((FADED_LOG + weights) / smallest, MAX_LOG_RANGE * exponent)
         if exponent * smallest < SUFFICIENT_LOG + weights:

@@ -24,13 +24,13 @@ BEZIER_KINDS: dict[int, Kind] = {
     3: "rational Bézier triangle",
     4: "rational Bézier tensor product",
 }
-"""By the number of corners of Δ."""
+"""Kinds of Bézier patches by the number of corners of Δ."""
 
 PRECISION_SEGMENTS = 64
-"""Segments of each hull edge where the linear precision is measured."""
+"""Segments of each hull edge in the sampling that measures linear precision."""
 
 MAX_PRECISION_POINTS = 20_000
-"""Largest number, roughly, of points at which it is measured, for domains of many edges."""
+"""Largest number, roughly, of points of this sampling, for domains with many edges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +40,14 @@ class Description:
     Attributes
     ----------
     kind : str
-        "rational Bézier curve", "rational Bézier triangle" or "rational Bézier tensor product" where the knots are a
-        whole lattice of that shape, at any place and scale; else "toric" where they are integers, else "GT".
+        "rational Bézier curve", "rational Bézier triangle" or "rational Bézier tensor product" if the knots are a
+        whole lattice of that shape, at any place and scale; otherwise "toric" if they are integers, or "GT".
     degree : tuple of int
-        The degree of a rational Bézier curve or triangle, or the two of a tensor product; empty for others.
+        Degree of a rational Bézier curve or triangle, or the two degrees of a tensor product; empty for others.
     edges : tuple of tuple of int
-        Indices of the knots on each edge of Δ, in order along it; for a curve, of the knots at its two ends.
+        Indices of the knots on each edge of Δ, in order along it; for a curve, those at its two ends.
     edge_normals : {"unit", "primitive"} or None
-        Which normals "auto" has chosen; None for a curve.
+        The normals that "auto" has chosen; None for a curve.
     bounding_box : (2, 3) float
         Lowest and highest coordinates of the control points, between which the patch lies.
     linear_precision_error : float
@@ -78,8 +78,8 @@ def description(patch: Patch) -> Description:
 
     Notes
     -----
-    A few milliseconds. Every patch has linear precision in the linear parametrisation; the error is that of the toric
-    one, and 0 to rounding for Bézier patches with weights and coefficients such as c_i ω_i is binomial.
+    This takes a few milliseconds. Every patch has linear precision in the linear parametrisation; the error is that of
+    the toric one, and is 0 up to rounding for Bézier patches whose products c_i ω_i are binomial.
 
     References
     ----------

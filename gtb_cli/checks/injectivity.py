@@ -12,17 +12,17 @@ from gtb_cli.checks.report import Outcome, not_applicable, number
 from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
 
 MAX_TRIPLES = 1_000_000
-"""Most triples of knots that are compared: all of up to 182 knots, some of more; a tenth of a second."""
+"""Largest number of triples of knots to compare, a tenth of a second: all triples of up to 182 knots, some of more."""
 
 SPACE = "the control points are not in a plane"
 
 
 def for_all_weights(probe: Probe) -> Outcome:
-    """Whether no choice of weights folds the patch: all triangles of knots and of control points turn alike.
+    """Tell whether no choice of weights folds the patch: all triangles of knots and of control points turn alike.
 
-    Injective for all positive weights are exactly those patches for which det(1, a_i; 1, a_j; 1, a_k) and
-    det(1, b_i; 1, b_j; 1, b_k) agree in sign for all i, j, k, as far as neither is zero (or all differ: the patch is
-    turned over).
+    A patch is injective for all positive weights exactly if det(1, a_i; 1, a_j; 1, a_k) and
+    det(1, b_i; 1, b_j; 1, b_k) agree in sign for all i, j, k for which neither is zero (or all differ in sign: then
+    the patch is turned over).
     """
     points = planar(probe.patch.control_points)
     if points is None:
@@ -48,7 +48,7 @@ def for_all_weights(probe: Probe) -> Outcome:
 
 
 def jacobian_sign(probe: Probe) -> Outcome:
-    """Share of sample parameters at which the patch with its own weights is turned over, of those with any sign."""
+    """Measure the share of sample parameters, among those with a sign, at which the patch is turned over."""
     points = planar(probe.patch.control_points)
     if points is None:
         return not_applicable(SPACE)
@@ -69,7 +69,7 @@ def jacobian_sign(probe: Probe) -> Outcome:
 
 
 def planar(points: FloatArray) -> FloatArray | None:
-    """(n, 2) coordinates in their plane of points that have one, seen from its upper side; else None."""
+    """Return (n, 2) coordinates of points in their common plane, seen from above, or None if they have none."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     centred = points - middle
     tolerance = _tolerance(points)
@@ -83,13 +83,13 @@ def planar(points: FloatArray) -> FloatArray | None:
 
 
 def _tolerance(points: FloatArray) -> float:
-    """Distance within which points are in a plane, or on a line."""
+    """Return the distance within which points count as lying in a plane or on a line."""
     size = float(np.ptp(points, axis=0).max())
     return KNOT_TOLERANCE * size + KNOT_ULPS * EPS * float(np.abs(points).max())
 
 
 def _triples(n: int) -> list[tuple[IntArray, IntArray, IntArray]]:
-    """Blocks of triples i < j < k, all of them or `MAX_TRIPLES`, the same ones every time."""
+    """Return blocks of triples i < j < k: all triples, or `MAX_TRIPLES` that are the same every time."""
     if math.comb(n, 3) > MAX_TRIPLES:
         drawn = np.sort(np.random.default_rng(0).integers(0, n, (MAX_TRIPLES, 3)), axis=1)
         drawn = drawn[(np.diff(drawn, axis=1) > 0).all(axis=1)]
@@ -102,7 +102,7 @@ def _triples(n: int) -> list[tuple[IntArray, IntArray, IntArray]]:
 
 
 def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatArray:
-    """(m,) signs of the areas of triangles, 0 where a corner is on the line through the others, within rounding."""
+    """Return (m,) signs of the areas of triangles, 0 if a corner lies within rounding on the line of the others."""
     first, second = points[j] - points[i], points[k] - points[i]
     areas = planar_cross(first, second)
     longest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))

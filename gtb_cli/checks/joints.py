@@ -14,15 +14,15 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 STATED = "Thm 4.0"
-"""Where the paper says that an edge is the curve of its own knots."""
+"""Theorem by which an edge is the curve of its own knots."""
 
 JOINT_TOLERANCE = 8 * CURVE_TOLERANCE
-"""Largest distance between points of edges that are joined, of the model's size: their control points and knots differ
-by `CURVE_TOLERANCE` at most, and their weights by a factor that near 1."""
+"""Largest distance between points of joined edges, as a fraction of the model's size: their control points and knots
+differ by at most `CURVE_TOLERANCE`, and their weights by a factor as close to 1."""
 
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
-    """How patches fit together: that joined edges are one curve, and what a closed body would not have."""
+    """Check that joined edges are one curve, and count what a closed body would not have."""
     shared = model.joints
     what = "edges" if model.dimension == 2 else "ends"
     gap = max((distance for _, _, distance in shared.almost), default=0.0) / _size(model)
@@ -40,7 +40,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
 
 
 def _smoothness(model: Model) -> dict[str, Outcome]:
-    """The largest angle and difference of curvatures at seams; of surfaces that have some."""
+    """Return the largest angle and difference of curvatures at the seams of surfaces, if there are seams."""
     seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
     if not seams:
         return {}
@@ -57,7 +57,7 @@ def _smoothness(model: Model) -> dict[str, Outcome]:
 
 
 def _welded(model: Model) -> dict[str, Outcome]:
-    """How far apart joined edges were that do not carry the same curve; where there are some."""
+    """Return how far apart welded edges were, if any were welded."""
     distances = [joint.distance for joint in model.joints.shared if joint.distance]
     if not distances:
         return {}
@@ -79,7 +79,7 @@ def _joined(model: Model) -> Outcome:
 
 
 def _points(patch: Patch, edge: int) -> FloatArray:
-    """(m, 3) points of an edge; the one point of a curve's end."""
+    """Return (m, 3) points of an edge; for a curve, the single point of its end."""
     if patch.dimension == 1:
         return patch.evaluate(patch.domain.vertices[[edge]])
     return edge_points(patch, edge, EDGE_SAMPLES)

@@ -1,4 +1,4 @@
-"""Reduction to classical rational Bézier patches, which are evaluated here by recurrence and never by exponentials."""
+"""Reduction to classical rational Bézier patches, which are evaluated here by recurrence, without exponentials."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 
 COMPARED_PARAMETERS = 200
-"""Number of parameters at which the two are compared; fewer for high degrees, whose recurrence is quadratic or
-cubic."""
+"""Number of parameters at which the two patches are compared; fewer for high degrees, as the cost of the recurrence is
+quadratic or cubic."""
 
 MAX_TABLE_NUMBERS = 2_000_000
 """Largest number of floats in a table of the recurrence."""
 
 
 def classical_bezier(probe: Probe) -> Outcome:
-    """The patch against the rational Bézier curve, triangle or tensor product patch on the same lattice."""
+    """Compare the patch with the rational Bézier curve, triangle or tensor product patch on the same lattice."""
     domain = probe.patch.domain
     try:
         binomials = binomial_coefficients(domain)
@@ -39,8 +39,8 @@ def classical_bezier(probe: Probe) -> Outcome:
     values = np.exp(logs - logs.max(axis=1, keepdims=True))
     points = values @ probe.patch.control_points / values.sum(axis=1, keepdims=True)
     value = probe.distance(points, probe.points[probe.inside[::stride]])
-    # The recurrence rounds once a degree, in the exponents where weights are taken in; knots that are off the lattice
-    # by a fraction of a step change exponents by that fraction.
+    # The recurrence rounds once for each degree, and the weights round in the exponents; a knot that is off the
+    # lattice by a fraction of a step changes exponents by that fraction.
     degrees = sum(direction.degree for direction in lattice)
     off = max(float(direction.offsets.max()) for direction in lattice)
     largest = max(float(np.abs(direction.steps @ s).max()) for direction in lattice)
@@ -62,7 +62,7 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
     Returns
     -------
     (m, degree + 1) or (m, degree + 1, degree + 1) float
-        By the exponents of the second barycentric coordinate, or of the second and third.
+        Indexed by the exponents of the second barycentric coordinate, or of the second and third.
 
     Notes
     -----
@@ -81,7 +81,7 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
 
 
 def _barycentric(logs: FloatArray) -> FloatArray:
-    """(e, m) shares in proportion 1 : exp(logs[0]) : …, of (e − 1, m) logarithms."""
+    """Return (e, m) shares in proportion 1 : exp(logs[0]) : … for (e − 1, m) logarithms."""
     whole = np.concatenate([np.zeros((1, logs.shape[1])), logs])
     shares = np.exp(whole - whole.max(axis=0))
     return np.asarray(shares / shares.sum(axis=0))

@@ -1,4 +1,4 @@
-"""What checks measure with: sample parameters of a patch, and how far rounding may reach on it."""
+"""Sample parameters of a patch at which checks measure, and bounds for its rounding."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
 VALUE_ROUNDINGS = 64
-"""Roundings, in units of `EPS`, of a value of the basis beside those of its exponent: logarithms, a sum, an
+"""Roundings, in units of `EPS`, of a value of the basis in addition to those of its exponent: logarithms, a sum, an
 exponential, a quotient."""
 
 EXPONENT_ROUNDINGS = 8
@@ -33,13 +33,13 @@ MAX_VALUES = 1_000_000
 """Largest number of values of the basis in one table: large patches are sampled at fewer parameters."""
 
 SURFACE_SEGMENTS = 16
-"""Segments of each hull edge of a surface that is sampled."""
+"""Segments of each hull edge in the sampling of a surface."""
 
 CURVE_SEGMENTS = 128
-"""Segments of a curve that is sampled."""
+"""Segments in the sampling of a curve."""
 
 BOUNDARY_FRACTIONS = (2.0**-8, 2.0**-16, 2.0**-30)
-"""Fractions of the way to the middle of Δ at which further samples lie: near the boundary the basis is steepest."""
+"""Fractions of the way to the middle of Δ for further samples: the basis is steepest near the boundary."""
 
 MIN_PARAMETERS = 16
 """Number of parameters at which even the largest patches are sampled."""
@@ -55,7 +55,7 @@ class Probe:
     Parameters
     ----------
     patch : Patch
-        What is checked; checks ask it for points and values of the basis, and never compute them themselves.
+        The patch to check; checks ask it for points and values of the basis instead of computing them.
     """
 
     patch: Patch
@@ -103,7 +103,7 @@ class Probe:
 
     @cached_property
     def knot_rounding(self) -> float:
-        """What rounding of knots' coordinates may do to places in Δ, of its size: more where it is thin."""
+        """Error of places in Δ due to rounding of the knots, as a fraction of its size: larger if Δ is thin."""
         domain = self.patch.domain
         width = float((domain.heights.max(axis=0) / domain.normal_lengths).min())
         return EPS * VALUE_ROUNDINGS * max(domain.size, float(np.abs(domain.knots).max())) / width
@@ -122,8 +122,8 @@ class Probe:
     def rounding(self) -> float:
         """Relative error of a value of the basis: roundings of exponents, which grow with their size.
 
-        The exponents are Σ_j h_j(a_i) log h_j(u) + log(c_i ω_i). The knots are taken at their word, but products with
-        knots far from the origin are as uncertain as these are.
+        The exponents are Σ_j h_j(a_i) log h_j(u) + log(c_i ω_i). The knots are taken as exact, but products with knots
+        far from the origin have their rounding errors.
         """
         domain = self.patch.domain
         logs = np.abs(np.log(np.where(self.heights > 0, self.heights, 1.0)))
@@ -147,20 +147,20 @@ class Probe:
 
     @cached_property
     def merged(self) -> Patch:
-        """The patch with its repeated knots merged; where there are none, the patch."""
+        """The patch with its repeated knots merged; the patch itself if no knot is repeated."""
         moves = self.repetitions
         return merge_knots(self.patch, moves) if moves else self.patch
 
     @cached_property
     def repetitions(self) -> dict[int, int]:
-        """Each knot that is the same as an earlier one, and that one."""
+        """From each knot that repeats an earlier one to this earlier one."""
         _, first, group = np.unique(self.patch.knots, axis=0, return_index=True, return_inverse=True)
         lowest = first[group.ravel()]
         return {int(k): int(lowest[k]) for k in np.flatnonzero(lowest != np.arange(len(lowest)))}
 
 
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
-    """(m, 3) points of a patch at (d, m) torus coordinates."""
+    """Return (m, 3) points of a patch at (d, m) torus coordinates."""
     count = s.shape[1]
     shape = patch.domain
     where = Location(
@@ -170,17 +170,17 @@ def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
 
 
 def principal_axes(points: FloatArray) -> FloatArray:
-    """(3, 3) orthonormal axes (rows) of (m, 3) points about 0, the direction of their largest extent first."""
-    # With rows of zeros there are three axes of two points, too.
+    """Return (3, 3) orthonormal axes (rows) of (m, 3) points about 0, starting with that of largest extent."""
+    # Rows of zeros give even two points three axes.
     return np.asarray(np.linalg.svd(np.concatenate([points, np.zeros((3, 3))]), full_matrices=False)[2])
 
 
 def evenly(count: int, dimension: int) -> FloatArray:
-    """(count, dimension) points spread evenly over the unit cube, always the same ones.
+    """Return (count, dimension) points spread evenly over the unit cube, always the same ones.
 
     Notes
     -----
-    The additive recurrence with powers of the root of x^(d + 1) = x + 1, a golden ratio for each dimension.
+    The recurrence is additive, with powers of the root of x^(d + 1) = x + 1, the golden ratio of that dimension.
     """
     root = 2.0
     for _ in range(64):
@@ -190,6 +190,6 @@ def evenly(count: int, dimension: int) -> FloatArray:
 
 
 def largest(values: FloatArray) -> float:
-    """The largest of some violations: 0 of none, infinite if one is not a number."""
+    """Return the largest violation: 0 if there are none, infinite if one is not a number."""
     worst = float(values.max(initial=0.0))
     return math.inf if math.isnan(worst) else worst

@@ -1,4 +1,4 @@
-"""The properties that the paper proves: where it states them, and what measures them."""
+"""The properties that the paper proves: where it states them, and the functions that measure them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gtb_cli.checks.probe import Measure
 
 
 class Property(NamedTuple):
-    """A property of the paper: where it is stated for curves and for surfaces, if it is, and what measures it."""
+    """A property: where the paper states it for curves and for surfaces (None: not at all), and its measure."""
 
     name: str
     of_curves: str | None
@@ -46,4 +46,4 @@ PROPERTIES = (
     Property("linear precision, linear parametrization", "Ex. 4.1", "Ex. 4.1", basis.linear_precision_of_linear),
     Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity),
 )
-"""In the order in which they are reported."""
+"""Properties in the order in which they are reported."""

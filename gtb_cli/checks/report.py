@@ -1,4 +1,4 @@
-"""What checks say: outcomes of measurements, findings about properties, and reports of them."""
+"""Results of checks: outcomes of measurements, findings about properties, and reports."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 
 VACUOUS_BOUND = 0.01
-"""Size, as a fraction of what is compared, above which a bound of rounding shows nothing."""
+"""Size, as a fraction of what is compared, above which a bound for rounding proves nothing."""
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class Outcome:
     Attributes
     ----------
     status : {"holds", "fails", "not applicable", "measured"}
-        "measured" where the number is not a verdict.
+        "measured" means that the number is not a verdict.
     value : float or None
-        The largest violation, or the number; relative to sizes, without unit. Infinite or not a number where a patch
-        is broken.
+        The largest violation, or the number; relative to sizes, without unit. Infinite or not a number if a patch is
+        broken.
     bound : float or None
-        The property holds where ``value <= bound``: what rounding may do to this patch.
+        What rounding may do to this patch: the property holds if ``value <= bound``.
     reason : str
         What was measured, or the condition that the patch does not fulfil.
     """
@@ -41,14 +41,14 @@ class Outcome:
 
 
 def at_most(value: float, bound: float, reason: str) -> Outcome:
-    """A property holds if its largest violation is within a bound; a NaN is not."""
+    """Return that a property holds if its largest violation is within a bound, and fails otherwise, also for NaN."""
     return Outcome("holds" if value <= bound else "fails", value, bound, reason)
 
 
 def within_rounding(value: float, bound: float, reason: str) -> Outcome:
-    """A property holds if its largest violation, as a fraction of sizes, is within what rounding may do.
+    """Return that a property holds if its largest violation, as a fraction of sizes, is within rounding.
 
-    Where rounding may do anything, nothing can be told.
+    If rounding may do too much to tell, it is not applicable.
     """
     if value <= bound and bound > VACUOUS_BOUND:
         return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
@@ -56,18 +56,18 @@ def within_rounding(value: float, bound: float, reason: str) -> Outcome:
 
 
 def number(value: float | None, reason: str) -> Outcome:
-    """A measurement without a verdict."""
+    """Return a measurement without a verdict."""
     return Outcome("measured", value, None, reason)
 
 
 def not_applicable(condition: str) -> Outcome:
-    """A property that is not claimed for this patch."""
+    """Return that a property is not claimed for this patch, by the condition that fails."""
     return Outcome("not applicable", None, None, condition)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A property, and what was measured of it.
+    """A property and its outcome.
 
     Attributes
     ----------

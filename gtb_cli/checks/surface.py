@@ -14,7 +14,7 @@ EDGE_PARAMETERS = 15
 """Number of parameters inside each edge."""
 
 MAX_EDGES = 64
-"""Largest number of edges that are examined; of more, evenly spread ones are chosen."""
+"""Largest number of edges to examine; if there are more, an evenly spread choice is examined."""
 
 ISOLINE_PLACES = (0.125, 0.5, 0.8)
 """Places of isoparametric curves, as fractions of the rectangle."""
@@ -24,7 +24,7 @@ ISOLINE_PARAMETERS = 17
 
 
 def boundaries(probe: Probe) -> Outcome:
-    """Knots off an edge vanish on it, and the surface is the curve of the knots on it, at the edge's own parameter."""
+    """Check that T of knots off an edge is 0 on it, and that the surface there is the curve of the knots on it."""
     patch, domain = probe.patch, probe.patch.domain
     r = len(domain.vertices)
     worst = 0.0
@@ -46,19 +46,17 @@ def boundaries(probe: Probe) -> Outcome:
 
 
 def isoparametric_curves(probe: Probe) -> Outcome:
-    """On a rectangle, P(u*, v) is the curve of the knots' other coordinates with weights c ω exp(u_i θ(u*))."""
+    """Compare P(u*, v) on a rectangle with the curve of the knots' other coordinates, weights c ω exp(u_i θ(u*))."""
     domain = probe.patch.domain
     if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():
-        return not_applicable(
-            "the domain is not a rectangle along the axes: isolines of others are not GT-Bézier curves"
-        )
+        return not_applicable("the domain is not a rectangle along the axes: isolines on it are not GT-Bézier curves")
     worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINE_PLACES)
     reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
     return within_rounding(worst, 4 * probe.distance_rounding, reason)
 
 
 def _isoline_distance(probe: Probe, axis: int, fraction: float) -> float:
-    """Distance between the isoline of one coordinate and its curve."""
+    """Return the distance between the isoline of one coordinate and its curve."""
     patch, domain = probe.patch, probe.patch.domain
     low, high = domain.vertices.min(axis=0), domain.vertices.max(axis=0)
     place = low + fraction * (high - low)

@@ -1,1 +1,1 @@
-"""Energies of surfaces, and the control points for which they are least."""
+"""Energies of surfaces, and the control points that minimise them."""

@@ -1,7 +1,7 @@
 """Thin-plate and Dirichlet energy of a patch in its linear parametrisation: quadratic forms of the control points.
 
-In p = μ(s), ``∂T/∂s = T (a − μ)``, ``∂p/∂s = C`` (the covariance of the knots under T) and ``∂²p/∂s² = K`` (their third
-central moments). So ``∂T/∂p = C⁻¹ ∂T/∂s`` and ``∂²T/∂p² = C⁻¹ (∂²T/∂s² − K ∂T/∂p) C⁻¹``, without differences.
+With p = μ(s), ``∂T/∂s = T (a − μ)``, ``∂p/∂s = C`` (the covariance of the knots under T) and ``∂²p/∂s² = K`` (their
+third central moments). So ``∂T/∂p = C⁻¹ ∂T/∂s`` and ``∂²T/∂p² = C⁻¹ (∂²T/∂s² − K ∂T/∂p) C⁻¹``: no differences.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ RINGS = 14
 """Rings of triangles in each sector of Δ over which energies are summed, one sample in each triangle."""
 
 GRADING = 2.0
-"""Exponent by which the rings are drawn to the boundary: there derivatives change within the next layer of knots."""
+"""Exponent that draws the rings to the boundary, where derivatives change within the next layer of knots."""
 
 SAMPLE_WITHIN = 1e-10
-"""Distance of samples from their places, in units of the root of the area of Δ."""
+"""Largest distance of samples from their places, in units of the square root of the area of Δ."""
 
 SAMPLES_PER_KNOT = 4
-"""Fewest samples for each knot: each has three equations of the thin-plate energy, so that none is left free."""
+"""Smallest number of samples for each knot: a sample gives three equations of the thin-plate energy, so that no control
+point is left free."""
 
 
 def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
-    """Energy of a surface over Δ, scaled to area 1, in the linear parametrisation.
+    """Return the energy of a surface over Δ, scaled to area 1, in the linear parametrisation.
 
     Parameters
     ----------
@@ -52,15 +53,15 @@ def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
 
 
 def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> FloatArray:
-    """(n, n) matrix of the quadratic form that `energy` is, for each coordinate of the control points.
+    """Return the (n, n) matrix of the quadratic form `energy`, the same for each coordinate of the control points.
 
     Raises
     ------
     DomainError
-        The domain is a curve's, or the energy has another name.
+        The domain is that of a curve, or the energy has another name.
     """
     if domain.dimension == 1:
-        raise DomainError("energy: a surface has one, this is a curve")
+        raise DomainError("energy: expected a surface, this is a curve")
     p, areas = energy_samples(domain, len(domain.knots))
     unit = np.sqrt(areas.sum())
     knots, middles = (domain.knots - domain.center) / unit, (p - domain.center) / unit
@@ -69,7 +70,7 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> Floa
 
 
 def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
-    """(m, 2) middles and (m,) areas of triangles that cover Δ, and are narrower near its boundary."""
+    """Return (m, 2) middles and (m,) areas of triangles that cover Δ and are narrower near its boundary."""
     r = len(domain.vertices)
     rings = max(RINGS, int(np.ceil(np.sqrt(SAMPLES_PER_KNOT * knots / r))))
     part = central_triangulation(domain, rings)
@@ -87,7 +88,7 @@ def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
 def moments_energy(
     knots: FloatArray, log_weights: FloatArray, s: FloatArray, areas: FloatArray, kind: Energy
 ) -> FloatArray:
-    """(n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
+    """Return the (n, n) energy matrix of samples at (2, m) torus coordinates that stand for (m,) areas."""
     t = shares(exponents(knots, log_weights, s))
     x, y = (axis[:, None] - axis @ t for axis in knots.T)
     tx, ty = t * x, t * y

@@ -1,4 +1,4 @@
-"""A patch with the same knots, weights and boundary, and the inner control points that make it fair."""
+"""A patch with the same knots, weights and boundary, and with inner control points that make it fair."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from gtb_cli.theory.patch import Patch
 Keep: TypeAlias = Literal["boundary", "tangents"]
 
 RIDGE = 1e-12
-"""Added to the energy, of its mean: a control point on which it does not depend stays where it is."""
+"""Fraction of the mean energy that is added, so that a control point without influence on it stays where it is."""
 
 RINGS = 16
-"""Rings of the mesh of Δ in which folds are looked for."""
+"""Rings of the mesh of Δ that is searched for folds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Fairing:
     ----------
     patch : Patch
     before, after : float
-        Energy of the patch that was given and of this one, in units of length².
+        Energy of the given patch and of this one, in units of length².
     free : int
         Number of control points that were free.
     folds : int
@@ -57,8 +57,8 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     energy : {"thin-plate", "dirichlet"}
         See `gtb_cli.fairing.energy.energy`.
     keep : {"boundary", "tangents"}
-        What stays: the boundary curves, or the tangent planes along them too, which the layer of knots next to each
-        edge decides.
+        What stays: the boundary curves, or also the tangent planes along them, which the layer of knots next to each
+        edge determines.
 
     Returns
     -------
@@ -67,11 +67,11 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     Raises
     ------
     DomainError
-        The patch is a curve, or an option has no such value.
+        The patch is a curve, or an option has an unknown value.
 
     Notes
     -----
-    One linear least-squares problem, as the patch is linear in its control points. Knots and weights stay.
+    This is one linear least-squares problem, since the patch is linear in its control points. Knots and weights stay.
     """
     if keep not in ("boundary", "tangents"):
         raise DomainError(f"keep: expected boundary or tangents, got {keep!r}")
@@ -96,7 +96,7 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
 
 
 def kept_knots(domain: Domain, keep: Keep) -> BoolArray:
-    """(n,) whether knots are on an edge or, for tangents, in the nearest layer of one."""
+    """Return (n,) whether a knot is on an edge or, for tangents, in the layer nearest to an edge."""
     kept = domain.incidence.any(axis=1)
     if keep == "tangents":
         for heights in domain.heights.T:

@@ -10,20 +10,20 @@ from gtb_cli.theory.basis import exponents
 from gtb_cli.theory.moment import MomentMap
 
 NEWTON_STEPS = 60
-"""Steps after which points are left to the slower moment map, which solves any."""
+"""Steps after which points are left to the slower moment map, which always converges."""
 
 HALVINGS = 30
-"""How often a step is halved at most."""
+"""Largest number of halvings of a step."""
 
 DESCENT = 1e-4
-"""Part of the descent that its slope promises which a step must reach."""
+"""Fraction of the descent predicted by the slope that a step must reach."""
 
 REGULAR = 1e-3
-"""Regularisation of the Hessian, times the residual."""
+"""Regularisation of the Hessian, as a multiple of the residual."""
 
 
 def starts(knots: FloatArray, p: FloatArray) -> FloatArray:
-    """(2, m) torus coordinates from which to look for points inside: as if their nearest layers alone counted."""
+    """Return (2, m) torus coordinates to start from for points inside: as if only their nearest layers counted."""
     shape = domain(knots, "unit")
     heights = shape.heights_of_columns(p)
     layers = np.where(shape.heights > 1e-9 * shape.size, shape.heights, np.inf).min(axis=0)
@@ -31,9 +31,9 @@ def starts(knots: FloatArray, p: FloatArray) -> FloatArray:
 
 
 def torus_of(knots: FloatArray, logs: FloatArray, p: FloatArray, s: FloatArray, within: float) -> FloatArray:
-    """(2, m) torus coordinates s with |μ(s) − p| ≤ `within`, from starts that are near or as good as `starts`.
+    """Return (2, m) torus coordinates s with |μ(s) − p| ≤ `within`, from starts that are near or as good as `starts`.
 
-    The minimiser of log Σ c ω e^<a, s> − <p, s> by damped Newton steps: many points of one net, solved together.
+    They minimise log Σ c ω e^<a, s> − <p, s>, by damped Newton steps for many points of one net together.
     """
     target = p.T
     features = np.vstack([knots.T, knots[:, 0] ** 2, knots[:, 0] * knots[:, 1], knots[:, 1] ** 2])
