@@ -99,9 +99,9 @@ class Separation:
     -----
     About 3 ms for each member of Example 4.4, if many are measured together. Distances are those of points there are:
     they are not too large but where a nearest point was not found; they are too small where the farthest point is
-    on a peak or ridge of a member between places whose distances are all below `CLOSE` of the largest. Of 40 patches
-    with random knots, weights and control points, at five x each, two distances were off by more than 0.1 % of the
-    diagonal, at x = 1e5 and by 0.4 %.
+    on a peak or ridge of a member between places whose distances are all below `CLOSE` of the largest.
+    On 13 patches with random knots, weights and control points, at five x each, 64 distances were within 0.02 % of the
+    diagonal of those between fine meshes. One, at x = 1e5, was 0.4 % too small: a spike narrower than the cells.
     """
 
     def __init__(
