@@ -1,1 +1,1 @@
-"""What makes specs: curves through points."""
+"""Design: curves and surfaces through points, filled holes, and patches from files of other programs."""

@@ -1,8 +1,8 @@
-"""``.bpt`` and ``.bzr`` files: polynomial Bézier rectangles, nothing but degrees and control points.
+"""``.bpt`` and ``.bzr`` files: polynomial Bézier rectangles, given only by degrees and control points.
 
-A ``.bpt`` file has the number of patches, and of each its two degrees and its points ``x y z``, the first index running
-fastest (the Utah teapot is spread in it). A ``.bzr`` file has one: two degrees, and the points row by row, the second
-index running fastest.
+A ``.bpt`` file has the number of patches and, for each, its two degrees and its points ``x y z``, the first index
+running fastest (the Utah teapot is often distributed in this format). A ``.bzr`` file has one patch: two degrees, and
+the points row by row, the second index running fastest.
 """
 
 from __future__ import annotations

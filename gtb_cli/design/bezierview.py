@@ -1,6 +1,6 @@
 """``.bv`` files of BezierView: polyhedra, Bézier triangles and rectangles, polynomial or rational, in named groups.
 
-Segments, each a kind, degrees and control points; ``Group k name`` before some names those that follow.
+A file is a list of segments, each with a kind, degrees and control points; ``Group k name`` names those that follow.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gtb_cli.theory.patch import Patch
 
 KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
 """Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
-rectangle with nets of normals beside their own (PN), rational triangle."""
+rectangle with additional nets of normals (PN), rational triangle."""
 
 MOST_SIDES = 100
 """Largest number of sides of a polyhedron's face."""
@@ -31,8 +31,8 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
 
     Notes
     -----
-    The first index of a rectangle's net runs slowest. A polyhedron becomes a patch for each face; one of more than four
-    corners has the knots of a regular polygon.
+    The first index of a rectangle's net runs slowest. Each face of a polyhedron becomes a patch; if the face has more
+    than four corners, its knots are those of a regular polygon.
     """
     words = Words(data, source)
     group: str | None = None
@@ -55,7 +55,7 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
 
 
 def _group(words: Words) -> str | None:
-    """The name of a group; what follows it on the line, a subdivision depth, is for the viewer."""
+    """Read the name of a group; the rest of the line, a subdivision depth, is only for the viewer."""
     words.skip()
     words.whole("the number of a group", -(10**9), 10**9)
     name = words.rest_of_line()

@@ -12,27 +12,28 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.patch import Patch
 
 REACHED = 1e-12
-"""Largest distance of the curve from a point that ends the iteration, of the largest coordinate of the points."""
+"""Largest distance of the curve from a point at which the iteration ends, as a fraction of the largest coordinate."""
 
 CONCENTRATION = 2.0
-"""How far apart the torus coordinates of neighbouring points are, times their knots' distance: at a point its own knot
-has e times the weight of each neighbour's, and errors shrink to 5/6 in a round."""
+"""Distance of the torus coordinates of neighbouring points times that of their knots: at a point, its own knot has e
+times the weight of each neighbour, and errors shrink to 5/6 in a round."""
 
 LARGEST_RANGE = 1300.0
-"""Range of logarithms of weights that stay ordinary floats, which is kept to where the basis is local all the same."""
+"""Range of logarithms of weights that are ordinary floats; it is kept if the basis is local nevertheless."""
 
 PATIENCE = 1000
-"""Rounds after which the equations are solved that the iteration tends to solve: knots are so uneven that neighbours
-have nearly the same basis, and it would take tens of thousands."""
+"""Rounds after which the equations behind the iteration are solved directly: if knots are so uneven that neighbours
+have nearly the same basis, the iteration would take tens of thousands of rounds."""
 
 MAX_POINTS = 100
-"""With more, weights within that range concentrate too little for the iteration to converge in time."""
+"""Largest number of points: with more, weights in `LARGEST_RANGE` concentrate too little for the iteration to converge
+in time."""
 
 MAX_ROUNDS = PATIENCE + 10
 
 SHORTEST_STEP = 1e-3
-"""Shortest step between knots that are not given, of the longest. Ranges of logarithms of weights grow with the
-ratio of the steps, and beyond some 1e5 their rounding is more than the parametrisation of meshes bears."""
+"""Shortest step between default knots, as a fraction of the longest. Ranges of logarithms of weights grow with the
+ratio of the steps; beyond about 1e5 their rounding is too large for the parametrisation of meshes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,12 @@ class Fit:
     ----------
     patch : Patch
     parameters : (n,) or (n, 2) float
-        Where it passes the points, in the order of these: a curve's own parameters, those of the linear
-        parametrisation of a surface.
+        Parameters of the points, in their order: a curve's own parameters, or those of the linear parametrisation of a
+        surface.
     rounds : int
-        Of the iteration, or of corrections of the parameters.
+        Number of rounds of the iteration, or of corrections of the parameters.
     distance : float
-        Largest distance that is left, in model units.
+        Largest remaining distance from a point, in model units.
     mean : float
         Root of the mean square of the distances.
     """
@@ -61,23 +62,23 @@ class Fit:
 
     @property
     def curve(self) -> Patch:
-        """The patch, where it is a curve."""
+        """The patch, if it is a curve."""
         return self.patch
 
 
 def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     """Find a curve through points by progressive iterative approximation.
 
-    Control points begin as the points, and in each round move by what the curve misses these by:
-    ``b_i ← b_i + p_i − P(t_i)``. The basis is normalised and totally positive, so that this converges.
+    Control points start as the points, and in each round move by the distances that the curve misses:
+    ``b_i ← b_i + p_i − P(t_i)``. This converges because the basis is normalised and totally positive.
 
     Parameters
     ----------
     points : (n, 3) or (n, 2) float
-        In the order in which the curve passes them; it begins in the first and ends in the last.
+        Points in the order in which the curve passes them; it begins at the first and ends at the last.
     knots : (n,) float, optional
-        Ascending. Default: the lengths of the polygon of points up to each, from 0, steps being `SHORTEST_STEP` of
-        the longest at least.
+        Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least `SHORTEST_STEP`
+        times the longest.
 
     Returns
     -------
@@ -89,14 +90,14 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         Fewer than two points or more than `MAX_POINTS`, neighbours that coincide (without `knots`), or knots that do
         not ascend.
     ToleranceError
-        `REACHED` is not: knots so near each other that rounding makes their basis functions the same.
+        `REACHED` cannot be reached: knots are so close that rounding makes their basis functions the same.
 
     Notes
     -----
-    Weights are free, and are chosen so that the basis is local: about 100 rounds do for 10 points and for 70, more for
-    more and for uneven ones. After `PATIENCE` rounds what they tend to is found at once, as the solution of linear
-    equations. The parameters are those at which each knot's T is the largest, and the scale of the edge functions is
-    such that they are spread evenly.
+    Weights are free, and are chosen so that the basis is local: about 100 rounds suffice for 10 points and for 70, and
+    more are needed for more or uneven points. After `PATIENCE` rounds their limit is found as the solution of linear
+    equations. The parameters are those at which each knot's T is largest, and the scale of the edge functions makes
+    them evenly spread.
 
     References
     ----------
@@ -126,20 +127,20 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
 
 
 def passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: FloatArray) -> Fit:
-    """Give a patch the control points with which it passes points, by progressive iterative approximation.
+    """Find control points with which a patch passes through points, by progressive iterative approximation.
 
     Parameters
     ----------
     patch : Patch
     parameters : (n,) or (n, 2) float
     matrix : (n, n) float
-        Its basis there.
+        Values of the basis at the parameters.
     points : (n, 3) float
 
     Raises
     ------
     ToleranceError
-        `REACHED` is not.
+        `REACHED` cannot be reached.
     """
     control = points.copy()
     size = float(np.abs(points).max()) or 1.0
@@ -159,18 +160,18 @@ def passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: Flo
 
 
 def _chord_lengths(points: FloatArray) -> FloatArray:
-    """(n,) lengths along the polygon."""
+    """Return (n,) lengths along the polygon."""
     chords = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
     if not (chords > EPS * np.abs(points).max()).all():
-        raise DomainError(f"points: {int(chords.argmin())} and {int(chords.argmin()) + 1} coincide, and have no chord")
+        raise DomainError(f"points: {int(chords.argmin())} and {int(chords.argmin()) + 1} coincide and have no chord")
     return np.concatenate([[0.0], np.cumsum(np.maximum(chords, SHORTEST_STEP * chords.max()))])
 
 
 def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Torus coordinates of the points, symmetric about 0, and log weights, for knots with given distances.
+    """Return torus coordinates of the points, symmetric about 0, and log weights, for knots with given distances.
 
-    With ``s_{i+1} − s_i = κ/(a_{i+1} − a_i)`` and ``log ω_{i+1} − log ω_i = −(a_{i+1} − a_i)(s_i + s_{i+1})/2`` knot j
-    has exp(−κ (i − j)²/2) of knot i's weight at s_i, if knots are equally spaced.
+    If ``s_{i+1} − s_i = κ/(a_{i+1} − a_i)`` and ``log ω_{i+1} − log ω_i = −(a_{i+1} − a_i)(s_i + s_{i+1})/2``, then for
+    equally spaced knots, knot j has exp(−κ (i − j)²/2) times the weight of knot i at s_i.
     """
     for kappa in (CONCENTRATION, CONCENTRATION / 2, CONCENTRATION / 4):
         s = np.concatenate([[0.0], np.cumsum(kappa / steps)])

@@ -1,10 +1,9 @@
 """A hole with three or more sides, filled with one patch that touches the given planes exactly along its edges.
 
-Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots half a step on, with control points
-``(q_j + q_{j+1})/2 + v_j``: the first part lies in the tangent line, and v is a polynomial field in the given tangent
-planes. So the edge's tangent and the direction to the row span these planes. All fields with this property are a linear
-space, found as the null space of ``v ↦ <normal, v>``; which of them is taken, and where the inner control points are,
-is one linear least-squares problem.
+Inside each edge, with Bézier points q_0 … q_m, there is a row of m knots shifted by half a step, with control points
+``(q_j + q_{j+1})/2 + v_j``: the first part lies on the tangent line, and v is a polynomial field in the given tangent
+planes. So the edge's tangent and the direction to the row span these planes. All such fields form a linear space, the
+null space of ``v ↦ <normal, v>``. One linear least-squares problem chooses a field and the inner control points.
 """
 
 from __future__ import annotations
@@ -38,26 +37,26 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MOST_SIDES = 24
-"""Most sides of a hole: with more, inner knots are too few for the corners."""
+"""Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
 
 RIDGE = 1e-12
-"""Added to the energy, of its mean: what the samples do not see stays where it is."""
+"""Fraction of the mean energy that is added, so that what the samples do not see stays where it is."""
 
 FOLD_RINGS = 16
-"""Rings of the mesh in which folds are looked for."""
+"""Rings of the mesh that is searched for folds."""
 
 FOLD_WITHIN = 1e-6
-"""Distance of its vertices from their places, of the mean side."""
+"""Largest distance of its vertices from their places, as a fraction of the mean side."""
 
 SOUND = 1e-6
-"""Angle in degrees along an edge below which planes are met: rounding of coordinates of an ordinary size."""
+"""Angle in degrees along an edge below which planes count as met: the rounding of coordinates of ordinary size."""
 
 TURNING = 90.0
-"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds: where a patch
-follows them round by more, in steps of a mesh or at once, it faces the other way."""
+"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds: a patch that
+follows them further, in steps of a mesh or at once, faces the other way."""
 
 CORNER = 0.02
-"""Parameters nearer to the ends of an edge than this are a corner, when angles are measured."""
+"""Parameters closer than this to the ends of an edge are left out when angles are measured: they belong to corners."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,18 +69,18 @@ class Filling:
     sides : tuple of Side
         In the order of the patch's edges.
     energy : float
-        What was made small; of the control points, in units of length².
+        The energy that was minimised, in units of length².
     angle : float
         Largest angle in degrees between the patch's normals and the given ones along its edges, away from corners.
     corner_angles : (r,) float
-        Angle in degrees between the planes that sides k − 1 and k want at corner k; NaN where one wants none.
+        Angle in degrees between the planes of sides k − 1 and k at corner k; NaN if a side has no planes.
     raises : tuple of int
-        How often the degree of each side was raised.
+        Number of times that the degree of each side was raised.
     folds : int
-        Places, of some thousand, at which the patch is turned over.
+        Number of places, among some thousand, at which the patch is turned over.
     remarks : tuple of str
     model : Model or None
-        The model whose hole it was, with the patch.
+        The model with its hole filled by the patch.
     """
 
     patch: Patch
@@ -99,7 +98,7 @@ class Filling:
 
     @property
     def is_sound(self) -> bool:
-        """Whether it neither folds nor turns over along an edge, and touches the given planes to rounding."""
+        """Whether it neither folds nor turns over along an edge, and touches the given planes up to rounding."""
         return not self.folds and not self.angle > SOUND
 
 
@@ -116,14 +115,14 @@ def fill(
     Parameters
     ----------
     sides : sequence of Side
-        In any order; their ends meet.
+        Sides in any order, with ends that meet.
     inner : {"fair", "flat"}
         Least thin-plate energy, or least Dirichlet energy, which makes the patch more like a soap film.
     fullness : float
-        Factor of how far the patch goes on along the given planes; 1 is the fairest.
+        Factor of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional
-        How often the degree of the edges is raised, at least. Default: 2 where a side has a ribbon, else 1, or
-        once less if it folds so; with 0, edges stay as they are, if an exact field is found.
+        Smallest number of times that the degree of the edges is raised. Default: 2 for a side with a ribbon and 1 for
+        others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
     name : str, optional
 
     Returns
@@ -133,7 +132,7 @@ def fill(
     Raises
     ------
     DomainError
-        Sides that do not close, are too few or too many, or have no tangent planes.
+        The sides do not close, are too few or too many, or have no tangent planes.
     """
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
@@ -152,7 +151,7 @@ def fill(
     best: _Attempt | None = None
     plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
-        # Loops of twelve sides are known that turn over with more fields to choose from, and do not with fewer.
+        # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(1, (least - 1, False))
     for count, fewer in plans:
         attempt = _attempt(unit, normals, count, fewer, kind, fullness)
@@ -179,7 +178,7 @@ def fill(
 
 
 class _Attempt(NamedTuple):
-    """A patch for the loop in units of its size, and what is wrong with it."""
+    """A patch for the loop, in units of the loop's size, and its defects."""
 
     net: Net
     patch: Patch
@@ -201,7 +200,7 @@ def _attempt(
     kind: Energy,
     fullness: float,
 ) -> _Attempt:
-    """Fill with edges raised so often, at least, and all fields, or for each side the one nearest to what is given."""
+    """Fill with edges raised at least this often, with all fields or, for each side, the one nearest to the given."""
     edges, fields, times = row_fields(sides, normals, least)
     if fewer:
         fields = [nearest_field(field, side, n) for field, side, n in zip(fields, sides, normals, strict=True)]
@@ -225,7 +224,7 @@ def _moved(side: Side, middle: FloatArray, size: float) -> Side:
 def _solved(
     edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, fullness: float
 ) -> tuple[Net, FloatArray, float]:
-    """The net, its control points and their energy."""
+    """Return the net, its control points and their energy."""
     polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
     binomials = [np.array([float(math.comb(len(edge) - 1, j)) for j in range(len(edge))]) for edge in edges]
     fewer = [np.array([float(math.comb(len(row) - 1, j)) for j in range(len(row))]) for row in polars]
@@ -245,7 +244,7 @@ def _solved(
     free = [members for members, field in zip(shape.rows, fields, strict=True) if field is None]
     inner = np.concatenate([*free, shape.inner])
     outer = np.setdiff1d(np.arange(len(points)), inner)
-    # The inner points follow from the others; what is left is a form of these alone.
+    # The inner points are determined by the others, so that a quadratic form of the others is left.
     weights = np.linalg.solve(matrix[np.ix_(inner, inner)], matrix[np.ix_(inner, outer)])
     form = matrix[np.ix_(outer, outer)] - matrix[np.ix_(outer, inner)] @ weights
     form = (form + form.T) / 2
@@ -273,7 +272,7 @@ def _with_exact_corners(patch: Patch, sides: Sequence[Side]) -> Patch:
 
 
 def _folds(shape: Net, points: FloatArray) -> int:
-    """Count sides of triangles, of a mesh of Δ, at which the image turns by more than a right angle."""
+    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle."""
     part = central_triangulation(domain(shape.knots, "unit"), FOLD_RINGS)
     inside = np.ones(len(part.parameters), dtype=bool)
     inside[part.boundary] = False
@@ -290,10 +289,10 @@ def _folds(shape: Net, points: FloatArray) -> int:
 
 
 def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
-    """Largest angle in degrees between the patch's normals and the given ones along a side, away from its ends."""
+    """Return the largest angle in degrees between the patch's and the given normals along a side, without its ends."""
     t = stations()
     away = (t > CORNER) & (t < 1 - CORNER)
-    # A Bézier parameter t is the torus coordinate log(t / (1 − t)) over a step.
+    # The Bézier parameter t has the torus coordinate log(t / (1 − t)), divided by the step.
     shape = patch.domain
     edge = _edge_from(patch, side)
     face = shape.faces[1 + edge]
@@ -309,12 +308,12 @@ def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
 
 
 def _edge_from(patch: Patch, corner: int) -> int:
-    """Number of the edge of Δ that begins in a knot that is a corner."""
+    """Return the number of the edge of Δ that begins at a corner knot."""
     return int(np.abs(patch.domain.vertices - patch.knots[corner]).sum(axis=1).argmin())
 
 
 def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Angles between the planes that neighbouring sides have at their common ends, to first order in the stations."""
+    """Return the angles between the planes of neighbouring sides at their common ends, to first order in stations."""
     angles = []
     for k in range(len(sides)):
         before, after = normals[k - 1], normals[k]
@@ -337,7 +336,7 @@ def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None])
 
 
 def _extrapolated(normals: FloatArray) -> FloatArray:
-    """The normal at parameter 0 from those at the first stations."""
+    """Extrapolate the normal at parameter 0 from those at the first stations."""
     t = stations()[:6]
     factors = [math.prod(b / (b - a) for b in t if b != a) for a in t]
     value = np.asarray(factors @ normals[:6])

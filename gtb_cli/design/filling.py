@@ -35,37 +35,37 @@ def fill(
     Parameters
     ----------
     loop : Model or path
-        A model of curves, the sides in any order; or of surfaces, with an open ring of edges; or a file with one of
-        these or with a `.gbp` or `.lop` loop.
+        A model of curves, which are the sides in any order; a model of surfaces with an open ring of edges; or a file
+        with one of these or with a `.gbp` or `.lop` loop.
     ribbons : sequence of (n, 3) float or None, optional
-        For each curve of a model of curves the second row of control points, ribbon − curve being the cross field.
+        For each curve of a model of curves, the second row of control points: ribbon − curve is the cross field.
     hole : str, optional
-        An edge of the ring in a model of surfaces, as ``"wall-0 edge 2"``; not needed if there is one ring.
+        An edge of the ring in a model of surfaces, such as ``"wall-0 edge 2"``; not needed if there is one ring.
     inner : {"fair", "flat"}
         Least thin-plate or Dirichlet energy.
     fullness : float
-        Factor of how far the patch goes on along the given planes; 1 is the fairest.
+        Factor of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional
-        How often the degree of edges is raised, at least.
+        Smallest number of times that the degree of edges is raised.
     name : str, optional
         Name of the patch.
 
     Returns
     -------
     Filling
-        With the `patch`, the `model` with it where there is one, and what was measured.
+        The `patch`, the `model` with it if one was given, and the measurements.
 
     Raises
     ------
     SpecError, DomainError
-        A file, loop or option that is not right.
+        A file, loop or option is not valid.
     """
     found = read_loop(loop) if not isinstance(loop, Model) else loop if loop.dimension == 2 else _sides(loop, ribbons)
     if isinstance(found, Model):
         model, filling = fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
         return replace(filling, model=model)
     if hole is not None:
-        raise DomainError("hole: names an edge of a model of surfaces, this is a loop of curves")
+        raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
     return fill_sides(found, inner=inner, fullness=fullness, raises=raises, name=name)
 
 
@@ -75,7 +75,7 @@ def read_loop(path: str | os.PathLike[str]) -> list[Side] | Model:
     Raises
     ------
     SpecError
-        It cannot be read, or is not right.
+        The file cannot be read, or is not valid.
     """
     source = os.fspath(path)
     suffix = os.path.splitext(source)[1].lower()

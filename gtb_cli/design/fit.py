@@ -23,20 +23,20 @@ def fit(
     Parameters
     ----------
     points : (n, 3) or (n, 2) float
-        In the order in which a curve passes them. With as many points as the knots of `patch`, in their order.
+        Points in the order in which a curve passes them or, if there are as many, in the order of the knots of `patch`.
     knots : (n,) float, optional
-        Of the curve, ascending. Default: the lengths of the polygon of points up to each.
+        Knots of the curve, ascending. Default: the lengths of the polygon up to each point.
     patch : Patch, optional
-        A surface, which gives knots and weights to the one that is found.
+        A surface, whose knots and weights the result has.
     parameters : (n, 2) float, optional
-        Of the points on the surface, in its linear parametrisation. Default: with as many points as knots, these; else
-        by projection, corrected in rounds.
+        Parameters of the points on the surface, in its linear parametrisation. Default: the knots, if there are as many
+        points; otherwise by projection, corrected in rounds.
 
     Returns
     -------
     Fit
-        A curve passes all points, and so does a surface with as many knots, by progressive iterative approximation.
-        Others are near the points by least squares, with a little of the thin-plate energy.
+        A curve passes through all points, and so does a surface with as many knots, by progressive iterative
+        approximation. Other surfaces are near the points: least squares with a little thin-plate energy.
 
     Raises
     ------

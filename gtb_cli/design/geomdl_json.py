@@ -1,4 +1,4 @@
-"""JSON files of geomdl (NURBS-Python): its curves and surfaces, as exact Bézier patches."""
+"""JSON files of geomdl (NURBS-Python): curves and surfaces as exact Bézier patches."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gtb_cli.theory.patch import Patch
 
 
 class _Fault(Exception):
-    """What is wrong with a value, and the path to it."""
+    """An error in a value, and the path to the value."""
 
     def __init__(self, path: Path, message: str) -> None:
         super().__init__(path, message)
@@ -78,7 +78,7 @@ def _surface(entry: object, path: Path) -> list[Patch]:
 
 
 def _get(table: object, path: Path, key: str, kind: type[Any]) -> Any:
-    """A value of a table, of a kind."""
+    """Return the value of a key in a table, which must be of the given type."""
     if not isinstance(table, dict):
         raise _Fault(path, f"expected a table, got {shown(table)}")
     if key not in table:
@@ -103,7 +103,7 @@ def _row(table: object, path: Path, key: str) -> FloatArray:
 
 
 def _rows(entry: object, path: Path) -> FloatArray:
-    """(n, 4) homogeneous control points."""
+    """Return (n, 4) homogeneous control points."""
     table = _get(entry, path, "control_points", dict)
     path = (*path, "control_points")
     points = _get(table, path, "points", list)

@@ -1,4 +1,4 @@
-"""Open rings of a model: the edges around a hole, as sides with the tangent planes of the patches beside it."""
+"""Open rings of a model: the edges around a hole, as sides with the tangent planes of the neighbouring patches."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Ring:
 
 
 def rings(model: Model) -> list[Ring]:
-    """Find the closed rings of a model's open edges; edges that lead nowhere are in none.
+    """Find the closed rings of a model's open edges; edges that lead nowhere are left out.
 
     Raises
     ------
     DomainError
-        The model is one of curves.
+        The model consists of curves.
     """
     if model.dimension == 1:
         raise DomainError("rings: curves have no holes")
@@ -57,7 +57,7 @@ def rings(model: Model) -> list[Ring]:
             following = [ref for ref, (begin, _) in left.items() if np.linalg.norm(begin - end) <= gap]
             if not following:
                 break
-            # Where several begin, a patch's own next edge is another hole's.
+            # Where several edges begin, the next edge of the same patch belongs to another hole.
             following.sort(key=lambda ref: ref[0] == chain[-1][0])
             chain.append(following[0])
             _, end = left.pop(following[0])
@@ -67,12 +67,12 @@ def rings(model: Model) -> list[Ring]:
 
 
 def ring_of(model: Model, edge: str | None) -> Ring:
-    """The ring that an edge, named as in ``wall-0 edge 2``, belongs to; without a name the only one.
+    """Return the ring that contains an edge, named such as ``wall-0 edge 2``; without a name, the only ring.
 
     Raises
     ------
     DomainError
-        There is none, or there are several and no edge is named.
+        There is no such ring, or there are several and no edge is named.
     """
     found = rings(model)
     names = [[edge_name(model.patches, ref) for ref in ring.edges] for ring in found]
@@ -91,7 +91,7 @@ def ring_of(model: Model, edge: str | None) -> Ring:
 
 
 def ring_sides(model: Model, ring: Ring) -> list[Side]:
-    """Sides of a hole, run through so that its patch continues the orientation of those beside it.
+    """Return the sides of a hole, in the direction that gives its patch the orientation of its neighbours.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def ring_sides(model: Model, ring: Ring) -> list[Side]:
         name = edge_name(model.patches, (patch_index, edge))
         (curve,) = bezier_form(patch.boundary(edge), (), name)
         side = Side(name, curve, _outwards(patch, edge, curve))
-        # The hole's boundary runs against that of the patch.
+        # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
     return sides
 
 
 def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatArray]:
-    """Ends of an edge in the hole's direction."""
+    """Return the ends of an edge in the hole's direction."""
     patch, edge = model.patches[ref[0]], ref[1]
     points = patch.control_points[patch.domain.edge_knots(edge)]
     ends = points[0], points[-1]
@@ -118,13 +118,13 @@ def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatA
 
 
 def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
-    """Directions in a patch's tangent planes across one of its edges, away from it; None where it has no normals."""
+    """Return directions in a patch's tangent planes across an edge, out of the patch; None if it has no normals."""
     t = stations()
     shape = patch.domain
     face = shape.faces[1 + edge]
     along = face_knots(shape, face)[:, 0]
     logs = patch.log_products[face.knots]
-    # The torus coordinate of the Bézier parameter, whose curve has weight 1 at both ends.
+    # The torus coordinate of the Bézier parameter; the Bézier curve has weight 1 at both ends.
     low, high = along == along.min(), along == along.max()
     tilt = float(np.logaddexp.reduce(logs[high]) - np.logaddexp.reduce(logs[low]))
     degree = len(curve) - 1
@@ -144,7 +144,7 @@ def _is_lattice(along: FloatArray, degree: int) -> bool:
 
 
 def _steps(along: FloatArray) -> int:
-    """Number of steps of an edge whose knots leave some out."""
+    """Return the number of steps of an edge whose knots may leave out some steps."""
     place = (along - along.min()) / np.ptp(along)
     return next(n for n in range(1, 100) if np.abs(place * n - np.rint(place * n)).max() < 1e-9 * n)
 
@@ -165,19 +165,19 @@ def fill_hole(
     model : Model
         A model of surfaces.
     hole : str, optional
-        The name of an edge of the ring, as ``wall-0 edge 2``; not needed if there is one ring.
+        The name of an edge of the ring, such as ``wall-0 edge 2``; not needed if there is one ring.
     inner, fullness
         See `gtb_cli.design.fill.fill`.
     raises : int, optional
-        How often degrees are raised, at least. Default: not at all, if the patch then is exact and does not fold, and
-        would not be much fairer with more (see `FAIRER`).
+        Smallest number of times that degrees are raised. Default: 0, if the patch is then exact, does not fold and
+        would not be much fairer with a higher degree (see `FAIRER`).
     name : str
         Name of the patch.
 
     Returns
     -------
     tuple of (Model, Filling)
-        The model with the patch. Where degrees of edges are raised, so are those of all patches, whose images stay.
+        The model with the patch. If degrees of edges are raised, so are those of all patches; their images stay.
 
     Raises
     ------
@@ -212,5 +212,5 @@ def fill_hole(
 
 
 def _loose(model: Model) -> list[str]:
-    """Names of the edges of the last patch that no other shares."""
+    """Return the names of the edges of the last patch that no other patch shares."""
     return [edge_name(model.patches, ref) for ref in model.joints.open if ref[0] == len(model) - 1]

@@ -1,8 +1,8 @@
 """IGES files: rational B-spline curves (entity 126) and surfaces (128), as exact Bézier patches.
 
 A file has lines of 80 columns; column 73 names the section: S for remarks, G for global values, D for the directory
-(two lines an entity), P for parameters (in free format up to column 64). How many other entities there are, trimming
-among them, is said.
+(two lines an entity), P for parameters (in free format up to column 64). A remark counts the other entities, trimming
+among them.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ KINDS = {
     510: "faces",
     514: "shells",
 }
-"""What entities that are left out are called; others are named by number."""
+"""Names of entities that are left out; others are named by number."""
 
 UNITS = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils", 9: "microns"}
 UNITS |= {10: "centimetres", 11: "microinches"}
 
 NESTED = 20
-"""Most transformations one after another."""
+"""Largest number of transformations one after another."""
 
 NARROWER = 1e-9
-"""Fraction of a parameter range by which a given one is smaller, so that it matters."""
+"""Fraction of a parameter range by which a given range must be smaller before a remark says so."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Entity:
 
 
 class _File:
-    """The sections of a file: the directory by its numbers, parameters by theirs, and where they stand."""
+    """The sections of a file: directory entries and parameters by number, with their lines."""
 
     def __init__(self, data: bytes, source: str) -> None:
         self.source = source
@@ -122,7 +122,7 @@ class _File:
         return int(word)
 
     def numbers(self, entity: Entity) -> tuple[list[float], int]:
-        """Numbers of an entity's parameters, after its type, and the line where they begin."""
+        """Return the numbers among an entity's parameters, after its type, and the line where they begin."""
         if not 1 <= entity.first <= len(self.parameters) or not 1 <= entity.count <= len(self.parameters):
             raise self.fail(entity.line, f"expected parameters of entity {entity.kind}, got none at {entity.first}")
         line = self.parameters[entity.first][0]
@@ -142,7 +142,7 @@ class _File:
         return values[1:], line
 
     def units(self) -> str | None:
-        """The unit of length, from the fourteenth global value."""
+        """Return the unit of length, from the fourteenth global value."""
         fields: list[str] = []
         text = self.globals
         while text and len(fields) < 15:
@@ -159,7 +159,7 @@ class _File:
         return UNITS.get(int(fields[13])) or (fields[14] if len(fields) > 14 and fields[14].isprintable() else None)
 
     def transformation(self, entity: Entity) -> FloatArray:
-        """(3, 4) rotation and translation of an entity."""
+        """Return the (3, 4) rotation and translation of an entity."""
         total = np.eye(3, 4)
         number = entity.transformation
         for _ in range(NESTED):
@@ -187,8 +187,8 @@ def read_iges(data: bytes, source: str) -> Found:
 
     Notes
     -----
-    Curves that lie in the parameter plane of a surface, or bound one, are not taken. Surfaces are whole: what trims
-    them is left out, and said.
+    Curves that lie in the parameter plane of a surface, or bound a surface, are left out. Surfaces are whole: trimming
+    is left out, and a remark says so.
     """
     file = _File(data, source)
     patches: list[Patch] = []
@@ -268,7 +268,7 @@ def _need(file: _File, line: int, values: list[float], count: int, what: str) ->
 
 
 def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -> FloatArray:
-    """(count, 4) rows x w, y w, z w, w of transformed points, from the weights and then the points."""
+    """Return (count, 4) rows x w, y w, z w, w of transformed points; the weights come before the points."""
     weights = np.array(values[:count])
     points = np.array(values[count : 4 * count]).reshape(count, 3)
     matrix = file.transformation(entity)

@@ -1,4 +1,4 @@
-"""Files of other programs as patches: which formats there are, and which one a file has."""
+"""Files of other programs as patches: the formats, and how that of a file is found."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gtb_cli.theory.patch import Patch
 
 
 class Imported(NamedTuple):
-    """What a file holds.
+    """The content of a file.
 
     Attributes
     ----------
     shape : Patch or Model
     remarks : tuple of str
-        What the format has and a patch does not: units, trimming, layers.
+        What the file has and a patch cannot hold: units, trimming, layers.
     """
 
     shape: Patch | Model
@@ -45,12 +45,12 @@ READERS = {
     "3dm": "rhino:read_3dm",
     "geomdl": "geomdl_json:read_geomdl",
 }
-"""Formats and the rooms that read them, imported when they are needed."""
+"""Formats and the modules that read them, imported when they are needed."""
 
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
 
 PLAIN = ("trp", "bv", "bpt", "bzr")
-"""Formats that are numbers and little else: whichever takes a file to its end is its format."""
+"""Formats of little but numbers: the format of a file is the one that reads it to its end."""
 
 
 def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
@@ -59,20 +59,20 @@ def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
     Parameters
     ----------
     path : str
-        File name, for messages, for the name of the result, and its suffix for the format.
+        File name, for messages and the name of the result; its suffix may tell the format.
     data : bytes
         Its content.
     format : str, optional
-        Of `READERS`; without it the content says, then the suffix.
+        A key of `READERS`. Default: found from the content, then from the suffix.
 
     Raises
     ------
     SpecError
-        The format is not known, or the file not right: file, line and what was found.
+        The format is not known, or the file is not valid: file, line and what was found.
 
     Notes
     -----
-    Curves and surfaces cannot be mixed in a model: of a file that has both, surfaces are taken.
+    Curves and surfaces cannot be mixed in a model: if a file has both, only the surfaces are read.
     """
     if len(data) > MAX_BYTES:
         raise SpecError(f"{path}: is too large, at most {MAX_BYTES // 10**6} MB are read")
@@ -120,7 +120,7 @@ def _with(format: str, data: bytes, path: str) -> Found:
 
 
 def _by_content(data: bytes) -> str | None:
-    """The format of a file that says what it is."""
+    """Return the format of a file whose content identifies it."""
     if data.startswith(b"3D Geometry File Format"):
         return "3dm"
     if data.lstrip()[:1] == b"{":

@@ -1,4 +1,4 @@
-"""Isoparametric curves of surfaces, as specs where they are GT-Bézier curves, and as polylines."""
+"""Isoparametric curves of surfaces: as specs if they are GT-Bézier curves, and as polylines."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ AXES = ("u", "v")
 def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     """Return the curve of a surface on which one parameter keeps its value.
 
-    On a rectangle along the axes ``P(u*, v)`` is the GT-Bézier curve of the knots' other coordinates, equal ones
-    merged, with the weights ``c_i ω_i exp(u_i θ(u*))``, and has the same points at the same v.
+    On a rectangle along the axes, ``P(u*, v)`` is the GT-Bézier curve of the knots' other coordinates, with equal
+    knots merged and the weights ``c_i ω_i exp(u_i θ(u*))``. It has the same points at the same v.
 
     Parameters
     ----------
     patch : Patch
     axis : {0, 1}
-        Which parameter is kept: u or v.
+        The parameter that keeps its value: u or v.
     value : float
 
     Returns
     -------
     Patch
-        A curve; its coefficients are 1. On an edge it is the edge's own.
+        A curve whose coefficients are 1; on an edge, the boundary curve.
 
     Raises
     ------
     DomainError
-        The patch is a curve, or its domain is not such a rectangle: isoparametric curves are not GT-Bézier curves then;
+        The patch is a curve, its domain is not such a rectangle, so that isoparametric curves are not GT-Bézier curves,
         or the value is not in the domain.
 
     References
     ----------
-    Section 4, property (d), which holds for rectangles along the axes only.
+    Section 4, property (d), which holds only for rectangles along the axes.
     """
     shape = patch.domain
     if patch.dimension == 1:
@@ -72,7 +72,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
 
 
 def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> tuple[FloatArray, FloatArray]:
-    """(count, 2) parameters, evenly spread, and (count, 3) points of a surface where one parameter keeps its value.
+    """Return (count, 2) evenly spread parameters with one coordinate fixed, and (count, 3) points of a surface there.
 
     Raises
     ------
@@ -88,12 +88,12 @@ def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> t
 
 
 def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]:
-    """Ends of the part of the domain where a parameter has a value.
+    """Return the ends of the segment of the domain on which a parameter has a value.
 
     Raises
     ------
     DomainError
-        There is no such part, or it is a corner.
+        There is no such segment, or it is only a corner.
     """
     v = patch.domain.vertices
     low, high = float(v[:, axis].min()), float(v[:, axis].max())
@@ -110,5 +110,5 @@ def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]
     ends = np.empty((2, 2))
     ends[:, axis], ends[:, other] = value, (min(found), max(found))
     if max(found) - min(found) <= patch.domain.tolerance:
-        raise DomainError(f"{AXES[axis]}: at {value:g} the domain has a corner only")
+        raise DomainError(f"{AXES[axis]}: at {value:g} the domain has only a corner")
     return ends[0], ends[1]

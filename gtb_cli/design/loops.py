@@ -17,10 +17,10 @@ from gtb_cli.theory.patch import Patch
 SUFFIXES = (".gbp", ".lop")
 
 MAX_LOOP_BYTES = 1_000_000
-"""Largest `.gbp` or `.lop` file: a loop of 24 sides of degree 20 has a tenth of it."""
+"""Largest size of a `.gbp` or `.lop` file: a loop of 24 sides of degree 20 needs a tenth of it."""
 
 MOST_CURVES = 100
-"""Most curves of a loop that are read; more sides than can be filled are refused later, by their number."""
+"""Largest number of curves of a loop that are read; a loop with too many sides to fill is refused later."""
 
 LARGEST = 1e100
 """Largest coordinate, as in specs."""
@@ -32,7 +32,7 @@ def loop_from_text(data: bytes, source: str) -> list[Side]:
     Raises
     ------
     SpecError
-        With file and line: too large, no numbers, too few or too many.
+        The file is too large, has words that are not numbers, or has too few or too many numbers; with file and line.
     """
     if len(data) > MAX_LOOP_BYTES:
         raise SpecError(f"{source}: is too large, a loop has at most {MAX_LOOP_BYTES // 10**6} MB")
@@ -41,7 +41,7 @@ def loop_from_text(data: bytes, source: str) -> list[Side]:
 
 
 class _Numbers:
-    """The numbers of a text, one after the other, with the line of each."""
+    """The numbers of a text, one after another, with the line of each."""
 
     def __init__(self, data: bytes, source: str) -> None:
         self.source = source
@@ -51,7 +51,7 @@ class _Numbers:
         self._last = max(len(lines), 1)
 
     def fault(self, message: str) -> SpecError:
-        """An error at the number that was read last."""
+        """Return an error about the number that was read last."""
         line = self._words[self._next - 1][1] if self._next else 1
         return SpecError(f"{self.source}:{line}: {message}")
 
@@ -88,9 +88,9 @@ class _Numbers:
 
 
 def _gbp(numbers: _Numbers) -> list[Side]:
-    """Sides and ribbons of a generalized Bézier patch: its two outer layers; the centre and inner layers are skipped.
+    """Read sides and ribbons of a generalized Bézier patch, its two outer layers; skip the centre and inner layers.
 
-    Layer l has d − 2 l points for each side: those of the row l that are not the next side's.
+    Layer l has d − 2 l points for each side: those of row l that do not belong to the next side.
     """
     n = numbers.whole("the number of sides", 3, MOST_CURVES)
     degree = numbers.whole("the degree", 3, MAX_DEGREE)
@@ -113,7 +113,7 @@ def _gbp(numbers: _Numbers) -> list[Side]:
 
 
 def _lop(numbers: _Numbers) -> list[Side]:
-    """Sides of a loop of B-spline curves; one with inner knots becomes as many sides as it has polynomial pieces."""
+    """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side."""
     sides: list[Side] = []
     for k in range(numbers.whole("the number of curves", 1, MOST_CURVES)):
         degree = numbers.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
@@ -134,7 +134,7 @@ def _lop(numbers: _Numbers) -> list[Side]:
 
 
 def bspline_pieces(degree: int, knots: FloatArray, points: FloatArray) -> list[FloatArray]:
-    """Bézier points of each polynomial piece of a B-spline curve: its blossom at the ends of the piece."""
+    """Return the Bézier points of each polynomial piece of a B-spline curve: its blossom at the ends of the piece."""
     pieces = []
     for k in range(degree, len(knots) - degree - 1):
         low, high = knots[k], knots[k + 1]
@@ -148,7 +148,7 @@ def bspline_pieces(degree: int, knots: FloatArray, points: FloatArray) -> list[F
 
 
 def _blossom(degree: int, knots: FloatArray, points: FloatArray, k: int, arguments: list[float]) -> FloatArray:
-    """De Boor's algorithm on the span k with an argument of its own in each round."""
+    """Evaluate the blossom on span k by de Boor's algorithm, with a separate argument in each round."""
     row = points[k - degree : k + 1].copy()
     for level, t in enumerate(arguments, 1):
         for j in range(degree, level - 1, -1):
@@ -160,12 +160,12 @@ def _blossom(degree: int, knots: FloatArray, points: FloatArray, k: int, argumen
 
 
 def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[Side] | Model:
-    """Read a spec: curves are the sides of a loop, with a `ribbon` where they have one; surfaces are a model.
+    """Read a spec: curves are the sides of a loop, each with its `ribbon` if it has one; surfaces are a model.
 
     Raises
     ------
     SpecError
-        As `gtb_cli.spec.loading.parse`, and for ribbons.
+        See `gtb_cli.spec.loading.parse`; or a ribbon is not valid.
     """
     spec, rows = parse_loop(data, source, format)
     if isinstance(spec, Patch):

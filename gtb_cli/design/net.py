@@ -1,8 +1,8 @@
 """Knots and weights of a patch that fills a hole: edges, a row inside each, and rings of inner knots.
 
-The row decides the tangent plane along its edge, so all other knots are at least twice as far from it (which keeps
-curvature finite); the rings stand closer together near the boundary than in the middle. Inner weights are such that at
-its own place each knot has the same share of T, so that none is too weak or too strong to act.
+The row determines the tangent plane along its edge, so all other knots are at least twice as far from the edge (which
+keeps curvature finite); the rings are closer together near the boundary than in the middle. The inner weights give each
+knot the same share of T at its own place, so that no control point is too weak or too strong.
 """
 
 from __future__ import annotations
@@ -17,43 +17,43 @@ from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.theory.basis import exponents, shares
 
 NARROWEST = 0.4
-"""Shortest side of the domain, of the mean: a hole may be longer, its inner knots would crowd."""
+"""Shortest side of the domain, as a fraction of the mean: the inner knots of a more elongated domain would crowd."""
 
 LONGEST = 0.7
-"""Longest side of the domain, of the sum of the others: its corners stay convex by tens of degrees."""
+"""Longest side of the domain, as a fraction of the sum of the others: corners stay convex by tens of degrees."""
 
 SECOND_LAYER = 2.0
-"""Distance of the second layer of knots from an edge, in units of the row's: with less, curvature is infinite there."""
+"""Distance of the second layer of knots from an edge, relative to the row's: curvature would be infinite with less."""
 
 MARGIN = 0.98
-"""Fraction of the distance at which rows would be in each other's second layer."""
+"""Distance of rows from edges, as a fraction of that at which they would be in each other's second layer."""
 
 GROWTH = 0.5
-"""Each gap between rings is wider than the one before by this part of the first."""
+"""Increase from each gap between rings to the next, as a fraction of the first gap."""
 
 FEWEST_STEPS = 24
-"""Steps of the first ring, about: with fewer, few knots remain to make the inside fair."""
+"""Approximate number of steps of the first ring: with fewer, few knots remain to make the inside fair."""
 
 INNER_KNOTS = 320
-"""Rings are cut into fewer steps where there would be many more inner knots than this."""
+"""Approximate largest number of inner knots: if there would be many more, rings have fewer steps."""
 
 LAST_RING = 0.18
-"""Rings end at this size, of the domain's: inside is the centre alone."""
+"""Size of the last ring, as a fraction of the domain's: only the centre is inside it."""
 
 SHARE = 0.15
-"""T of an inner knot or one of a row at its own place: most of the rest is its neighbours', whose bumps overlap so far
-that no ripple is left."""
+"""T of an inner knot or a knot of a row at its own place: most of the rest belongs to its neighbours, whose bumps
+overlap so much that no ripple is left."""
 
 ROUNDS = 15
-"""Rounds of the iteration for weights; what is left is a few per cent of a share."""
+"""Rounds of the iteration for weights; the remaining error is a few per cent of a share."""
 
 DAMPING = 0.6
-"""How far weights go in a round to what would be right if the others stayed."""
+"""Fraction of the step, in each round, to the weight that would be right if the others stayed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """Knots and log weights; those on edges and in rows are known, those of rows up to a factor for each.
+    """Knots and log weights; on edges the weights are given, in each row up to a common factor.
 
     Attributes
     ----------
@@ -78,11 +78,11 @@ def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Se
     Parameters
     ----------
     lengths : (r,) float
-        Lengths of the sides in space, which those of the domain follow.
+        Lengths of the sides in space; the sides of the domain are similar.
     edge_weights : sequence of (m + 1,) float
         Products c ω of each edge's knots, 1 at the corners.
     row_weights : sequence of (m,) float
-        The same for its row, up to a factor.
+        The same for the row of each edge, up to a factor.
     """
     corners = polygon(lengths)
     degrees = np.array([len(weights) - 1 for weights in edge_weights])
@@ -100,7 +100,7 @@ def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Se
 
 
 def polygon(lengths: FloatArray) -> FloatArray:
-    """(r, 2) corners, counter-clockwise, of a polygon inscribed in a circle, with sides like `lengths`; mean side 1."""
+    """Return (r, 2) corners, counter-clockwise, of a polygon in a circle with sides like `lengths` and mean side 1."""
     sides = np.maximum(lengths / lengths.mean(), NARROWEST)
     for _ in range(3):
         sides = np.minimum(sides, LONGEST * (sides.sum() - sides))
@@ -125,7 +125,7 @@ def polygon(lengths: FloatArray) -> FloatArray:
 
 
 def _angles(sides: FloatArray, radius: float, longest: int, wide: bool) -> FloatArray:
-    """Angles of sides as seen from the centre of a circle."""
+    """Return the angles of sides as seen from the centre of a circle."""
     angles = 2 * np.arcsin(np.minimum(sides / (2 * radius), 1.0))
     if wide:
         angles[longest] = 2 * np.pi - angles[longest]
@@ -133,7 +133,7 @@ def _angles(sides: FloatArray, radius: float, longest: int, wide: bool) -> Float
 
 
 def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lengths, directions and inward normals of a polygon's sides."""
+    """Return the lengths, directions and inward normals of a polygon's sides."""
     sides = np.roll(corners, -1, axis=0) - corners
     lengths = np.hypot(sides[:, 0], sides[:, 1])
     along = sides / lengths[:, None]
@@ -141,7 +141,7 @@ def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
-    """Distance of rows from their edges: as far as each may be from the ends of its neighbours'."""
+    """Return the distance of rows from their edges: the largest that the ends of neighbouring rows allow."""
     lengths, along, _ = _frames(corners)
     steps = lengths / degrees
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
@@ -151,7 +151,7 @@ def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
 
 
 def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
-    """Knots of edges, m + 1 each, and of rows, m each, half a step on."""
+    """Return the knots of edges, m + 1 each, and of rows, m each and shifted by half a step."""
     lengths, along, inward = _frames(corners)
     distance, r = _row_distance(corners, degrees), len(corners)
     knots, edges, rows = [*corners], [], []
@@ -169,7 +169,7 @@ def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, .
 
 
 def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArray:
-    """Knots inside, ring by ring, then the centre."""
+    """Return the knots inside, ring by ring, then the centre."""
     lengths, _, inward = _frames(corners)
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
@@ -197,7 +197,7 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
 
 
 def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: IntArray) -> FloatArray:
-    """Log weights with which inner knots, and rows on the mean, have `SHARE` of T at their own places."""
+    """Return log weights with which inner knots, and rows on average, have `SHARE` of T at their own places."""
     logs = logs.copy()
     free = np.concatenate([np.flatnonzero(group >= 0), inner])
     columns = np.arange(len(free))

@@ -11,7 +11,7 @@ from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 60
-"""Highest degree of a net: a rectangle of this degree both ways has as many knots as a spec may."""
+"""Highest degree of a net: a rectangle of this degree in both directions has as many knots as a spec may have."""
 
 
 def curve(points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:
@@ -33,9 +33,9 @@ def triangle(degree: int, points: FloatArray, weights: FloatArray | None = None,
 
 
 def polygon(corners: FloatArray, name: str | None = None) -> Patch:
-    """Return the patch of a polygon: a knot for each corner, at those of a triangle, a square or a regular polygon.
+    """Return the patch of a polygon: its knots are the corners of a triangle, a square or a regular polygon.
 
-    Its edges are straight, and where the corners are in a plane, so is it.
+    Its edges are straight, and it is planar if the corners are.
     """
     r = len(corners)
     angles = 2 * np.pi * np.arange(r) / r
@@ -47,12 +47,12 @@ def polygon(corners: FloatArray, name: str | None = None) -> Patch:
 
 
 def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points and weights of (m, 4) homogeneous control points x w, y w, z w, w.
+    """Return the points and weights of (m, 4) homogeneous control points x w, y w, z w, w.
 
     Raises
     ------
     DomainError
-        A weight is not positive, as no patch allows.
+        A weight is not positive.
     """
     weights = rows[:, 3]
     if not (weights > 0).all():

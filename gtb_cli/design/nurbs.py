@@ -1,7 +1,7 @@
 """B-spline and NURBS curves and surfaces as exact Bézier patches, span by span.
 
-Inserting knots until each is there as often as the degree gives the Bézier points of a span [t_k, t_{k+1}]: the values
-of the span's polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
+Knots are inserted until their multiplicity is the degree. This gives the Bézier points of a span [t_k, t_{k+1}]: the
+values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MAX_CONTROL_POINTS = 100_000
 """Largest number of control points of a curve or surface."""
 
 SHORTEST = 1e-12
-"""Spans below this fraction of all are none: knots that were meant to be equal."""
+"""Spans shorter than this fraction of all are ignored: their knots were meant to be equal."""
 
 
 def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | None = None) -> list[Patch]:
@@ -32,12 +32,12 @@ def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | No
     rows : (n, 4) float
         Homogeneous control points x w, y w, z w, w.
     name : str, optional
-        Name of the curve; each of several spans gets a number after it.
+        Name of the curve; if there are several spans, their numbers follow it.
 
     Raises
     ------
     DomainError
-        Knots that do not fit or do not ascend, or weights that are not positive.
+        The knots do not fit or do not ascend, or a weight is not positive.
     """
     matrices = span_matrices(degree, knots, len(rows))
     patches = []
@@ -53,7 +53,7 @@ def surface_spans(
     net: FloatArray,
     name: str | None = None,
 ) -> list[Patch]:
-    """Return the Bézier rectangles of a NURBS surface, one for each pair of spans, as `curve_spans`.
+    """Return the Bézier rectangles of a NURBS surface, one for each pair of spans, as `curve_spans` does.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def surface_spans(
 
 
 def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:
-    """Find for each span of a B-spline basis its first control point, and the matrix that gives its Bézier points.
+    """Find, for each span of a B-spline basis, its first control point and the matrix that gives its Bézier points.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
     Returns
     -------
     list of (int, (degree + 1, degree + 1) float)
-        Rows of a matrix are not negative and add up to 1, so that nothing is lost, and positive weights stay so.
+        Rows of a matrix are nonnegative and add up to 1: no accuracy is lost, and positive weights stay positive.
     """
     if not 1 <= degree <= MAX_DEGREE:
         raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
@@ -117,7 +117,7 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
 
 
 def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
-    """De Boor's algorithm with degree − j times the span's start and j times its end, on the unit control points."""
+    """Apply de Boor's algorithm to unit control points, with degree − j times the span's start and j times its end."""
     start, end = knots[k], knots[k + 1]
     rows = []
     for j in range(degree + 1):

@@ -1,4 +1,4 @@
-"""Polynomial fields in given tangent planes: what may be added to the row of control points inside an edge."""
+"""Polynomial fields in given tangent planes, which may be added to the row of control points inside an edge."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from gtb_cli.design.sides import Side, bernstein, points_and_tangents, raised, s
 from gtb_cli.errors import DomainError
 
 EXACT = 1e-13
-"""Largest part of a field that is normal to given planes, of the field: rounding of sums of some dozen terms."""
+"""Largest normal component of a field relative to the field: the rounding of sums of some dozen terms."""
 
 FITTED = 3e-3
-"""The same where no field of the allowed degrees is exact: 0.2 degrees, and the angle is said."""
+"""The same if no field of the allowed degrees is exact: 0.2 degrees, and a message gives the angle."""
 
 RAISES = 6
-"""How often the degree of an edge is raised at most, to find a field that crosses it and is exact."""
+"""Largest number of times that the degree of an edge is raised to find a field that crosses it and is exact."""
 
 CROSSING = 1e-3
-"""A field crosses an edge where this much of its length, at the mean, is across."""
+"""Component across an edge, as a fraction of the mean length of a field, from which the field crosses the edge."""
 
 Field: TypeAlias = "list[FloatArray] | None"
-"""Rows (m, 3), of weight 0 in homogeneous coordinates, that may be added with any factors; None: the row is free."""
+"""Rows (m, 3) of weight 0 in homogeneous coordinates, which may be added with any factors; None: the row is free."""
 
 
 def row_fields(
     sides: Sequence[Side], normals: Sequence[FloatArray | None], least: int
 ) -> tuple[list[FloatArray], list[Field], list[int]]:
-    """Each side's curve with its degree raised, the fields that its row may have, and how often it was raised."""
+    """Return each side's curve with its degree raised, the fields for its row, and the number of raises."""
     edges: list[FloatArray] = []
     fields: list[Field] = []
     times: list[int] = []
@@ -47,7 +47,7 @@ def row_fields(
 
 
 def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatArray, list[FloatArray]]:
-    """Fields that are tangent to the planes: exactly, with the fewest raises that allow it, or else nearly."""
+    """Return fields tangent to the planes: exact ones with the fewest raises, or approximate ones if none is exact."""
     t = stations()
     _, tangents = points_and_tangents(side.curve, t)
     inward = np.cross(normals, tangents)
@@ -74,7 +74,7 @@ def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatAr
 
 
 def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) -> bool:
-    """Whether some combination of fields goes inwards all along the side."""
+    """Tell whether a combination of fields points inwards all along the side."""
     if not field:
         return False
     across = np.array([((values @ row) * inward).sum(axis=1) for row in field])
@@ -84,7 +84,7 @@ def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) ->
 
 
 def nearest_field(field: Field, side: Side, normals: FloatArray | None) -> Field:
-    """The one field nearest to the given directions across, with length 1."""
+    """Return the single field nearest to the given directions across, with length 1."""
     if normals is None or side.across is None or not field:
         return field
     values = bernstein(len(field[0]) - 1, stations())

@@ -1,6 +1,6 @@
 """``.3dm`` files of Rhino: curves, surfaces and the faces of solids, as exact Bézier patches.
 
-The format is read by McNeel's own library, which is an extra of this package, in a process of its own.
+McNeel's own library, which is an extra of this package, reads the format in a separate process.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 PATIENCE = 60.0
-"""Seconds until the process is given up where the system does not limit its processor time, or it only waits."""
+"""Seconds after which the process is given up, if the system does not limit its processor time or it only waits."""
 
 
 def read_3dm(data: bytes, source: str) -> Found:
@@ -32,7 +32,7 @@ def read_3dm(data: bytes, source: str) -> Found:
     Raises
     ------
     SpecError
-        The extra is missing, or what was found.
+        The extra is missing, or the file is not valid.
     """
     *objects, last = _objects(data, source)
     patches: list[Patch] = []
@@ -59,10 +59,10 @@ def read_3dm(data: bytes, source: str) -> Found:
 
 
 def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
-    """What the process prints of a file."""
+    """Return what the process prints about a file."""
     damaged = f"{source}: is not a .3dm file, or is damaged"
     try:
-        # -P: neither the folder of that file nor the one the user is in has modules for it.
+        # -P: modules are imported neither from the folder of that file nor from the working folder.
         done = subprocess.run(
             [sys.executable, "-P", rhino_process.__file__],
             input=data,
@@ -98,5 +98,5 @@ def _spans(form: dict[str, Any], name: str | None) -> list[Patch]:
 
 
 def _knots(values: list[float]) -> FloatArray:
-    """Knots with the first and the last, which do not matter and which this format leaves out."""
+    """Add the first and the last knot, which have no effect and which this format leaves out."""
     return np.array([*values[:1], *values, *values[-1:]])

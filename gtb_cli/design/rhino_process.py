@@ -1,11 +1,11 @@
-"""A process of its own that reads a ``.3dm`` file: standard input to lines of JSON.
+"""A separate process that reads a ``.3dm`` file from standard input and prints lines of JSON.
 
 McNeel's library runs for ever, or takes any memory, on some damaged files, and nothing in its own process can stop it.
-This file is run by its path, and imports nothing of the package: the process shall start fast.
+This file is run by its path and imports nothing from the package, so that the process starts fast.
 
 Each line but the last is an object of the file: its ``name``, whether it is ``trimmed``, and its ``forms``, NURBS with
 ``degrees``, ``knots`` (one row for each parameter), ``counts`` of control points and their homogeneous ``rows``. The
-last line has the file's ``unit``, so that a file which breaks off is known.
+last line has the file's ``unit``, so that its absence shows that the output breaks off.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from itertools import product
 from typing import Any
 
 MISSING = 3
-"""Exit status where the library is not installed."""
+"""Exit status if the library is not installed."""
 
 DAMAGED = 4
-"""Exit status where the library refuses the file."""
+"""Exit status if the library refuses the file."""
 
 SECONDS, SECONDS_PER_BYTE = 0.5, 2e-6
-"""Processor time that a file may take, and more for each byte. A sound file of 8 MB takes 0.06 s to be read, and 3 s,
-nearly all of it Python's, to be printed."""
+"""Processor seconds that any file may take, and more for each byte. A sound file of 8 MB takes 0.06 s to read and 3 s
+to print, nearly all of it in Python."""
 
 MEMORY, MEMORY_PER_BYTE = 150_000_000, 10
-"""Bytes that a file may take beyond what the process has before, and more for each byte of the file."""
+"""Bytes of memory that any file may take beyond what the process already has, and more for each byte of the file."""
 
 MAX_CONTROL_POINTS = 100_000
-"""Of a form: that of `gtb_cli.design.nurbs`. Of larger ones the rows are left out."""
+"""Largest number of control points of a form, as in `gtb_cli.design.nurbs`; larger forms have no rows."""
 
 
 def main() -> int:
@@ -57,7 +57,7 @@ def _write(line: dict[str, object]) -> None:
 
 
 def _limit(size: int) -> None:
-    """End this process when it needs more than a file of this size may."""
+    """Let the system end this process when it needs more than a file of this size may."""
     try:
         import resource
         import signal
@@ -68,11 +68,11 @@ def _limit(size: int) -> None:
         most = now + MEMORY + size * MEMORY_PER_BYTE
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
     except (ImportError, AttributeError, OSError, ValueError):
-        return  # a system without; whoever started this process waits for a limited time
+        return  # a system without limits; the parent process waits for a limited time
 
 
 def _forms(library: Any, geometry: Any) -> tuple[list[Any], bool]:
-    """NURBS forms of an object, and whether its faces may be trimmed."""
+    """Return the NURBS forms of an object, and whether its faces may be trimmed."""
     if isinstance(geometry, library.Extrusion):
         geometry = geometry.ToBrep(False)
     if isinstance(geometry, library.Brep):

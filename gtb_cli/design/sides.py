@@ -1,4 +1,4 @@
-"""Sides of a hole: rational Bézier curves in homogeneous coordinates, the field across each, and the loop they make."""
+"""Sides of a hole: rational Bézier curves in homogeneous coordinates, the field across each, and their loop."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
 STATIONS = 96
-"""Places along a side at which the field across it is known: more than the degree of any product of polynomials that
-is set to zero there (a normal's, up to 30, times a row's)."""
+"""Number of places along a side at which the field across it is known: more than the degree of any product of
+polynomials that is set to zero there (that of a normal, up to 30, and a row)."""
 
 MAX_DEGREE = 20
-"""Largest degree of a side, after gaps between its knots are filled: coefficients span six digits."""
+"""Largest degree of a side after gaps between its knots are filled: its coefficients span six digits."""
 
 LATTICE = 1e-9
-"""Fraction of a curve's length by which its knots may be off equal steps: what is typed or computed twice."""
+"""Fraction of a curve's length by which its knots may be off equal steps: numbers are typed or computed rounded."""
 
 GAP = 1e-5
-"""Ends of neighbouring sides may be apart by this fraction of the loop's size: six decimals of a file are closed."""
+"""Largest gap between neighbouring sides, as a fraction of the loop's size: files with six decimals count as closed."""
 
 POINT = 1e-9
-"""A side whose control points are within this fraction of the loop's size is a point."""
+"""Extent of a side, as a fraction of the loop's size, up to which it is a point."""
 
 PARALLEL = 1e-10
-"""Sine of the angle between a side's tangent and the field across it below which these span no plane."""
+"""Sine of the angle between a side's tangent and the field across it, below which these do not span a plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Side:
         Bézier points in homogeneous coordinates (ω x, ω y, ω z, ω), all ω positive, 1 at both ends.
     across : (STATIONS, 3) float or None
         Directions across the side into the hole, at the parameters `stations`; they and the tangent span the planes
-        that the patch is to touch. None: it meets the curve, no more.
+        that the patch is to touch. None: it only has to meet the curve.
     """
 
     name: str
@@ -67,19 +67,19 @@ class Side:
 
 
 def stations() -> FloatArray:
-    """(STATIONS,) parameters inside (0, 1), symmetric, dense near the ends."""
+    """Return (STATIONS,) parameters inside (0, 1), symmetric and dense near the ends."""
     return np.asarray((1 - np.cos(np.pi * (np.arange(STATIONS) + 0.5) / STATIONS)) / 2)
 
 
 def bernstein(degree: int, t: FloatArray) -> FloatArray:
-    """(m, degree + 1) Bernstein polynomials."""
+    """Return (m, degree + 1) values of the Bernstein polynomials."""
     j = np.arange(degree + 1)
     binomials = np.array([float(math.comb(degree, i)) for i in range(degree + 1)])
     return np.asarray(binomials * t[:, None] ** j * (1 - t[:, None]) ** (degree - j))
 
 
 def raised(points: FloatArray, times: int) -> FloatArray:
-    """Bézier points of the same polynomial with its degree raised."""
+    """Return the Bézier points of the same polynomial with its degree raised."""
     for _ in range(times):
         j = np.arange(len(points) + 1)[:, None] / len(points)
         low, high = np.vstack([points[:1] * 0, points]), np.vstack([points, points[:1] * 0])
@@ -88,7 +88,7 @@ def raised(points: FloatArray, times: int) -> FloatArray:
 
 
 def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(m, 3) points of a rational Bézier curve, and derivatives up to a positive factor."""
+    """Return (m, 3) points of a rational Bézier curve, and its derivatives up to a positive factor."""
     degree = len(curve) - 1
     position, rate = bernstein(degree, t) @ curve, bernstein(degree - 1, t) @ np.diff(curve, axis=0)
     points = position[:, :3] / position[:, 3:]
@@ -96,12 +96,12 @@ def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, F
 
 
 def side_normals(side: Side) -> FloatArray:
-    """(STATIONS, 3) unit normals tangent × across.
+    """Return (STATIONS, 3) unit normals tangent × across.
 
     Raises
     ------
     DomainError
-        The side has none: its tangent vanishes, or the field across is parallel to it.
+        The side has no normals: its tangent vanishes, or the field across is parallel to it.
     """
     if side.across is None:
         raise DomainError(f"{side.name}: has no ribbon, and no normals")
@@ -121,14 +121,14 @@ def side_normals(side: Side) -> FloatArray:
 def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curve") -> tuple[FloatArray, ...]:
     """Write a curve patch, and rows of further points with its weights, as rational Bézier points.
 
-    Knots that are whole multiples of a step, but not all of them, are filled up by raising the degree.
+    If the knots are whole multiples of a step with some left out, a higher degree fills the gaps.
 
     Parameters
     ----------
     curve : Patch
-        d = 1.
+        A curve, d = 1.
     rows : sequence of (n, 3) float
-        Such as a ribbon's points.
+        Further points, such as those of a ribbon.
     name : str
         For messages.
 
@@ -150,18 +150,18 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     if degree is None:
         raise DomainError(
             f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is not a "
-            "rational Bézier curve: gtb fit makes one near to it"
+            "rational Bézier curve: gtb fit makes one near it"
         )
     index = np.rint(place * degree).astype(np.int64)
     logs = curve.log_products[order]
-    # A factor exp(σ a) reparametrises: both ends get the weight 1.
+    # A factor exp(σ a) only reparametrises, and gives both ends the weight 1.
     logs = logs - (1 - place) * _end_log(logs, index == 0) - place * _end_log(logs, index == degree)
     found = []
     for points in (curve.control_points, *rows):
         table = np.zeros((degree + 1, 4))
         np.add.at(table, index, np.exp(logs)[:, None] * np.column_stack([points[order], np.ones(len(order))]))
         found.append(table)
-    # Here without binomials: multiplied by 1 + z until no knot is missing.
+    # Without binomials here: the polynomials are multiplied by 1 + z until no knot is missing.
     while not (found[0][:, 3] > 0).all():
         found = [np.vstack([table, table[:1] * 0]) + np.vstack([table[:1] * 0, table]) for table in found]
         if len(found[0]) - 1 > MAX_DEGREE:
@@ -190,10 +190,10 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
     Raises
     ------
     DomainError
-        It is not a curve, or not a rational Bézier curve.
+        The patch is not a curve, or not a rational Bézier curve.
     """
     if curve.dimension != 1:
-        raise DomainError(f"{name}: is a surface, the sides of a loop are curves")
+        raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
     if ribbon is None:
         (points,) = bezier_form(curve, (), name)
         return Side(name, points)
@@ -202,25 +202,25 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
 
 
 def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
-    """(STATIONS, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
+    """Return (STATIONS, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
     values = bernstein(len(curve) - 1, stations())
     first, other = values @ curve, values @ second
     return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])
 
 
 def size_of(sides: Sequence[Side]) -> float:
-    """Largest extent of the sides' control points."""
+    """Return the largest extent of the sides' control points."""
     points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
     return float(np.ptp(points, axis=0).max())
 
 
 def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
-    """Put sides in order, each beginning where the one before ends, and close what is open by rounding.
+    """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding.
 
     Returns
     -------
     tuple of (sides, remarks)
-        Sides that are points are left out; the remarks say what was done.
+        Sides without those that are points; remarks that say what was done.
 
     Raises
     ------
@@ -233,7 +233,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
     remarks, left = [], []
     for side in sides:
         if np.ptp(side.curve[:, :3] / side.curve[:, 3:], axis=0).max() <= POINT * size:
-            remarks.append(f"{side.name} is a point, and left out")
+            remarks.append(f"{side.name} is a point and is left out")
         else:
             left.append(side)
     if len(left) < 3:
@@ -264,7 +264,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
 
 
 def _closed(chain: tuple[Side, ...], size: float, remarks: list[str]) -> tuple[Side, ...]:
-    """Let each side begin exactly where the one before ends, in the middle of both ends."""
+    """Let each side begin exactly where the one before ends, halfway between the two ends."""
     curves = [side.curve.copy() for side in chain]
     worst = 0.0
     for i in range(len(curves)):

@@ -15,25 +15,25 @@ from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.theory.patch import Patch
 
 MOST_POINTS = 100_000
-"""Most points: the table of T has a number for each of them and each knot."""
+"""Largest number of points: the table of T has a number for each point and knot."""
 
 SMOOTHING = 1e-6
-"""Weight of the thin-plate energy, of that of the points, each by its mean: it decides where points say nothing."""
+"""Weight of the thin-plate energy relative to the points, each by its mean: it decides where there are no points."""
 
 ROUNDS = 8
-"""How often parameters are corrected and control points found anew."""
+"""Number of rounds in which parameters are corrected and control points found anew."""
 
 RINGS = 24
-"""Rings of the mesh among whose vertices a point's first parameter is looked for."""
+"""Rings of the mesh whose nearest vertex gives the first parameter of a point."""
 
 STEP = 1e-4
-"""Step of differences for tangents, of Δ's size: corrections need two digits of them."""
+"""Step of differences for tangents, as a fraction of Δ's size: corrections need two of their digits."""
 
 LONGEST_STEP = 0.1
-"""Longest correction of a parameter in a round, of Δ's size."""
+"""Longest correction of a parameter in a round, as a fraction of Δ's size."""
 
 INSIDE = 1e-9
-"""Corrected parameters stay within this fraction of Δ, drawn to its middle."""
+"""Fraction of the way to the middle of Δ by which corrected parameters keep off the boundary."""
 
 
 def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None) -> Fit:
@@ -42,9 +42,9 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     Parameters
     ----------
     points : (n, 3) float
-        In the order of the knots.
+        Points in the order of the knots.
     patch : Patch
-        A surface with n knots, which stay, as do its weights.
+        A surface with n knots; its knots and weights stay.
     parameters : (n, 2) float, optional
         Parameters of the points, in the linear parametrisation. Default: the knots.
 
@@ -55,15 +55,15 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     Raises
     ------
     DomainError
-        The patch is a curve, or shapes do not fit.
+        The patch is a curve, or shapes of arrays do not fit.
     ToleranceError
-        The surface cannot pass the points: basis functions are the same, as those of knots that coincide, or vanish at
-        all parameters.
+        The surface cannot pass through the points: some basis functions are the same, as for coincident knots, or
+        vanish at all parameters.
 
     Notes
     -----
-    The basis of a surface need not be totally positive, so that no theorem promises convergence. At the knots it was
-    found in all patches that were tried; where it is slow or fails, the equations are solved, as for curves.
+    The basis of a surface need not be totally positive, so no theorem guarantees convergence. At the knots, all patches
+    that were tried converged; if convergence is slow or fails, the equations are solved, as for curves.
     """
     places = _checked(points, patch)
     n = len(patch.knots)
@@ -76,15 +76,15 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
 def surface_near(
     points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING
 ) -> Fit:
-    """Find control points with which a patch is near to points.
+    """Find control points with which a patch is near points.
 
     Parameters
     ----------
     points : (m, 3) float
     patch : Patch
-        A surface, whose knots and weights stay. Without parameters it is also where the points are projected first.
+        A surface, whose knots and weights stay. Without parameters, points are first projected onto it.
     parameters : (m, 2) float, optional
-        Parameters of the points, in the linear parametrisation; they stay. Default: by projection, corrected in rounds.
+        Fixed parameters of the points, in the linear parametrisation. Default: by projection, corrected in rounds.
     smoothing : float
         Weight of the thin-plate energy; 0 for none.
 
@@ -95,7 +95,7 @@ def surface_near(
     Raises
     ------
     DomainError
-        The patch is a curve, shapes do not fit, or parameters lie outside Δ.
+        The patch is a curve, shapes of arrays do not fit, or parameters lie outside Δ.
     """
     places = _checked(points, patch)
     if not (math.isfinite(smoothing) and smoothing >= 0):
@@ -118,7 +118,7 @@ def surface_near(
 
 def _checked(points: ArrayLike, patch: Patch) -> FloatArray:
     if patch.dimension == 1:
-        raise DomainError("patch: a surface is fitted to points, this is a curve (which gtb fit finds without --patch)")
+        raise DomainError("patch: expected a surface, this is a curve (which gtb fit finds without --patch)")
     places = finite("points", points)
     if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MOST_POINTS:
         raise DomainError(f"points: expected shape (m, 3) with m up to {MOST_POINTS}, got {places.shape}")
@@ -133,7 +133,7 @@ def _parameters(parameters: ArrayLike, count: int) -> FloatArray:
 
 
 def _solved(patch: Patch, points: FloatArray, p: FloatArray, plate: FloatArray, smoothing: float) -> Patch:
-    """The patch with the control points of least squares, relative to the middle of the points."""
+    """Return the patch with the least-squares control points, computed relative to the middle of the points."""
     t = patch.basis(p, "linear")
     normal = t.T @ t
     form = normal + smoothing * np.trace(normal) / np.trace(plate) * plate
@@ -148,7 +148,7 @@ def _measured(patch: Patch, points: FloatArray, p: FloatArray, rounds: int) -> F
 
 
 def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
-    """(m, 2) parameters of the nearest vertices of a mesh, drawn inside a little."""
+    """Return (m, 2) parameters of the nearest vertices of a mesh, moved slightly inside."""
     from scipy.spatial import cKDTree
 
     part = central_triangulation(patch.domain, RINGS)
@@ -157,7 +157,7 @@ def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
 
 
 def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
-    """One step of Gauss and Newton for the feet of the points, within Δ."""
+    """Take one Gauss-Newton step to the projections of the points, within Δ."""
     size = patch.domain.size
     h = STEP * size
     base = _inside(patch, p, STEP * 4)
@@ -177,7 +177,7 @@ def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
 
 
 def _inside(patch: Patch, p: FloatArray, margin: float = INSIDE) -> FloatArray:
-    """Draw points towards the middle of Δ until they are inside, by a fraction of its size."""
+    """Move points towards the middle of Δ until they are inside by a fraction of its size."""
     shape = patch.domain
     centre = shape.vertices.mean(axis=0)
     slope = (p - centre) @ shape.normals.T

@@ -1,8 +1,8 @@
 """``.trp`` files: a toric patch over a lattice polygon, as the transfinite project's tools write it.
 
-The number of corners, the lattice point ``u v`` of each, the number of control points, and for each its lattice point,
-position and weight ``u v x y z w``. Coefficients are not written: they are the binomial ones of the lattice length on
-an edge, and 1 inside; normals are primitive.
+A file has the number of corners, the lattice point ``u v`` of each, the number of control points, and for each its
+lattice point, position and weight ``u v x y z w``. It has no coefficients: they are binomial coefficients of the
+lattice length on an edge, and 1 inside; normals are primitive.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def read_trp(data: bytes, source: str) -> list[Patch]:
 
 
 def edge_coefficients(shape: Domain) -> FloatArray:
-    """(n,) C(d, k) for the k-th of d lattice steps along an edge, and 1 inside."""
+    """Return (n,) coefficients: C(d, k) after k of d lattice steps along an edge, and 1 inside."""
     coefficients = np.ones(len(shape.knots))
     for edge in range(len(shape.vertices)):
         start = shape.vertices[edge]

@@ -1,4 +1,4 @@
-"""The words of a text file of numbers, one after another, and errors that name the line of one."""
+"""The words of a text file of numbers, one after another, and errors that name the line of a word."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
 """Numbers as C, C++ and Fortran write them."""
 
 LARGEST = 1e100
-"""Beyond this a coordinate or weight is an error: the square of twice as many digits would overflow."""
+"""Largest coordinate or weight: the square of a number with twice as many digits would overflow."""
 
 SHOWN = 60
-"""Characters of a word in a message."""
+"""Largest number of characters of a word in a message."""
 
 
 class Words:
-    """Words of a file in their order, with their lines; line ends do not matter, nor does what follows a ``#``.
+    """Words of a file in their order, with their lines; line ends and what follows a ``#`` do not matter.
 
     Parameters
     ----------
@@ -51,28 +51,28 @@ class Words:
 
     @property
     def left(self) -> int:
-        """How many words have not been read."""
+        """Number of words that have not been read."""
         return len(self._words) - self._next
 
     @property
     def line(self) -> int:
-        """Line of the word that comes next, or of the last one."""
+        """Line of the next word, or of the last word at the end."""
         return self._lines[min(self._next, len(self._lines) - 1)]
 
     def fail(self, message: str, line: int | None = None) -> NoReturn:
-        """Raise a `SpecError` about the word that comes next, or another line."""
+        """Raise a `SpecError` about the next word, or about another line."""
         raise SpecError(f"{self.source}:{self.line if line is None else line}: {message}")
 
     def peek(self) -> str:
-        """Return the word that comes next, or nothing at the end."""
+        """Return the next word, or an empty string at the end."""
         return self._words[self._next] if self.left else ""
 
     def skip(self, count: int = 1) -> None:
-        """Pass over words."""
+        """Skip words."""
         self._next += count
 
     def rest_of_line(self) -> str:
-        """Read all words that are left on the line of the next one."""
+        """Read the remaining words on the line of the next word."""
         start, line = self._next, self.line
         while self.left and self._lines[self._next] == line:
             self._next += 1
@@ -85,7 +85,7 @@ class Words:
         return self._words[self._next - 1]
 
     def need(self, count: int, what: str) -> None:
-        """Refuse a file in which fewer words are left, before anything is made for them."""
+        """Refuse a file with fewer remaining words, before memory is allocated for them."""
         if self.left < count:
             self.fail(f"expected {what}, {count} numbers, and the file ends after {self.left}")
 
@@ -112,6 +112,6 @@ class Words:
         return read_only(values).reshape(count, width)
 
     def end(self) -> None:
-        """Refuse words that are left."""
+        """Refuse remaining words."""
         if self.left:
             self.fail(f"expected the end of the file, got {self.peek()[:SHOWN]!r}")

@@ -254,7 +254,7 @@ def test_a_side_that_is_a_point_is_left_out():
     corner = sides[2].ends[0]
     point = Side("tip", homogeneous(np.tile(corner, (4, 1))))
     filling = fill([*sides[:2], point, *sides[2:]])
-    assert filling.remarks[0] == "tip is a point, and left out"
+    assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
 
 

@@ -64,7 +64,7 @@ def test_the_reason_where_there_are_none(patch: Patch, axis: int, value: float, 
 
 def test_a_corner_has_no_curve() -> None:
     triangle = Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
-    with pytest.raises(DomainError, match="u: at 1 the domain has a corner only"):
+    with pytest.raises(DomainError, match="u: at 1 the domain has only a corner"):
         isoparametric_points(triangle, 0, 1.0, 5)
 
 
