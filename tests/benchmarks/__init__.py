@@ -1,15 +1,24 @@
-"""Measurements beside a peer or a floor in the same process; `python -m tests.benchmarks` prints them all.
+"""Measurements beside a peer or a floor in the same run; `python -m tests.benchmarks` prints them all.
 
-A module `bench_*.py` has a function `rows() -> list[Row]`.
+A module `bench_*.py` has a function `rows() -> Iterable[Row]`.
 """
 
 from __future__ import annotations
 
 import gc
+import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+
+import numpy as np
+
+COARSEST = 0.05
+"""Tolerance, as a part of the diagonal, that is coarse enough to see that all still works."""
+
+_scale = 1.0
 
 
 @dataclass(frozen=True)
@@ -21,11 +30,18 @@ class Row:
     what : str
         What is measured, and beside what.
     measured, beside : float
-        Seconds; medians.
+        Seconds; medians. Or numbers, where `unit` says of what.
     ratio : float
         Median of `measured / beside` over the pairs of runs.
     budget : float or None
         What the ratio should not exceed; None where the line is for information.
+    apart : float or None
+        Largest difference between both results, in units of the model; None where they are compared exactly or not at
+        all.
+    unit : str
+        Of `measured` and `beside`: "s", or what is counted.
+    missing : str
+        Why there is no peer to measure; then all numbers are NaN.
     """
 
     what: str
@@ -33,6 +49,41 @@ class Row:
     beside: float
     ratio: float
     budget: float | None = None
+    apart: float | None = None
+    unit: str = "s"
+    missing: str = ""
+
+
+def has_avx512() -> bool:
+    """Whether numpy found AVX-512 in this processor, which makes exponentials several times as fast."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return any(name.startswith(("AVX512", "X86_V4")) for name in found)
+
+
+@contextmanager
+def scaled(scale: float) -> Iterator[None]:
+    """Measure with sizes that are a fraction of what they are named after, and once: to see that all still works."""
+    global _scale
+    before, _scale = _scale, scale
+    try:
+        yield
+    finally:
+        _scale = before
+
+
+def sized(count: int) -> int:
+    """How many points, faces or steps are measured in place of `count`."""
+    return max(4, round(count * _scale))
+
+
+def segments(count: int) -> int:
+    """The same for segments of an edge, of which meshes have the square."""
+    return max(2, round(count * math.sqrt(_scale)))
+
+
+def coarser(tolerance: float) -> float:
+    """The same for a tolerance, as a part of the diagonal, to which the number of triangles is nearly inverse."""
+    return tolerance if _scale == 1 else min(COARSEST, tolerance / _scale)
 
 
 def paired(
@@ -42,22 +93,80 @@ def paired(
     *,
     budget: float | None = None,
     runs: int = 7,
+    share: float = 1.0,
+    allowance: float = 0.0,
+    apart: float | None = None,
 ) -> Row:
-    """Time two functions in turn, `runs` times each after a first time that is not counted."""
+    """Time two functions in turn, `runs` times each after a first time that is not counted.
+
+    Parameters
+    ----------
+    what : str
+    measured, beside : callable
+    budget : float, optional
+    runs : int
+    share : float
+        Part of the work that `beside` does; its times are divided by it.
+    allowance : float
+        Seconds of `measured` that the ratio leaves out.
+    apart : float, optional
+        See `Row`.
+    """
     pairs = []
-    for _ in range(runs + 1):
+    for _ in range(1 + (runs if _scale == 1 else 1)):
         seconds = []
         for run in (measured, beside):
-            gc.collect()
+            if _scale == 1:
+                gc.collect()
             start = time.perf_counter()
             run()
             seconds.append(time.perf_counter() - start)
-        pairs.append((seconds[0], seconds[1]))
+        pairs.append((seconds[0], seconds[1] / share))
     pairs = pairs[1:]
     return Row(
         what,
         statistics.median(first for first, _ in pairs),
         statistics.median(second for _, second in pairs),
-        statistics.median(first / second for first, second in pairs),
+        statistics.median((first - allowance) / second for first, second in pairs),
         budget,
+        apart,
     )
+
+
+def compared(
+    what: str,
+    ours: Callable[[], np.ndarray],
+    peer: Callable[[], Callable[[], np.ndarray]],
+    *,
+    within: float,
+    budget: float | None = None,
+    runs: int = 7,
+    share: float = 1.0,
+) -> Row:
+    """Compare the result with a peer's, and time both; a line that says so where the peer is not installed.
+
+    Parameters
+    ----------
+    what : str
+    ours : callable
+        Returns the points.
+    peer : callable
+        Imports the peer, and returns the function that is timed. Its result is the first `share` of the points.
+    within : float
+        Largest difference with which both do the same.
+    budget, runs, share
+        See `paired`.
+    """
+    try:
+        theirs = peer()
+    except ImportError as error:
+        return missing(what, error)
+    result = theirs()
+    apart = float(np.abs(ours()[: len(result)] - result).max())
+    assert apart <= within, f"{what}: results are {apart:g} apart"
+    return paired(what, ours, theirs, budget=budget, runs=runs, share=share, apart=apart)
+
+
+def missing(what: str, error: ImportError) -> Row:
+    """A line for a peer that could not be imported."""
+    return Row(what, math.nan, math.nan, math.nan, missing=f"not installed: {error.name or error}")

@@ -3,26 +3,46 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-WIDTH = 72
+import numpy as np
+
+from gtb_cli.threads import limit_threads
+from tests.benchmarks import Row, has_avx512
+
+WIDTH = 78
 
 
-def main() -> None:
+def main(names: Sequence[str]) -> None:
     """Print a line for each measurement as it is made; a missed budget is shown, not an error."""
-    names = sys.argv[1:] or sorted(path.stem for path in Path(__file__).parent.glob("bench_*.py"))
-    print(f"{'what, beside what':{WIDTH}} {'ms':>9} {'beside':>9} {'ratio':>7} {'budget':>7}")
-    for name in names:
-        for row in importlib.import_module(f"{__package__}.{name}").rows():
-            budget = "" if row.budget is None else f"{row.budget:.2f}"
-            missed = row.budget is not None and row.ratio > row.budget
-            print(
-                f"{row.what:{WIDTH}} {row.measured * 1e3:9.1f} {row.beside * 1e3:9.1f} {row.ratio:7.3f} {budget:>7}"
-                f"{'  over budget' if missed else ''}",
-                flush=True,
-            )
+    names = names or sorted(path.stem for path in Path(__file__).parent.glob("bench_*.py"))
+    print(f"{os.cpu_count()} processors, {'with' if has_avx512() else 'without'} AVX-512, numpy {np.__version__}")
+    print(f"{'what, beside what':{WIDTH}} {'ms':>9} {'beside':>9} {'ratio':>7} {'budget':>7} {'apart':>7}")
+    # Floors and peers have one thread; what more of them bring is measured in processes of their own.
+    limit_threads(1)
+    try:
+        for name in names:
+            for row in importlib.import_module(f"{__package__}.{name}").rows():
+                print(line(row), flush=True)
+    finally:
+        limit_threads(0)
+
+
+def line(row: Row) -> str:
+    """The columns of one measurement; counts say what they count."""
+    if row.missing:
+        return f"{row.what:{WIDTH}} {row.missing}"
+    factor, unit = (1e3, "") if row.unit == "s" else (1, f"  {row.unit}")
+    digits = 1 if row.unit == "s" else 0
+    budget = "" if row.budget is None else f"{row.budget:.2f}"
+    apart = "" if row.apart is None else f"{row.apart:.0e}"
+    missed = "  over budget" if row.budget is not None and row.ratio > row.budget else ""
+    numbers = f"{row.measured * factor:9.{digits}f} {row.beside * factor:9.{digits}f} {row.ratio:7.3f}"
+    return f"{row.what:{WIDTH}} {numbers} {budget:>7} {apart:>7}{unit}{missed}".rstrip()
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 
 import numpy as np
 import trimesh
@@ -13,19 +14,18 @@ from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import difference
 from gtb_cli.meshes.known import known_exactly
 from gtb_cli.meshes.mesh import Mesh
-from tests.benchmarks import Row, paired
+from tests.benchmarks import Row, paired, segments
 from tests.tiny_meshes import surface
 
-SEGMENTS, OTHER_SEGMENTS = 707, 711
+SEGMENTS, OTHER_SEGMENTS = 707, 710
 """One million triangles, nearly."""
 
 SIZE = "1M faces"
 
 
-def files() -> list[Row]:
+def files() -> Iterator[Row]:
     """Reading each format twice and comparing, beside trimesh and scipy: reading it twice, and nearest vertices."""
-    mesh = surface(SEGMENTS)
-    rows = []
+    mesh = surface(segments(SEGMENTS))
     for kind in ("obj", "ply", "stl", "glb"):
         data = b"".join(encode_mesh(mesh, kind))
 
@@ -37,13 +37,12 @@ def files() -> list[Row]:
             assert cKDTree(a.vertices).query(b.vertices)[0].max() < 1e-9
 
         what = f"diff of two {kind.upper()} files, {SIZE}, beside trimesh and scipy's tree"
-        rows.append(paired(what, ours, theirs, budget=1.0, runs=1))
-    return rows
+        yield paired(what, ours, theirs, budget=1.0, runs=1)
 
 
-def meshes() -> list[Row]:
+def meshes() -> Iterator[Row]:
     """Comparing what was read, beside nearest points for all middles of faces, both ways."""
-    mesh, other = surface(SEGMENTS), surface(OTHER_SEGMENTS)
+    mesh, other = surface(segments(SEGMENTS)), surface(segments(OTHER_SEGMENTS) + 1)
     order = np.random.default_rng(1).permutation(len(mesh.cells))
     shuffled = Mesh(mesh.vertices, mesh.cells[order])
 
@@ -55,11 +54,11 @@ def meshes() -> list[Row]:
         assert difference(known_exactly(mesh), known_exactly(second)).same == same
 
     peer = "beside scipy's tree"
-    return [
-        paired(f"diff, {SIZE} in another order, {peer}", lambda: ours(shuffled, True), nearest_points, runs=1),
-        paired(f"diff, {SIZE} and {SIZE}, {peer}", lambda: ours(other, False), nearest_points, runs=1),
-    ]
+    what = f"diff, {SIZE}"
+    yield paired(f"{what} in another order, {peer}", lambda: ours(shuffled, True), nearest_points, runs=1)
+    yield paired(f"{what} and {SIZE}, {peer}", lambda: ours(other, False), nearest_points, runs=1)
 
 
-def rows() -> list[Row]:
-    return files() + meshes()
+def rows() -> Iterator[Row]:
+    yield from files()
+    yield from meshes()

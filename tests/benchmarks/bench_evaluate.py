@@ -1,28 +1,32 @@
-"""A million points of a patch, beside the exponentials and logarithms they take, and beside scipy."""
+"""A million points of a patch, beside the exponentials and logarithms they take, and beside libraries of splines."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import NdBSpline
 
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.spec.loading import load
-from gtb_cli.tessellation.complex import Sampler, joined_complex
-from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
-from tests.benchmarks import Row, paired
+from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
+from tests.benchmarks.peers import by_geomdl, by_scipy, by_splinepy, by_splipy
 
 SPECS = Path(__file__).parent.parent.parent / "specs"
 POINTS = 1_000_000
+SLOW_POINTS = 2_000
+"""What is enough of a peer in plain Python."""
+
+SAME = 1e-13
+"""Largest difference, in units of a model of size 3, of results that differ by rounding."""
+
+NDBSPLINE = 1 / 3 if has_avx512() else 1 / 1.5
+"""Part of its time that is allowed: it computes no exponentials."""
+
 BLOCK = 8192
 MESH = 632
 """Segments of each edge of a pentagon's mesh of a million vertices."""
-
-EVEN = {"bicubic": 1000, "pentagon": 632, "hexagon": 577, "example-4.4": 632}
-"""Segments of each edge of even meshes of a million vertices."""
 
 NEAR = 1e-9
 """Distance from the edges, as a fraction of the size of Δ, of points where most exponentials underflow."""
@@ -34,7 +38,7 @@ def spec(name: str) -> Patch:
     return patch
 
 
-def scattered(patch: Patch, count: int = POINTS) -> np.ndarray:
+def scattered(patch: Patch, count: int) -> np.ndarray:
     """Random points of Δ: of its triangles around the first corner."""
     random = np.random.default_rng(1)
     corners = patch.domain.vertices
@@ -45,7 +49,7 @@ def scattered(patch: Patch, count: int = POINTS) -> np.ndarray:
     return corners[0] + a * (corners[triangle] - corners[0]) + b * (corners[triangle + 1] - corners[0])
 
 
-def along_edges(patch: Patch, distance: float, count: int = POINTS) -> np.ndarray:
+def along_edges(patch: Patch, distance: float, count: int) -> np.ndarray:
     """Points at a distance from the edges of Δ, as a fraction of its size."""
     random = np.random.default_rng(2)
     corners = patch.domain.vertices
@@ -55,7 +59,7 @@ def along_edges(patch: Patch, distance: float, count: int = POINTS) -> np.ndarra
     return start + random.uniform(0.01, 0.99, (count, 1)) * (end - start) + distance * patch.domain.size * inward
 
 
-def floor(knots: int, edges: int, count: int = POINTS):
+def floor(knots: int, edges: int, count: int) -> Callable[[], None]:
     """The logarithms and exponentials of as many points, in blocks that fit the cache, and nothing else."""
     heights = np.random.default_rng(3).uniform(0.1, 3, (edges, BLOCK))
     exponents = np.random.default_rng(4).uniform(-5, 0, (knots, BLOCK))
@@ -70,96 +74,58 @@ def floor(knots: int, edges: int, count: int = POINTS):
     return run
 
 
-def spline(patch: Patch) -> NdBSpline:
-    """A bicubic patch in homogeneous coordinates, as one span of scipy's tensor product splines."""
-    weights = (patch.weights * patch.coefficients / np.outer([1, 3, 3, 1], [1, 3, 3, 1]).ravel())[:, None]
-    points = np.column_stack([patch.control_points * weights, weights]).reshape(4, 4, 4).transpose(1, 0, 2)
-    ends = np.array([0.0] * 4 + [3.0] * 4)
-    return NdBSpline((ends, ends), np.ascontiguousarray(points), 3)
+def rows() -> Iterator[Row]:
+    yield from scattered_points()
+    yield grid()
+    yield from near_edges()
 
 
-def even(name: str, resolution: int) -> list[Row]:
-    """A million vertices of an even mesh in both parametrisations, and the mesh itself."""
-    patch = spec(name)
-    mosaic = joined_complex((patch,), None, resolution)
+def scattered_points() -> Iterator[Row]:
+    """The rational bicubic, which other libraries can evaluate, too."""
+    patch = spec("bicubic")
+    u = scattered(patch, sized(POINTS))
+    few = u[: sized(SLOW_POINTS)]
 
-    def points(parametrization: Parametrization) -> np.ndarray:
-        sampler = Sampler((patch,), parametrization, False, resolution=resolution)
-        return sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
+    def ours() -> np.ndarray:
+        return patch.evaluate(u)
 
-    return [
-        paired(
-            f"1M vertices of an even mesh, linear beside toric: {name}",
-            lambda: points("linear"),
-            lambda: points("toric"),
-            budget=3.5,
-        ),
-        paired(
-            f"the mesh itself by tessellate, beside these points (2 and 150 ms): {name}",
-            lambda: tessellate(patch, resolution, normals=False),
-            lambda: points("linear"),
-        ),
-    ]
+    what = "1M points of the rational bicubic"
+    yield paired(f"{what}, beside their logs and exps", ours, floor(16, 4, len(u)), budget=3.0)
+    yield compared(f"{what}, beside scipy's NdBSpline", ours, lambda: by_scipy(patch, u), within=SAME, budget=NDBSPLINE)
+    yield compared(f"{what}, beside splinepy", ours, lambda: by_splinepy(patch, u), within=SAME)
+    yield compared(
+        f"{what}, beside geomdl's time for {len(few):,}, scaled",
+        ours,
+        lambda: by_geomdl(patch, few),
+        within=SAME,
+        runs=3,
+        share=len(few) / len(u),
+    )
 
 
-def rows() -> list[Row]:
-    bicubic = spec("bicubic")
-    u = scattered(bicubic)
-    classical = spline(bicubic)
+def grid() -> Row:
+    """The same patch at all pairs of a thousand parameters."""
+    patch, line = spec("bicubic"), np.linspace(0, 3, segments(1000))
+    u = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1)
+    return compared(
+        "1000 × 1000 parameters of the rational bicubic, beside splipy",
+        lambda: patch.evaluate(u),
+        lambda: by_splipy(patch, line),
+        within=SAME,
+        budget=1.5,
+    )
 
-    def by_scipy() -> np.ndarray:
-        points = classical(u)
-        return points[:, :3] / points[:, 3:]
 
-    assert np.abs(by_scipy() - bicubic.evaluate(u)).max() < 1e-13
-
+def near_edges() -> Iterator[Row]:
+    """Where exponentials underflow, beside where they do not."""
     pentagon = spec("pentagon")
-    inside = scattered(pentagon)
-    linear = pentagon.rational_basis.linear()
-
-    def linearly() -> np.ndarray:
-        return pentagon.points_at(linear.locations(inside), len(inside))
-
-    large = Patch(pentagon.knots * 50, pentagon.control_points, pentagon.weights)
-    inside_large, near, on_edges = scattered(large), along_edges(large, NEAR), along_edges(large, 0.0)
-    mesh = triangulation(large.domain, MESH).parameters
-
-    return [
-        paired(
-            "1M points of the rational bicubic, beside their logs and exps",
-            lambda: bicubic.evaluate(u),
-            floor(16, 4),
-            budget=3.0,
-        ),
-        paired(
-            "the same, beside scipy's NdBSpline",
-            lambda: bicubic.evaluate(u),
-            by_scipy,
-            budget=1 / 3,
-        ),
-        paired(
-            "1M vertices of a mesh, knots of size 100, beside scattered points",
-            lambda: large.evaluate(mesh),
-            lambda: large.evaluate(inside_large),
-            budget=1.3,
-        ),
-        paired(
-            "1M points very near to its edges (exponentials underflow), likewise",
-            lambda: large.evaluate(near),
-            lambda: large.evaluate(inside_large),
-            budget=1.3,
-        ),
-        paired(
-            "1M points on its edges, likewise",
-            lambda: large.evaluate(on_edges),
-            lambda: large.evaluate(inside_large),
-        ),
-        paired(
-            "1M points in the linear parametrisation, beside the toric one",
-            linearly,
-            lambda: pentagon.evaluate(inside),
-            budget=12.0,
-            runs=5,
-        ),
-        *(row for name, resolution in EVEN.items() for row in even(name, resolution)),
-    ]
+    patch = Patch(pentagon.knots * 50, pentagon.control_points, pentagon.weights)
+    count = sized(POINTS)
+    inside, near, on_edges = scattered(patch, count), along_edges(patch, NEAR, count), along_edges(patch, 0.0, count)
+    mesh = triangulation(patch.domain, segments(MESH)).parameters
+    for what, u, budget in (
+        ("1M vertices of a mesh, knots of size 100, beside scattered points", mesh, 1.3),
+        ("1M points very near to its edges (exponentials underflow), likewise", near, 1.3),
+        ("1M points on its edges, likewise", on_edges, None),
+    ):
+        yield paired(what, lambda u=u: patch.evaluate(u), lambda: patch.evaluate(inside), budget=budget)  # type: ignore[misc]

@@ -1,24 +1,38 @@
-"""Writing a million vertices and two million triangles, beside trimesh's exporters on the same arrays."""
+"""Writing a million vertices and two million triangles, beside trimesh and VTK on the same arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 
+import numpy as np
 import trimesh
 from trimesh.exchange.obj import export_obj
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
 from gtb_cli.formats.digits import BLOCK_ROWS, decimals
-from gtb_cli.formats.export import encode_mesh
+from gtb_cli.formats.export import encode_mesh, write_mesh
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.meshes.mesh import Mesh
-from tests.benchmarks import Row, paired
+from tests.benchmarks import Row, missing, paired, segments
+from tests.benchmarks.peers import by_vtk
 from tests.tiny_meshes import surface
 
 SEGMENTS = 1000
+SEGMENTS_COMPARED = 30
+
+SIX_DIGITS = 1e-5
+"""Largest difference of coordinates up to 2 of which one file has six digits."""
+
+BINARY: dict[str, Callable[[trimesh.Trimesh], bytes]] = {
+    "ply": lambda mesh: export_ply(mesh, vertex_normal=False),
+    "stl": export_stl,
+}
 
 
-def consume(blocks) -> None:
+def consume(blocks: Iterable[bytes]) -> None:
     """Take all blocks and keep none, as a file does."""
     for _ in blocks:
         pass
@@ -33,41 +47,54 @@ def percent_blocks(mesh: Mesh) -> Iterator[bytes]:
             yield (line * len(block) % tuple(block.ravel().tolist())).encode()
 
 
-def rows() -> list[Row]:
-    mesh = surface(SEGMENTS)
+def as_trimesh(mesh: Mesh) -> trimesh.Trimesh:
+    return trimesh.Trimesh(mesh.vertices, mesh.cells, process=False)
+
+
+def rows() -> Iterator[Row]:
+    mesh = surface(segments(SEGMENTS))
+    yield from text(mesh)
+    for kind, export in BINARY.items():
+        assert b"".join(encode_mesh(mesh, kind)) == export(as_trimesh(mesh))
+        yield paired(
+            f"{kind.upper()}, the same, beside trimesh's exporter",
+            lambda kind=kind: consume(encode_mesh(mesh, kind)),  # type: ignore[misc]
+            lambda export=export: export(as_trimesh(mesh)),  # type: ignore[misc]
+            budget=1.2,
+        )
+
+
+def text(mesh: Mesh) -> Iterator[Row]:
+    """OBJ, which trimesh writes with the same bytes; VTK writes other digits, and a file only."""
     digits = decimals(mesh.vertices)
 
-    def bare() -> trimesh.Trimesh:
-        return trimesh.Trimesh(mesh.vertices, mesh.cells, process=False)
+    def ours() -> None:
+        consume(encode_mesh(mesh, "obj"))
 
-    text = b"".join(encode_mesh(mesh, "obj"))
-    # The budget is for the same bytes.
-    assert text.decode() == export_obj(bare(), include_normals=False, digits=digits, header=None).rstrip("\n") + "\n"
-    assert text == b"".join(percent_blocks(mesh))
-    return [
-        paired(
-            "OBJ, 1M vertices, 2M triangles, beside trimesh's exporter",
-            lambda: consume(encode_mesh(mesh, "obj")),
-            lambda: export_obj(bare(), include_normals=False, digits=digits, header=None),
-            budget=0.15,
-            runs=3,
-        ),
-        paired(
-            "OBJ, the same, beside % on blocks",
-            lambda: consume(encode_mesh(mesh, "obj")),
-            lambda: consume(percent_blocks(mesh)),
-            runs=3,
-        ),
-        paired(
-            "PLY, the same, beside trimesh's exporter",
-            lambda: consume(encode_mesh(mesh, "ply")),
-            lambda: export_ply(bare(), vertex_normal=False),
-            budget=1.2,
-        ),
-        paired(
-            "STL, the same, beside trimesh's exporter",
-            lambda: consume(encode_mesh(mesh, "stl")),
-            lambda: export_stl(bare()),
-            budget=1.2,
-        ),
-    ]
+    def theirs() -> str:
+        return export_obj(as_trimesh(mesh), include_normals=False, digits=digits, header=None)
+
+    data = b"".join(encode_mesh(mesh, "obj"))
+    assert data.decode() == theirs().rstrip("\n") + "\n"
+    assert data == b"".join(percent_blocks(mesh))
+    what = "OBJ, 1M vertices, 2M triangles"
+    yield paired(f"{what}, beside trimesh's exporter", ours, theirs, budget=0.15, runs=3)
+    yield paired(f"{what}, beside % on blocks", ours, lambda: consume(percent_blocks(mesh)), runs=3)
+    yield beside_vtk(f"{what}, to a file, beside VTK's writer", mesh)
+
+
+def beside_vtk(what: str, mesh: Mesh) -> Row:
+    """Both write a file; that they have the same vertices and triangles is seen with a smaller mesh."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, other = Path(folder) / "ours.obj", Path(folder) / "vtk.obj"
+        small = surface(SEGMENTS_COMPARED)
+        try:
+            by_vtk(small, other)()
+        except ImportError as error:
+            return missing(what, error)
+        write_mesh(small, path)
+        a, b = read_mesh(path), read_mesh(other)
+        assert (a.cells == b.cells).all()
+        apart = float(np.abs(a.vertices - b.vertices).max())
+        assert apart < SIX_DIGITS
+        return paired(what, lambda: write_mesh(mesh, path), by_vtk(mesh, other), runs=5, apart=apart)

@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.benchmarks import Row, paired
 
 REPOSITORY = Path(__file__).parent.parent.parent
-RUNS = 31
+RUNS = 21
 
 
 def process(*arguments: object, **variables: str) -> Callable[[], None]:

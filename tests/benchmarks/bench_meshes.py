@@ -1,0 +1,91 @@
+"""Even meshes of a million vertices, beside the evaluation of their points alone, and linear beside toric ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gtb_cli.spec.loading import load
+from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.parametrization import Parametrization
+from gtb_cli.theory.patch import Patch
+from tests.benchmarks import Row, paired, segments, sized
+from tests.benchmarks.bench_evaluate import SPECS, scattered, spec
+
+MILLION = {3: 1413, 4: 999, 5: 632, 6: 577}
+"""Segments of each edge of a polygon with so many corners whose mesh has a million vertices."""
+
+FIXED = 0.15
+"""Seconds that a mesh may take besides its evaluation."""
+
+
+def rows() -> Iterator[Row]:
+    yield from beside_evaluation()
+    yield from beside_toric()
+
+
+def beside_evaluation() -> Iterator[Row]:
+    """Without normals, as `gtb mesh` does it, and with them."""
+    patch = spec("bicubic")
+    n = segments(1000)
+    mosaic = joined_complex((patch,), None, n)
+    for parametrization in ("toric", "linear"):
+        points = evaluation(patch, parametrization, mosaic, n)
+        made = tessellate(patch, n, parametrization=parametrization, normals=False)
+        assert (made.vertices == points()).all()
+        for normals, budget in ((False, 2.0), (True, None)):
+            yield paired(
+                f"{parametrization} mesh -n 1000 of the bicubic {'with normals' if normals else 'less 150 ms'}, "
+                "beside its points alone",
+                lambda kind=parametrization, normals=normals: tessellate(  # type: ignore[misc]
+                    patch, n, parametrization=kind, normals=normals
+                ),
+                points,
+                budget=budget,
+                allowance=0.0 if normals else FIXED,
+                runs=3 if normals else 7,
+            )
+
+
+def evaluation(patch: Patch, kind: Parametrization, mosaic: Complex, resolution: int) -> Callable[[], np.ndarray]:
+    """The points of an even mesh, by a parametrisation that has not learnt anything yet."""
+
+    def run() -> np.ndarray:
+        sampler = Sampler((patch,), kind, False, resolution=resolution)
+        return sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
+
+    return run
+
+
+def beside_toric() -> Iterator[Row]:
+    """What the default parametrisation costs, for knots on a lattice and others."""
+    teapot = load(SPECS / "teapot.toml")
+    assert isinstance(teapot, Model)
+    body = next(patch for patch in teapot.patches if patch.name == "body-upper-1")
+    for what, patch in (
+        ("bicubic, weights not 1", spec("bicubic")),
+        ("teapot's body, weights 1", body),
+        ("pentagon, 8 rational knots", spec("pentagon")),
+        ("hexagon, 19 irrational knots", spec("hexagon")),
+    ):
+        n = segments(MILLION[len(patch.domain.vertices)])
+        mosaic = joined_complex((patch,), None, n)
+        yield paired(
+            f"1M vertices of an even mesh ({what}), linear beside toric",
+            evaluation(patch, "linear", mosaic, n),
+            evaluation(patch, "toric", mosaic, n),
+            budget=3.5,
+            runs=5,
+        )
+    for what, patch in (("pentagon", spec("pentagon")), ("hexagon", spec("hexagon"))):
+        u = scattered(patch, sized(1_000_000))
+        yield paired(
+            f"1M scattered points of the {what}, linear beside toric",
+            lambda patch=patch, u=u: patch.evaluate(u, "linear"),  # type: ignore[misc]
+            lambda patch=patch, u=u: patch.evaluate(u),  # type: ignore[misc]
+            budget=12.0,
+            runs=3,
+        )

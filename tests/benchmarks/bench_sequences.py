@@ -1,0 +1,45 @@
+"""Sequences of meshes with their distances from the limit, beside the meshes alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence, knot_sequence
+from gtb_cli.theory.patch import Patch
+from tests.benchmarks import Row, paired, sized
+from tests.benchmarks.bench_evaluate import spec
+
+BUDGET = 4 / 3
+"""Distances take a quarter of the time."""
+
+STEPS = 20
+
+
+def rows() -> Iterator[Row]:
+    example, other = spec("example-4.4"), spec("example-4.2")
+    sweep = np.geomspace(1, 1e6, sized(STEPS)).tolist()
+    for what, x, runs in (("x = 5, 100, 600", [5.0, 100.0, 600.0], 3), (f"{STEPS} steps from 1 to 1e6", sweep, 1)):
+        yield with_distances(
+            f"Example 4.4 -n 8, {what}",
+            lambda distances, x=x: degeneration_sequence(example, x, resolution=8, distances=distances),  # type: ignore[misc]
+            runs,
+        )
+    yield with_distances("Example 4.2 -n 8, 3 steps of a knot", lambda distances: moving(other, distances), 3)
+
+
+def with_distances(what: str, sequence: Callable[[bool], MeshSequence], runs: int) -> Row:
+    """Time all members of a sequence, made one by one."""
+
+    def consume(distances: bool) -> int:
+        return sum(len(member.mesh.cells) for member in sequence(distances))
+
+    assert consume(True) == consume(False)
+    return paired(
+        f"{what}, distances beside none", lambda: consume(True), lambda: consume(False), budget=BUDGET, runs=runs
+    )
+
+
+def moving(patch: Patch, distances: bool) -> MeshSequence:
+    return knot_sequence(patch, {3: 1}, [0.0, 0.4, 0.8], resolution=8, distances=distances)

@@ -1,0 +1,94 @@
+"""What other libraries make of the same patches and meshes. Each is imported by the function that needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import NdBSpline
+
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.theory.patch import Patch
+
+Evaluation = Callable[[], np.ndarray]
+
+DEGREE = 3
+"""Of bicubic patches, whose knots are the integers from 0 up to it both ways, the first coordinate running first."""
+
+ENDS = [0.0] * (DEGREE + 1) + [float(DEGREE)] * (DEGREE + 1)
+"""Knots of the splines, with one span."""
+
+
+def bezier_weights(patch: Patch) -> np.ndarray:
+    """(16,) weights in the classical Bernstein basis: products with the coefficients, less binomial ones."""
+    binomials = np.array([1, 3, 3, 1])
+    return np.asarray(patch.weights * patch.coefficients / np.outer(binomials, binomials).ravel())
+
+
+def homogeneous(patch: Patch) -> np.ndarray:
+    """(16, 4) control points times weights, and weights."""
+    weights = bezier_weights(patch)[:, None]
+    return np.column_stack([patch.control_points * weights, weights])
+
+
+def by_scipy(patch: Patch, u: np.ndarray) -> Evaluation:
+    """One span of scipy's tensor product splines in homogeneous coordinates, and the quotient."""
+    net = homogeneous(patch).reshape(4, 4, 4).transpose(1, 0, 2)
+    spline = NdBSpline((np.array(ENDS), np.array(ENDS)), np.ascontiguousarray(net), DEGREE)
+
+    def run() -> np.ndarray:
+        points = spline(u)
+        return np.asarray(points[:, :3] / points[:, 3:])
+
+    return run
+
+
+def by_splinepy(patch: Patch, u: np.ndarray) -> Evaluation:
+    """SplineLib's rational Bézier surface, in C++, with one thread; its parameters go from 0 to 1."""
+    from splinepy import RationalBezier
+
+    surface = RationalBezier([DEGREE, DEGREE], patch.control_points, bezier_weights(patch))
+    places = u / DEGREE
+    return lambda: np.asarray(surface.evaluate(places, nthreads=1))
+
+
+def by_geomdl(patch: Patch, u: np.ndarray) -> Evaluation:
+    """A NURBS surface in plain Python."""
+    from geomdl.NURBS import Surface
+
+    surface = Surface()
+    surface.degree_u = surface.degree_v = DEGREE
+    net = homogeneous(patch).reshape(4, 4, 4).transpose(1, 0, 2)
+    surface.set_ctrlpts(net.reshape(-1, 4).tolist(), 4, 4)
+    surface.knotvector_u = surface.knotvector_v = [end / DEGREE for end in ENDS]
+    places = (u / DEGREE).tolist()
+    return lambda: np.array(surface.evaluate_list(places))
+
+
+def by_splipy(patch: Patch, line: np.ndarray) -> Evaluation:
+    """The grid of all pairs of parameters: (m, m, 3) points by products of two tables."""
+    from splipy import BSplineBasis, Surface
+
+    basis = BSplineBasis(DEGREE + 1, ENDS)
+    surface = Surface(basis, basis, homogeneous(patch), rational=True)
+    return lambda: np.asarray(surface(line, line))
+
+
+def by_vtk(mesh: Mesh, path: Path) -> Callable[[], object]:
+    """VTK's writer of OBJ, in C++, on arrays that it has already."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkIOGeometry import vtkOBJWriter
+
+    points, cells, data, writer = vtkPoints(), vtkCellArray(), vtkPolyData(), vtkOBJWriter()
+    points.SetData(numpy_to_vtk(mesh.vertices, deep=True))
+    rows = np.column_stack([np.full(len(mesh.cells), 3), mesh.cells]).astype(np.int64)
+    cells.SetCells(len(rows), numpy_to_vtkIdTypeArray(rows.ravel(), deep=True))
+    data.SetPoints(points)
+    data.SetPolys(cells)
+    writer.SetInputData(data)
+    writer.SetFileName(str(path))
+    # Write does nothing where neither its input nor its options have changed.
+    return lambda: (writer.Modified(), writer.Write())
