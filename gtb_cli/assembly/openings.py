@@ -25,7 +25,7 @@ MOST_COMPARED = 2000
 """Largest number of open edges that are compared with each other."""
 
 MOST_SHOWN = 8
-"""Largest number of numbers of an edge, edges of a ring, or nearly closed seams shown in a message."""
+"""Most numbers of an edge, edges of a ring, or nearly closed seams that a message shows."""
 
 MOST_LIKENED = 200
 """Largest number of pairs of edges tested, in some seconds, for being one curve with different parameters."""
@@ -89,7 +89,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
 
 
 def _meet(one: Curve, other: Curve, tolerance: float) -> bool:
-    """Whether curves have the same ends, either way."""
+    """Whether curves have the same ends, in either direction."""
     return min(float(np.abs(one.ends - ends).max()) for ends in (other.ends, other.ends[::-1])) <= tolerance
 
 

@@ -120,7 +120,7 @@ def read_header(data: bytes) -> tuple[list[Element], str, int]:
 def _note(name: str, known: set[str]) -> None:
     """Refuse a second element, or a second property of an element, with the same name: columns would be mixed up."""
     if name in known:
-        raise GtbError(f"{name} is there twice")
+        raise GtbError(f"{name} occurs twice")
     known.add(name)
 
 

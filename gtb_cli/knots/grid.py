@@ -65,7 +65,7 @@ def _grid(content: bytes) -> Grid | None:
 
 
 def _exponentials(steps: FloatArray, are_equal: bool, t: FloatArray) -> FloatArray:
-    """(p, m) exponentials of ascending steps, the first of which is 0, times (m,) numbers."""
+    """(p, m) exponentials of ascending steps, beginning with 0, times (m,) numbers."""
     if not are_equal:
         return np.asarray(np.exp(np.multiply.outer(steps, t)))
     powers = np.empty((len(steps), len(t)))

@@ -1,1 +1,1 @@
-"""Meshes, and what is done with meshes alone: measures, distances, differences, tubes, solids. Knows no patch."""
+"""Meshes, and operations on them that need no patch: measures, distances, differences, tubes, solids."""

@@ -122,7 +122,7 @@ def surface_distance(
     used = []
     for mesh in (a, b):
         if not len(mesh.cells):
-            raise DomainError("mesh: has no cells, and no distance from them")
+            raise DomainError("mesh: has no cells, so that no distance can be measured")
         used.append(mesh.vertices[are_used(mesh.cells, len(mesh.vertices))])
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
@@ -240,7 +240,7 @@ class _Search:
         return pieces.at(~low)
 
     def bounded(self, pieces: Pieces) -> Pieces:
-        """Bound pieces by cells near their middles, and keep those that need more; the middles are samples, too."""
+        """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""
         if not len(pieces.bounds):
             return pieces
         samples, likely = self.look_at(pieces.middles, pieces.likely)

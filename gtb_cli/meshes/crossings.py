@@ -123,7 +123,7 @@ def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
 
 
 def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) heights of the other triangles' corners over (p,) planes, and the planes' normals; 0 without a plane."""
+    """(p, 3) heights of the other triangles' corners over (p,) planes, and unit normals of these; 0 without a plane."""
     a, b, c = triangle.transpose(1, 0, 2)
     normal = cross(b - a, c - a)
     length = np.sqrt(dot(normal, normal))

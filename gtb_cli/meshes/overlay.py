@@ -159,7 +159,7 @@ def _is_proper(heights: FloatArray, size: FloatArray) -> BoolArray:
 
 
 def _heights(corners: FloatArray, inside: FloatArray, cells: FloatArray) -> FloatArray:
-    """(m, c) how far corners are beyond one plane around the region of (m, 3) points `inside`: the one passed most.
+    """(m, c) heights of corners over one plane around the region of (m, 3) points `inside`: the plane exceeded most.
 
     The region is that of all points to which the same part of a cell is nearest.
     """

@@ -122,7 +122,7 @@ def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None)
 
 def _checked(mesh: Mesh, thickness: float) -> Mesh:
     if mesh.is_curve:
-        raise DomainError("thickness: expected a surface, of which a solid is made; a curve gets a radius")
+        raise DomainError("thickness: expected a surface; a curve takes a radius instead")
     if mesh.normals is None:
         raise DomainError("thickness: the mesh has no normals")
     if not (math.isfinite(thickness) and thickness != 0):

@@ -144,7 +144,7 @@ def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = 
 
 def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
     if not mesh.is_curve:
-        raise DomainError("radius: expected a curve, of which a tube is made; a surface gets a thickness")
+        raise DomainError("radius: expected a curve; a surface takes a thickness instead")
     if not len(mesh.cells):
         raise DomainError("radius: the curve has no segments")
     if not (math.isfinite(radius) and radius > 0):

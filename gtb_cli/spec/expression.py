@@ -68,7 +68,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     Raises
     ------
     SpecError
-        The text is anything else, or a result, also an intermediate one, is not a finite real number.
+        The text is anything else, or a final or intermediate result is not a finite real number.
 
     Notes
     -----

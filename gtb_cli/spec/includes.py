@@ -51,11 +51,11 @@ class Library:
         except (OSError, ValueError) as error:  # a null character, another drive
             raise SpecError(f"{name!r}: {error}") from None
         if os.path.isabs(name) or not inside:
-            raise SpecError(f"{name}: is outside of the spec's folder")
+            raise SpecError(f"{name}: is outside the spec's folder")
         chain = [self._real[reader] for reader in readers]
         if real in chain:
             circle = [*readers[chain.index(real) :], path]
-            raise SpecError(f"{name}: takes in itself: {' -> '.join(map(os.path.basename, circle))}")
+            raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
         if real in self._taken_by:
             raise SpecError(f"{name}: is included already, by {self._taken_by[real]}")
         if len(self._taken_by) == MAX_FILES:

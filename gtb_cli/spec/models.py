@@ -1,4 +1,4 @@
-"""From the plain data of a whole spec to a `Patch` or `Model`: named numbers, included files, patches and copies."""
+"""Reads the plain data of a whole spec as a `Patch` or `Model`: named numbers, included files, patches, copies."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class ModelReader:
                 twice.add(name)
             named[name] = patch
         self._check_names(copies, named, twice)
-        if len(copies) + len(patches) == len(tables):  # else a copy is left out, which others may need
+        if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
             for i, made in carried_out(copies, named, self.values).items():
                 patches[i] = made or []
         return [patch for i in sorted(patches) for patch in patches[i]]

@@ -1,4 +1,4 @@
-"""From the plain data of a patch to a `Patch`, noting every fault on the way."""
+"""Reads the plain data of a patch as a `Patch`, and notes every fault."""
 
 from __future__ import annotations
 

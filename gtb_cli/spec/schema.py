@@ -45,7 +45,7 @@ def schema() -> dict[str, Any]:
                 "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
             },
             "let": {
-                "description": "Numbers with a name, for all expressions; each may use those before it.",
+                "description": "Named numbers, for all expressions; each may use those before it.",
                 "type": "object",
                 "propertyNames": {
                     "pattern": f"^{NAME}$",
@@ -105,7 +105,7 @@ _MODEL = {
             "maxItems": MAX_FILES,
         },
         "weld": {
-            "description": "Edges as near as this are joined: in model units, or as a percentage of the model's size.",
+            "description": "Edges within this distance are joined: model units, or a percentage of the model's size.",
             "anyOf": [
                 {"$ref": "#/$defs/positive"},
                 {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"},
@@ -126,12 +126,12 @@ _MODEL = {
 }
 
 _COPY = {
-    "description": "A patch that is another one, mirrored, scaled, rotated and translated, in this order.",
+    "description": "A copy of another patch, mirrored, scaled, rotated and translated, in this order.",
     "type": "object",
     "properties": {
         "name": {"$ref": "#/$defs/name"},
         "copy": {"description": "Name of the patch that is copied.", "type": "string"},
-        "mirror": {"description": "The coordinate that changes its sign; normals stay outside.", "enum": list(AXES)},
+        "mirror": {"description": "The coordinate that changes sign; normals stay outward.", "enum": list(AXES)},
         "scale": {
             "description": "Factor, or one for each coordinate.",
             "anyOf": [{"$ref": "#/$defs/scale"}, {**_list("scale", 3), "maxItems": 3}],
@@ -141,7 +141,7 @@ _COPY = {
             "properties": {
                 "axis": {"anyOf": [{"enum": list(AXES)}, _vector(3)]},
                 "degrees": {"$ref": "#/$defs/coordinate"},
-                "about": {"description": "The point that stays; default: the origin.", **_vector(2)},
+                "about": {"description": "The fixed point; default: the origin.", **_vector(2)},
             },
             "required": ["axis", "degrees"],
             "additionalProperties": False,

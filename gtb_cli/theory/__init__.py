@@ -1,1 +1,1 @@
-"""The paper, in its order: basis, moment map, parametrisations, patch, limits. Knows no mesh."""
+"""The paper, in its order: basis, moment map, parametrisations, patch, limits. Does not import meshes."""

@@ -286,7 +286,7 @@ def test_what_makes_no_solid_is_refused():
     turned = Mesh(flat.vertices, np.concatenate([flat.cells[:1, ::-1], flat.cells[1:]]), normals=flat.normals)
     point = Patch([[0, 0], [1, 0], [0, 1]], np.ones((3, 3)))
     cases = [
-        (tessellate(load(Path(CURVE)), 4), 1.0, "expected a surface, of which a solid is made; a curve gets a radius"),
+        (tessellate(load(Path(CURVE)), 4), 1.0, "expected a surface; a curve takes a radius instead"),
         (Mesh(flat.vertices, flat.cells), 1.0, "the mesh has no normals"),
         (flat, 0.0, "must be a number other than zero, got 0.0"),
         (flat, math.nan, "got nan"),
@@ -331,7 +331,7 @@ def test_folds_are_warned_of():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((CURVE, "--thickness", 1), "expected a surface, of which a solid is made; a curve gets a radius"),
+        ((CURVE, "--thickness", 1), "expected a surface; a curve takes a radius instead"),
         ((PENTAGON, "--thickness", 0), "'0' is zero"),
         ((PENTAGON, "--thickness", "thick"), "unknown name 'thick'"),
         ((PENTAGON, "--thickness", 1, "-n", 800), "makes 6408000 faces, more than 5000000"),

@@ -488,7 +488,7 @@ def test_the_radius_may_be_an_expression_and_the_bend_is_warned_of():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((PENTAGON, "--radius", 1), "expected a curve, of which a tube is made; a surface gets a thickness"),
+        ((PENTAGON, "--radius", 1), "expected a curve; a surface takes a thickness instead"),
         ((CURVE, "--radius", 0), "'0' is zero"),
         ((CURVE, "--radius", -1), "--radius must be positive, got -1"),
         ((CURVE, "--radius", "wide"), "unknown name 'wide'"),

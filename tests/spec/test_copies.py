@@ -280,9 +280,9 @@ def test_names_of_included_patches_that_clash(tmp_path):
 
 def test_circles_and_repetitions_of_files_are_named(tmp_path):
     path = folder(tmp_path, main='include = ["a.toml"]\n', a='include = ["b.toml"]\n', b='include = ["a.toml"]\n')
-    assert refusal(path) == ["b.toml:1: include[0]: a.toml: takes in itself: a.toml -> b.toml -> a.toml"]
+    assert refusal(path) == ["b.toml:1: include[0]: a.toml: includes itself: a.toml -> b.toml -> a.toml"]
     folder(tmp_path, a='include = ["main.toml"]\n')
-    assert refusal(path)[0].endswith("main.toml: takes in itself: main.toml -> a.toml -> main.toml")
+    assert refusal(path)[0].endswith("main.toml: includes itself: main.toml -> a.toml -> main.toml")
     folder(tmp_path, main='include = ["a.toml", "b.toml"]\n', a='include = ["b.toml"]\n', b=PATCH)
     assert "b.toml: is included already, by a.toml" in refusal(path)[0]
 
@@ -297,7 +297,7 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path):
     (inner / "good.toml").symlink_to(inner / "own.toml")
     for name in ("../secret.toml", str(tmp_path / "secret.toml"), "link.toml", "up/secret.toml", "/dev/zero", "up/.."):
         path = folder(inner, main=f'include = ["{name}"]\n')
-        assert refusal(path)[0].endswith("is outside of the spec's folder"), name
+        assert refusal(path)[0].endswith("is outside the spec's folder"), name
     assert len(load(folder(inner, main='include = ["good.toml"]\n'))) == 1
     os.mkfifo(inner / "pipe.toml")
     for name, message in (("pipe.toml", "is not a file"), (".", "Is a directory|is not a file"), ("a\\u0000b", "null")):
