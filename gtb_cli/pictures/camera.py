@@ -1,4 +1,4 @@
-"""Where the eye is."""
+"""The direction from which a picture is seen."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gtb_cli.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Camera:
-    """Where the eye is, far away: the angle around the z axis from x towards y, and above the xy plane, in degrees.
+    """A distant eye: its angle around the z axis from x towards y, and its angle above the xy plane, in degrees.
 
-    What it sees is longer along the axes by the factors `stretch`.
+    The factors `stretch` lengthen what it sees along the axes.
     """
 
     azimuth: float = -60.0
@@ -23,7 +23,7 @@ class Camera:
 
     @property
     def axes(self) -> FloatArray:
-        """(3, 3): unit vectors to the right, upwards, and towards the eye."""
+        """Return (3, 3) unit vectors to the right, upwards, and towards the eye."""
         a, e = math.radians(self.azimuth), math.radians(self.elevation)
         right = [-math.sin(a), math.cos(a), 0.0]
         up = [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)]

@@ -1,4 +1,4 @@
-"""Colours that print, and that readers who see fewer colours can tell apart."""
+"""Colours that print well and that colour-blind readers can tell apart."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ DASHES = ("-", "--", ":", "-.")
 """Dashes of curves, in turn, once all colours are used."""
 
 PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
-"""Colours of patches and cells, in turn: lighter ones of the same family."""
+"""Colours of patches and cells, in turn: lighter versions of similar colours."""
 
 SURFACE_COLOUR = PATCH_COLOURS[0]
 INK, FAINT, OPEN, NET = "#222222", "#9A9A9A", "#D6001C", "#404A54"
 
 TWO_SIDED = ("PuOr", "RdBu")
-"""Maps with a middle, which stands for 0."""
+"""Colour maps with a middle, which stands for 0."""
 
 TRIMMED_PERCENT = 2.0
 """Percentage of the values at either end that a scale may leave out: curvature is often infinite."""
 
 
 def line_style(index: int) -> tuple[str, str]:
-    """Colour and dashes of the curve with this number."""
+    """Return the colour and dashes of the curve with this number."""
     turn, place = divmod(index, len(LINE_COLOURS))
     return LINE_COLOURS[place], DASHES[turn % len(DASHES)]
 
 
 def patch_colour(index: int) -> str:
-    """Colour of the patch with this number."""
+    """Return the colour of the patch with this number."""
     return PATCH_COLOURS[index % len(PATCH_COLOURS)]
 
 
 def rgb(colour: str) -> FloatArray:
-    """(3,) red, green and blue from 0 to 1 of ``#rrggbb``."""
+    """Return (3,) red, green and blue from 0 to 1 of ``#rrggbb``."""
     return np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
 
 
 def scale_of(values: FloatArray, name: str) -> tuple[float, float]:
-    """Ends of the scale on which numbers are shown: most of them are between, and 0 in the middle of a two-sided one.
+    """Return the ends of a scale that contains most of the numbers; 0 is in the middle of a two-sided scale.
 
-    Numbers that differ by rounding only get a scale around them.
+    If the numbers differ only by rounding, the scale is centred on them.
     """
     low, high = np.percentile(values, [TRIMMED_PERCENT, 100 - TRIMMED_PERCENT]).tolist()
     if name in TWO_SIDED:

@@ -1,4 +1,4 @@
-"""What `gtb plot` draws: a figure for each word of its --what."""
+"""What `gtb plot` draws: a figure for each value of its --what."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike
     what : {"curve", "surface", "basis", "domain", "decomposition"}
     look : Look
     lifting : (n,) float, optional
-        In place of the patch's own, for a decomposition.
+        Lifting for a decomposition, instead of the patch's own.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike
     Raises
     ------
     DomainError
-        What is to be drawn does not fit the shape: a surface of a curve, say.
+        The picture does not fit the shape, such as a surface picture of a curve.
     ExportError
         matplotlib is not installed.
     """
@@ -54,7 +54,7 @@ def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike
 
 
 def axes_for(figure: Figure, shape: Patch | Model, what: str, look: Look) -> Axes:
-    """Axes of a figure that suit a picture: with room for numbers, or all of it."""
+    """Return axes that suit a picture: with room for numbers, or over the whole figure."""
     plane = (what == "curve" and _is_plane(shape)) or what in ("basis", "domain")
     plane |= what == "decomposition" and not (look.lifted and isinstance(shape, Patch) and shape.dimension == 2)
     return with_numbers(figure) if plane else whole(figure)
@@ -115,13 +115,13 @@ def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: st
 
 
 def default_picture(shape: Patch | Model) -> str:
-    """What is drawn where nobody says what: a curve or a surface."""
+    """Return what is drawn by default: a curve or a surface."""
     first = shape.patches[0] if isinstance(shape, Model) else shape
     return "curve" if first.dimension == 1 else "surface"
 
 
 def decomposition_of(patch: Patch, lifting: ArrayLike | None) -> RegularDecomposition:
-    """The regular decomposition under a lifting, or the patch's own."""
+    """Return the regular decomposition under a lifting, or under the patch's own."""
     from gtb_cli.knots.decomposition import regular_decomposition
 
     values = patch.lifting if lifting is None else lifting

@@ -1,4 +1,4 @@
-"""What a picture is to look like, and the figure that it is drawn on."""
+"""How a picture looks, and the figure on which it is drawn."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ SETTINGS = {
     "pdf.fonttype": 42,
     "pdf.compression": 9,
 }
-"""Settings of matplotlib, whatever the user's own: the same figure gives the same bytes. Text stays text in SVG and
-PDF."""
+"""Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in SVG
+and PDF."""
 
 NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
 """Metadata that would change from day to day, or from one version of matplotlib to the next."""
@@ -58,10 +58,10 @@ NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}
 MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
 
 LETTER_WIDTH = 0.62
-"""Of a letter of a title, in sizes of its font, with a little room."""
+"""Width of a letter of a title, as a fraction of the font size, with a little room."""
 
 MAX_NUMBERED_POINTS = 30
-"""Largest number of points that are numbered without being asked."""
+"""Largest number of points that are numbered by default."""
 
 
 @dataclass(frozen=True)
@@ -76,23 +76,23 @@ class Look:
         Pixels per inch.
     camera : Camera
     labels : bool or None
-        Number points and edges; None: where there are not too many.
+        Number points and edges; None: if there are not too many.
     net : bool or None
         Draw control points and the lines between them; None: for a single patch.
     curvature : "gaussian", "mean" or None
-        Colour a surface by it.
+        Curvature that colours a surface.
     colour_map : str or None
-        Of `gtb_cli.vocabulary.COLOUR_MAPS`; None: the one that suits.
+        One of `gtb_cli.vocabulary.COLOUR_MAPS`; None: one that suits.
     isolines : int
-        Lines at constant u, and as many at constant v.
+        Number of lines of constant u, and of constant v.
     indices : tuple of int
-        Basis functions that are drawn; none: all.
+        Basis functions to draw; empty: all.
     unnormalised : bool
-        β_i in place of T_i.
+        Draw β_i instead of T_i.
     lifted : bool
         Draw the lifted knots and their upper hull above the decomposition.
     resolution : int or None
-        Segments of each edge of the mesh that is drawn; None: as many as are smooth to the eye.
+        Segments of each edge of the mesh; None: as many as look smooth.
     """
 
     size: tuple[float, float] = (6.0, 4.5)
@@ -109,20 +109,20 @@ class Look:
     resolution: int | None = None
 
     def numbers(self, count: int) -> bool:
-        """Whether so many points are numbered."""
+        """Tell whether this many points are numbered."""
         return count <= MAX_NUMBERED_POINTS if self.labels is None else self.labels
 
 
 def settings() -> AbstractContextManager[None]:
-    """A `with` block in which matplotlib has the settings of these pictures.
+    """Return a context in which matplotlib has the settings of these pictures.
 
     Raises
     ------
     ExportError
-        It is not installed.
+        matplotlib is not installed.
     """
     collecting = gc.isenabled()
-    gc.disable()  # imports leave little to collect, and searching all that they make takes a tenth of their time
+    gc.disable()  # imports leave little garbage, and searching for it takes a tenth of their time
     try:
         import matplotlib.figure
     except ImportError:
@@ -134,26 +134,26 @@ def settings() -> AbstractContextManager[None]:
 
 
 def empty_figure(look: Look) -> Figure:
-    """A figure of a size, which belongs to no window."""
+    """Return a figure of the given size, without a window."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=look.size, dpi=look.dpi)
 
 
 def whole(figure: Figure) -> Axes:
-    """Axes that fill a figure."""
+    """Return axes that fill a figure."""
     return figure.add_axes((0.0, 0.0, 1.0, 1.0))
 
 
 def with_numbers(figure: Figure) -> Axes:
-    """Axes with room for numbers and names at the left and below."""
+    """Return axes with room for numbers and names at the left and below."""
     width, height = figure.get_size_inches()
     left, below, free = 0.62 / width, 0.47 / height, 0.16
     return figure.add_axes((left, below, max(1 - left - free / width, 0.1), max(1 - below - free / height, 0.1)))
 
 
 def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> list[Axes]:
-    """Axes side by side, as nearly square as they can be, each with a title; room for numbers if `plane`."""
+    """Return axes side by side, as nearly square as possible, each with a title; with room for numbers if `plane`."""
     count = len(titles)
     width, height = figure.get_size_inches()
     columns = min(range(1, count + 1), key=lambda n: _waste(n, count, width / height))
@@ -178,14 +178,14 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
 
 
 def _waste(columns: int, count: int, shape: float) -> float:
-    """How far panels are from square, with a little for places that stay empty."""
+    """Return how far panels are from square, with a small penalty for empty places."""
     rows = -(-count // columns)
     across = shape * rows / columns
     return max(across, 1 / across) + 1.5 * (rows * columns - count) / count
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
-    """Bytes of a figure as "png", "svg" or "pdf": always the same for the same figure, matplotlib and fonts."""
+    """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
     if kind == "png":
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -200,5 +200,5 @@ def encoded(figure: Figure, kind: str) -> bytes:
 
 
 def subscript(symbol: str, index: int) -> str:
-    """A letter with a number below it, in plain characters."""
+    """Return a letter with a subscript number, in plain characters."""
     return symbol + str(index).translate(str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉"))

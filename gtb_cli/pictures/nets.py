@@ -1,4 +1,4 @@
-"""Control nets, boundaries and parameter lines of patches: the lines that go with a surface."""
+"""Control nets, boundaries and parameter lines of patches: the lines drawn with a surface."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
 LINE_SEGMENTS = 96
-"""Segments of a line that is drawn along a surface."""
+"""Segments of a line along a surface."""
 
 SMOOTH, NEAR_ENDS, CLOSEST = 240, 48, 1e-15
-"""Segments of a curve, further points near each end, and how near the first is, as a fraction of Δ: a curve leaves its
-ends like t^h, h the distance of the next knot, which may be small."""
+"""Segments of a curve, further points near each end, and the distance of the first as a fraction of Δ: a curve leaves
+its ends like t^h, where h, the distance of the next knot, may be small."""
 
 
 def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
-    """Pairs of knots between whose control points lines are drawn.
+    """Return the pairs of knots whose control points are joined by a line.
 
     Parameters
     ----------
     patch : Patch
     lifting : (n,) float, optional
-        Default the patch's own; a patch that has none, too, gets the net of the Delaunay triangulation of its knots.
-        This is done in the coordinates in which a triangle is equilateral and a parallelogram a square, so that for
-        the lattices of Bézier triangles and tensor products it is the net that everybody draws.
+        Default: the patch's own. Without either, the net is that of the Delaunay triangulation of the knots, in
+        coordinates in which a triangle is equilateral and a parallelogram is a square, so that the lattices of Bézier
+        triangles and tensor products have their usual nets.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
 
 
 def bowl(domain: Domain) -> FloatArray:
-    """(n,) lifting whose regular decomposition is that of Delaunay."""
+    """Return the (n,) lifting whose regular decomposition is that of Delaunay."""
     centred = (domain.knots - domain.center) / domain.size
     if domain.dimension == 2:
         centred = centred @ _straightening(domain)
@@ -54,7 +54,7 @@ def bowl(domain: Domain) -> FloatArray:
 
 
 def _straightening(domain: Domain) -> FloatArray:
-    """(2, 2) map, from the right, that makes a triangle equilateral and a parallelogram a square; else one of size."""
+    """Return the (2, 2) map, applied from the right, that makes a triangle equilateral and a parallelogram a square."""
     corners = domain.vertices - domain.vertices[0]
     if len(corners) == 3:
         return np.asarray(np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size)
@@ -64,7 +64,7 @@ def _straightening(domain: Domain) -> FloatArray:
 
 
 def boundary_paths(patch: Patch) -> list[FloatArray]:
-    """(m, 3) points along each edge of a surface, in order, evenly spread."""
+    """Return (m, 3) evenly spread points along each edge of a surface, in order."""
     return [
         edge_path(patch, edge)
         for edge in range(len(patch.domain.vertices))
@@ -73,14 +73,14 @@ def boundary_paths(patch: Patch) -> list[FloatArray]:
 
 
 def edge_path(patch: Patch, edge: int) -> FloatArray:
-    """(m, 3) points along an edge, where a mesh has its vertices: spread evenly by the linear parametrisation."""
+    """Return (m, 3) points along an edge, at the vertices of a mesh: evenly spread in the linear parametrisation."""
     curve = patch.boundary(edge)
     low, high = curve.domain.vertices[:, 0].tolist()
     return curve.evaluate(np.linspace(low, high, LINE_SEGMENTS + 1), "linear")
 
 
 def curve_path(curve: Patch) -> FloatArray:
-    """(m, 3) points along a curve: evenly spread in its own parameter, and ever closer towards the ends."""
+    """Return (m, 3) points along a curve: evenly spread in its own parameter, and denser towards the ends."""
     low, high = curve.domain.vertices[:, 0].tolist()
     even, near = np.linspace(0, 1, SMOOTH + 1)[1:-1], np.geomspace(CLOSEST, 1 / SMOOTH, NEAR_ENDS)[:-1]
     share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
@@ -88,7 +88,7 @@ def curve_path(curve: Patch) -> FloatArray:
 
 
 def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
-    """(m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
+    """Return (m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
     corners = patch.domain.vertices
     share = (
         1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1))
@@ -108,7 +108,7 @@ def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
 
 
 def _chord(corners: FloatArray, axis: int, value: float) -> tuple[float, float] | None:
-    """Where the line on which a coordinate is `value` enters and leaves a convex polygon, along the other axis."""
+    """Return where the line of points with this coordinate enters and leaves a convex polygon, along the other axis."""
     met = []
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if (a[axis] - value) * (b[axis] - value) <= 0 and a[axis] != b[axis]:
@@ -117,11 +117,11 @@ def _chord(corners: FloatArray, axis: int, value: float) -> tuple[float, float] 
 
 
 def net_paths(patch: Patch, lifting: ArrayLike | None = None) -> list[FloatArray]:
-    """(2, 3) ends of each line of the control net."""
+    """Return the (2, 3) ends of each line of the control net."""
     return [patch.control_points[[a, b]] for a, b in net_of(patch, lifting)]
 
 
 def is_flat(clouds: Sequence[FloatArray]) -> bool:
-    """Whether all points have the same height, and are drawn from above."""
+    """Tell whether all points have the same height, so that they are drawn from above."""
     heights = np.concatenate([cloud[:, 2] for cloud in clouds])
     return bool(np.ptp(heights) == 0)

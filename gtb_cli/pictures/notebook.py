@@ -23,12 +23,12 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     ----------
     thing : Patch, Model or Mesh
     ax : matplotlib.axes.Axes, optional
-        Where to draw; without it axes of a new figure, ``ax.figure``, which belongs to no window. Axes of a surface get
-        limits and an aspect that suit it, and show no numbers; they are not those of `mpl_toolkits.mplot3d`.
+        Where to draw. Default: axes of a new figure, ``ax.figure``, without a window. Axes of a surface get limits and
+        an aspect that suit it, and show no numbers; they are not axes of `mpl_toolkits.mplot3d`.
     what : {"curve", "surface", "basis", "domain", "decomposition"}, optional
-        By default a curve or a surface. The basis of a surface is several pictures, for which `gtb plot` is.
+        Default: a curve or a surface. The basis of a surface is several pictures, which only `gtb plot` draws.
     **options
-        Those of `gtb_cli.pictures.look.Look`.
+        Attributes of `gtb_cli.pictures.look.Look`.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     Raises
     ------
     DomainError
-        An unknown option, or `what` that does not fit.
+        An option is unknown, or `what` does not fit.
     ExportError
         matplotlib is not installed.
     """
@@ -73,14 +73,14 @@ def _plot_mesh(mesh: Mesh, ax: Axes | None, look: Look) -> Axes:
 
 
 def page(thing: Patch | Model | Mesh) -> str:
-    """HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`."""
+    """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`."""
     from gtb_cli.pictures.page import page_of
 
     return page_of(_sight(thing))
 
 
 def frame(thing: Patch | Model | Mesh) -> str:
-    """HTML of a frame with such a page, for a notebook."""
+    """Return HTML of a frame with such a page, for a notebook."""
     from gtb_cli.pictures.page import frame_of
 
     return frame_of(_sight(thing))

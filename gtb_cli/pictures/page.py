@@ -27,7 +27,7 @@ BOX_DIGITS = 4
 
 
 def page_of(sight: Sight, **more: Any) -> str:
-    """The text of a page that shows something.
+    """Return the text of a page that shows something.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ def page_of(sight: Sight, **more: Any) -> str:
     Returns
     -------
     str
-        HTML, with script and data in it: always the same for the same sight.
+        HTML that contains script and data, always the same for the same sight.
     """
     return page_with({**page_data(sight), **more}, sight.name)
 
 
 def page_with(data: dict[str, Any], title: str) -> str:
-    """The text of a page with this data."""
+    """Return the text of a page with this data."""
     folder = files("gtb_cli.pictures")
     page = folder.joinpath("page.html").read_text(encoding="utf-8")
     script = folder.joinpath("page.js").read_text(encoding="utf-8")
@@ -58,12 +58,12 @@ def page_with(data: dict[str, Any], title: str) -> str:
 
 
 def frame_of(sight: Sight, height: int = 420) -> str:
-    """HTML of a frame within another page, such as a notebook, that shows something."""
+    """Return HTML of a frame that shows something within another page, such as a notebook."""
     return FRAME.format(page=html.escape(page_of(sight), quote=True), height=height)
 
 
 def page_data(sight: Sight) -> dict[str, Any]:
-    """What the script of a page reads: coordinates between -1/2 and 1/2, in single precision, as base 64.
+    """Return the data for the script of a page: coordinates between -1/2 and 1/2, in single precision, as base 64.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def page_data(sight: Sight) -> dict[str, Any]:
 
 
 def _ends(clouds: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Least and largest coordinates of points."""
+    """Return the smallest and largest coordinates of points."""
     return np.min([cloud.min(axis=0) for cloud in clouds], axis=0), np.max(
         [cloud.max(axis=0) for cloud in clouds], axis=0
     )
@@ -133,7 +133,7 @@ def _facts(sight: Sight) -> str:
 
 
 def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:
-    """Texts at the ends of the three axes, and at the corner where they start."""
+    """Return the texts at the ends of the three axes, and at the corner where they start."""
     step = 10.0 ** (math.floor(math.log10(size)) - BOX_DIGITS + 1)
 
     def text(value: float) -> str:

@@ -28,7 +28,7 @@ LABEL_WIDTH = 0.13
 """Width of a label of a curve's knot, as a fraction of Δ: one that is nearer to the last stands in another row."""
 
 HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-"""Behind a label, so that lines do not run through it."""
+"""Box behind a label, so that lines do not run through it."""
 
 
 def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
@@ -65,7 +65,7 @@ def draw_polygon(ax: Axes, curve: Patch) -> None:
 
 
 def level(ax: Axes, places: FloatArray) -> None:
-    """Give axes of a plane picture one scale both ways, and room around the points."""
+    """Give axes of a plane picture the same scale in both directions, and room around the points."""
     low, high = places.min(axis=0), places.max(axis=0)
     spans = np.maximum(high - low, 0.02 * float((high - low).max()) or 1.0)
     spans += 0.18 * spans.max()
@@ -80,12 +80,12 @@ def level(ax: Axes, places: FloatArray) -> None:
 
 
 def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
-    """(m, n): T_i, or β_i, at parameters."""
+    """Return (m, n) values of T_i, or β_i, at parameters."""
     return gt_bernstein(patch.domain, patch.coefficients, u) if unnormalised else patch.basis(u)
 
 
 def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
-    """Draw basis functions of curves over t; several curves are variants of one, named one by one."""
+    """Draw basis functions of curves over t; several curves are variants of one curve, each with a name."""
     indices = look.indices or range(len(curves[0].knots))
     for index in indices:
         if not 0 <= index < len(curves[0].knots):
@@ -246,7 +246,7 @@ def draw_knots(ax: Axes, places: FloatArray, absent: Sequence[int] = ()) -> None
 
 
 def draw_decomposition(ax: Axes, found: RegularDecomposition, look: Look) -> None:
-    """Draw the cells of a decomposition filled, knots in none hollow, and λ at the knots."""
+    """Draw the cells of a decomposition filled, knots outside all cells hollow, and λ at the knots."""
     numbered = look.numbers(len(found.knots))
     if found.dimension == 1:
         _draw_lifted_line(ax, found, numbered)
@@ -296,7 +296,7 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
 
 
 def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
-    """Write labels beside points in the plane, on the side away from the middle of all."""
+    """Write labels beside points in the plane, on the side away from their common middle."""
     middle = places.mean(axis=0) if len(places) else np.zeros(2)
     for place, text in zip(places, labels, strict=False):
         direction = place - middle

@@ -1,6 +1,6 @@
 """PNG files of pixels.
 
-Written here: Pillow imports all its formats before it writes one, which takes longer than a figure of a curve.
+They are written here because Pillow imports all its formats first, which takes longer than a figure of a curve.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 COMPRESSION_LEVEL = 6
-"""Level of zlib; 9 takes twice as long to save hundredths of the bytes."""
+"""Level of zlib; level 9 takes twice as long and saves only hundredths of the bytes."""
 
 NONE, SUB, UP = range(3)
 """Filters: pixels as they are, less their left neighbours, less those above."""
 
 
 def png(pixels: NDArray[Any]) -> bytes:
-    """The PNG file of (height, width, 3) red, green and blue from 0 to 255, row by row from the top.
+    """Return the PNG file of (height, width, 3) red, green and blue from 0 to 255, row by row from the top.
 
-    The filter is the one with the smaller file: none, which suits drawings, or neighbours' differences, for shading.
+    The filter is the one with the smaller file: none, which suits drawings, or differences, which suit shading.
     """
     rows = np.ascontiguousarray(pixels, dtype=np.uint8)
     height, width, _ = rows.shape

@@ -1,4 +1,4 @@
-"""Triangles to pixels: which triangle is nearest at each pixel, and where in it the pixel lies."""
+"""Triangles to pixels: the nearest triangle at each pixel, and the position of the pixel in it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 
 PIXEL_BATCH = 1 << 21
-"""Number of pixels, of the bounding boxes of triangles, that are tested together."""
+"""Number of pixels in bounding boxes of triangles that are tested together."""
 
 NO_TRIANGLE = -1
 """Index at pixels that no triangle covers."""
@@ -18,7 +18,7 @@ NO_TRIANGLE = -1
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """What is seen of triangles.
+    """The visible parts of triangles.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Raster:
 
     @cached_property
     def farthest_around(self) -> FloatArray:
-        """(height, width) least nearness of each pixel and its neighbours: what is before a line is before all."""
+        """Return (height, width) least nearness of each pixel and its neighbours: a line is hidden if it is behind it."""
         found = self.nearness.copy()
         for axis in (0, 1):
             found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))

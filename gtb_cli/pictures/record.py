@@ -1,4 +1,4 @@
-"""What `gtb degenerate` and `gtb knot-limit` wrote into a folder, read again."""
+"""Reader of the folders that `gtb degenerate` and `gtb knot-limit` write."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_frames(path: str) -> Frames:
     Raises
     ------
     SpecError
-        There is none, or it is not right; it names files in its own folder only.
+        The record does not exist or is not valid; it may only name files in its own folder.
     GtbError
         A mesh cannot be read.
     """

@@ -36,7 +36,7 @@ class Frames:
     Attributes
     ----------
     key : str
-        What tells them apart: "x" or "step".
+        The parameter that differs: "x" or "step".
     values : tuple of float
     meshes : tuple of Mesh
     distances : tuple of float
@@ -48,7 +48,7 @@ class Frames:
     net : tuple of (int, int)
         Pairs of them between which lines are drawn.
     film : Mesh or None
-        What the limit has beside its last mesh.
+        The part of the limit that its last mesh lacks.
     """
 
     key: str
@@ -62,7 +62,7 @@ class Frames:
 
     @property
     def titles(self) -> list[str]:
-        """What is written above each panel."""
+        """The title of each panel."""
         return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
 
 
@@ -129,7 +129,7 @@ def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool
 
 
 def _with_film(surface: Surface, film: Mesh) -> Surface:
-    """A surface and its film, in another colour."""
+    """Return a surface with its film, in another colour."""
     film = with_normals(film)
     normals = film.normals if film.normals is not None and surface.normals is not None else None
     return Surface(
@@ -141,7 +141,7 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
 
 
 def with_normals(mesh: Mesh) -> Mesh:
-    """A mesh that has normals: those of a file, which has none here, are the means of the faces'."""
+    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals."""
     if mesh.normals is not None or mesh.is_curve:
         return mesh
     from dataclasses import replace

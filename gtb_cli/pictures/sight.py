@@ -30,7 +30,7 @@ NO_POINTS = np.empty((0, 3))
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One state of what moves: positions, normals (none of curves) and control points."""
+    """One state of a moving shape: positions, normals (none for curves) and control points."""
 
     label: str
     vertices: FloatArray
@@ -46,7 +46,7 @@ class Sight:
     ----------
     name : str
     moments : tuple of Moment
-        One, or those of a sequence.
+        One moment, or the moments of a sequence.
     cells : (k, 3) or (k, 2) int
     groups : tuple of (name, start, stop)
         Ranges of `cells` with names of their own.
@@ -130,7 +130,7 @@ def sight_of(shape: Patch | Model, resolution: int | None = None, name: str | No
 
 
 def sight_of_mesh(mesh: Mesh, name: str) -> Sight:
-    """See a mesh; where it has no normals, the means of the triangles'."""
+    """See a mesh; if it has no normals, with the means of the triangles' normals."""
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
     border, free, folds = (NO_PAIRS,) * 3 if mesh.is_curve else sides(mesh, groups)
     moment = Moment("", mesh.vertices, _normals(with_normals(mesh)), NO_POINTS)
@@ -201,7 +201,7 @@ def joined(sights: Sequence[Sight]) -> Sight:
 
 
 def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> tuple[IntArray, IntArray, IntArray]:
-    """Sides of triangles between groups, those that are open, and folds within a group; each once."""
+    """Return the sides of triangles between groups, open sides, and folds within a group, each once."""
     group = np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
     pairs = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     owner = np.repeat(np.arange(len(mesh.faces)), 3)

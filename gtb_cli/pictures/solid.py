@@ -71,7 +71,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
 
 
 def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
-    """A mesh with a colour for each patch."""
+    """Return the surface of a mesh, with a colour for each patch."""
     colours = plain(len(mesh.cells))
     if patches > 1:
         for index, (_, start, stop) in enumerate(mesh.groups):
@@ -80,7 +80,7 @@ def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
 
 
 def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Paths along edges that patches share, and along those that are open: of a single patch all."""
+    """Return paths along edges that patches share, and along open edges, which are all edges of a single patch."""
     if isinstance(shape, Patch):
         return [], boundary_paths(shape)
     joints = shape.joints
@@ -99,7 +99,7 @@ def draw_net(ax: Axes, scene: Scene, raster: Raster | None, patches: Sequence[Pa
 
 
 def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, look: Look) -> Surface:
-    """A surface coloured by its curvature; the scale is drawn beside it."""
+    """Return a surface coloured by its curvature, and draw the scale beside it."""
     name = f"{look.curvature}_curvature"
     values = with_attributes(shape, mesh, [name], "linear")[0].attributes[name]
     colour_map = look.colour_map or "PuOr"
