@@ -55,6 +55,7 @@ class MeshOptions:
             "radius": recipe.radius,
             "thickness": recipe.thickness,
             "attributes": list(recipe.attributes),
+            **({"certify": True} if recipe.certify else {}),
             **({} if recipe.weld is None else {"weld": recipe.weld}),
         }
 

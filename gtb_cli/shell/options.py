@@ -244,6 +244,11 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         metavar="T",
         help="Instead of -n: the largest distance between mesh and surface, in model units or such as 1% of the size.",
     )
+    @click.option(
+        "--certify",
+        is_flag=True,
+        help="Make --tolerance certain for surfaces, too, everywhere and not at samples only, or refuse. Takes longer.",
+    )
     @parametrization_option
     @threads_option
     @click.option(
@@ -298,6 +303,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
         *args: Any,
         resolution: int | None,
         tolerance: float | str | None,
+        certify: bool,
         parametrization: Parametrization,
         format: str | None,
         normals: bool,
@@ -314,6 +320,10 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
     ) -> object:
         if resolution is not None and tolerance is not None:
             raise click.UsageError("-n and --tolerance exclude each other")
+        if certify and (tolerance is None or radius is not None or thickness is not None):
+            raise click.UsageError(
+                "--certify: makes --tolerance certain, of a surface or curve and not a tube or solid"
+            )
         if radius is not None and thickness is not None:
             raise click.UsageError("--radius is for curves and --thickness is for surfaces: they exclude each other")
         if radius is not None and radius < 0:
@@ -331,6 +341,7 @@ def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
             require,
             max_faces,
             weld,
+            certify,
         )
         return function(*args, options=MeshOptions(recipe, format, uv, ascii, up), **values)
 

@@ -149,6 +149,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
             "toric parameters would run together"
         )
     for name, given in (
+        ("certify", options.recipe.certify),
         ("radius", options.recipe.radius is not None),
         ("thickness", options.recipe.thickness is not None),
         ("attribute", bool(options.recipe.attributes)),

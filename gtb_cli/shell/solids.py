@@ -58,6 +58,7 @@ def write_surfaces(
         "--normals": recipe.normals,
         "--uv": options.uv,
         "--ascii": options.ascii,
+        "--certify": recipe.certify,
         "--radius": recipe.radius,
         "--thickness": recipe.thickness,
         "--attribute": recipe.attributes,

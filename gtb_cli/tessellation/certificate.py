@@ -14,9 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
+from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
+from gtb_cli.tessellation.surface_certificate import SurfaceCertificate
 from gtb_cli.theory.basis import UNDERFLOW, block_length
 from gtb_cli.theory.patch import Patch
 
@@ -26,12 +28,15 @@ SPENT = 0.02
 HALVINGS = 200
 """Rounds after which pieces are given up; each but a few halves all that are left."""
 
+ROUNDS = 40
+"""Times that triangles are certified, and split where they are not, before it is given up."""
+
 COMPARED = 8
 """Arrays as large as T that are alive at once."""
 
 
 class Certificates:
-    """Certificates of the segments of a subdivision of curves.
+    """Certificates of the cells of a subdivision.
 
     Parameters
     ----------
@@ -41,11 +46,15 @@ class Certificates:
     def __init__(self, sampler: Sampler) -> None:
         self.sampler = sampler
         self.growth = Growth()
+        self.rounds = 0
         self.torus = np.empty(0)  # of the vertices
         self.curves: dict[int, CurveCertificate] = {}
+        self.surfaces: dict[int, SurfaceCertificate] = {}
 
     def failing(self, mesh: Subdivision, rows: IntArray, tolerance: float) -> IntArray:
-        """Segments, of some, that are not certain to be within the tolerance of their curves."""
+        """Cells, of some, that are not certain to be within the tolerance of their curves or surfaces."""
+        if mesh.is_surface:
+            return self._failing_triangles(mesh, rows, tolerance)
         new = np.arange(len(self.torus), len(mesh.points))
         s = _torus_coordinates(self.sampler, mesh.patch[new], mesh.parameters[new], mesh.face[new])
         self.torus = self.growth.append("torus", self.torus, s)
@@ -64,6 +73,22 @@ class Certificates:
                 ends.append(s)
             result.append(own[self.curves[index].failing(ends, mesh.corners(own), tolerance)])
         return np.concatenate(result)
+
+    def _failing_triangles(self, mesh: Subdivision, rows: IntArray, tolerance: float) -> IntArray:
+        fails = np.zeros(len(rows), dtype=bool)
+        points = np.stack(mesh.corners(rows), axis=1)
+        for index, own in groups(mesh.cells.patch[rows]):
+            if index not in self.surfaces:
+                self.surfaces[index] = SurfaceCertificate(self.sampler.evaluated[index])
+            fails[own] = self.surfaces[index].failing(mesh.cells.corners[rows[own]], points[own], tolerance)
+        self.rounds += 1
+        if self.rounds > ROUNDS and fails.any():
+            place = ", ".join(f"{x:.4g}" for x in points[fails.argmax()].mean(axis=0))
+            raise ToleranceError(
+                f"tolerance: {tolerance:g} cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near "
+                f"({place})"
+            )
+        return rows[fails]
 
 
 def _torus_coordinates(sampler: Sampler, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
@@ -59,6 +60,8 @@ class Recipe:
         More are refused before they are made.
     weld : float, str or None
         In place of the model's own: edges as near as this are one, in model units or as ``"0.01%"`` of the size.
+    certify : bool
+        Whether the tolerance is certain for a surface, too, and not only seen at samples.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class Recipe:
     require: tuple[str, ...] = ()
     max_faces: int = MAX_FACES
     weld: float | str | None = None
+    certify: bool = False
 
     def __post_init__(self) -> None:
         _check_numbers(self)
@@ -83,6 +87,8 @@ class Recipe:
             raise DomainError("resolution: excludes a tolerance, give one of them")
         if self.tolerance is not None and self.parametrization == "toric":
             raise DomainError("--tolerance chooses the parameters itself: leave out --parametrization toric")
+        if self.certify and (self.tolerance is None or self.radius is not None or self.thickness is not None):
+            raise DomainError("certify: needs a tolerance, of a surface or curve itself and not of a tube or solid")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: makes a tube of a curve, and thickness a solid of a surface, not both")
         require = self.require
@@ -116,7 +122,8 @@ class Recipe:
         around = self._faces_around(tolerance)
         try:
             cells = self.max_faces // around
-            mesh = tessellate(spec, self.resolution, tolerance, self.parametrization, normals=normals, max_faces=cells)
+            make = partial(tessellate, normals=normals, max_faces=cells, certify=self.certify)
+            mesh = make(spec, self.resolution, tolerance, self.parametrization)
         except ToleranceError as error:
             if around == 1:
                 raise
@@ -231,7 +238,7 @@ class Recipe:
         return percentage(self.tolerance) / 100 * diagonal
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """How sure it is that the tolerance holds: certified for curves, sampled for surfaces; None without one.
+        """How sure it is that the tolerance holds: certified for curves, or where asked for; None without one.
 
         The middle line of a tube is certified, its surface is not.
         """
@@ -240,7 +247,8 @@ class Recipe:
         if self.tolerance is None:
             return None
         patches = spec.patches if isinstance(spec, Model) else (spec,)
-        return "certified" if patches[0].dimension == 1 and self.radius is None else "sampled"
+        certain = self.certify or (patches[0].dimension == 1 and self.radius is None)
+        return "certified" if certain else "sampled"
 
     def leaves_open(self, spec: Patch | Model) -> bool:
         """Whether the mesh is that of a surface with a boundary."""

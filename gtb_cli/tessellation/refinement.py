@@ -3,7 +3,7 @@
 Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
 more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
 hold, segments of curves are certified; every triangle that was not sampled yet is sampled densely, and those that fail
-have their worst edge split.
+have their worst edge split. Where triangles are to be certified, too, that comes last.
 """
 
 from __future__ import annotations
@@ -69,7 +69,13 @@ SETTLED = 1 / 16
 
 
 def refine(
-    start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int = POINTS_IN_ALL
+    start: Complex,
+    sampler: Sampler,
+    tolerance: float,
+    max_cells: int,
+    points_in_all: int = POINTS_IN_ALL,
+    *,
+    certify: bool = False,
 ) -> tuple[Complex, FloatArray]:
     """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
 
@@ -85,6 +91,8 @@ def refine(
     max_cells : int
     points_in_all : int
         Where cells are few, they are sampled at about so many points together.
+    certify : bool
+        Every point of a surface, too; flat ones are refined like others.
 
     Returns
     -------
@@ -95,7 +103,8 @@ def refine(
     Raises
     ------
     ToleranceError
-        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached. Or
+        triangles cannot be certified.
 
     Notes
     -----
@@ -103,7 +112,7 @@ def refine(
     in the middle of each; where these are not as a quadratic surface would have them, on a lattice of `FINE_LATTICE`
     steps; and at knots and between them. `MARGIN` is for what happens between samples.
     """
-    work = _Refinement(start, sampler, tolerance, max_cells, points_in_all)
+    work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
     while (marked := work.marks()).any():
         work.advance(marked)
     return work.mesh.result(), work.mesh.points
@@ -112,7 +121,9 @@ def refine(
 class _Refinement:
     """A subdivision with what is known of its edges and cells."""
 
-    def __init__(self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int) -> None:
+    def __init__(
+        self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int, certify: bool
+    ) -> None:
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
         self.tolerance = MARGIN * tolerance if start.cells.shape[1] == 3 else tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
@@ -127,11 +138,13 @@ class _Refinement:
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
-        self.flat = np.array([patch.dimension == 2 and is_flat(patch, tolerance) for patch in sampler.evaluated])
+        surface = len(start.cells[0]) == 3 and not certify
+        self.flat = np.array([surface and is_flat(patch, tolerance) for patch in sampler.evaluated])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby, self.estimated, self.tried = 0.0, 0, False
         self.certificates = Certificates(sampler)
         self.verified = np.zeros(len(start.cells), dtype=bool)
+        self.certify, self.certified = certify, np.full(len(start.cells), not certify)
         # For each edge its curve's middle, how far this is from it, the farthest sample (0 where the edge is split
         # and gone), and how far samples are from a parabola's.
         self.middle = np.empty((0, 3))
@@ -168,8 +181,10 @@ class _Refinement:
         before = len(self.mesh)
         changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0))
         self.error[chosen] = 0.0
-        self.verified[changed[changed < before]] = False
         unknown = np.zeros(len(self.mesh) - before, dtype=bool)
+        self.certified[changed[changed < before]] = not self.certify
+        self.certified = self.growth.append("certified", self.certified, unknown | (not self.certify))
+        self.verified[changed[changed < before]] = False
         self.verified = self.growth.append("verified", self.verified, unknown)
         self.bulging = self.growth.append("bulging", self.bulging, unknown)
         self.measure()
@@ -216,7 +231,10 @@ class _Refinement:
             marked = self.error > self.tolerance
             self.mark_worst(marked, np.flatnonzero(self.bulging))
             todo = np.flatnonzero(~self.verified)
-            if marked.any() or not len(todo):
+            if marked.any():
+                return marked
+            if not len(todo):
+                self.mark_uncertified(marked)
                 return marked
             if not self.mesh.is_surface:
                 self.verified[todo] = True
@@ -235,6 +253,14 @@ class _Refinement:
                 marked = self.flat_marks(flat)
             if marked.any():
                 return marked
+
+    def mark_uncertified(self, marked: BoolArray) -> None:
+        """Mark the worst edge of triangles that are to be certified and are not."""
+        todo = np.flatnonzero(~self.certified)
+        failing = self.certificates.failing(self.mesh, todo, self.asked) if len(todo) else todo
+        self.certified[todo] = True
+        self.certified[failing] = False
+        self.mark_worst(marked, failing)
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""

@@ -37,6 +37,7 @@ def tessellate(
     normals: bool = True,
     max_faces: int = MAX_FACES,
     joints: Joints | None = None,
+    certify: bool = False,
 ) -> Mesh:
     """Mesh a patch or a model.
 
@@ -57,6 +58,8 @@ def tessellate(
         More cells than this are refused before they are made.
     joints : Joints, optional
         What `find_joints` says of a model's patches, where it is known.
+    certify : bool
+        Whether a tolerance is certain for a surface, too.
 
     Returns
     -------
@@ -92,7 +95,9 @@ def tessellate(
         moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
         if moved > tolerance:
             raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
-        mosaic, points = refined(patches, joints, sampler, float(tolerance), max_faces)
+        # Welding moves the vertices of a certified mesh, too.
+        certain = float(tolerance) - (moved if certify else 0.0)
+        mosaic, points = refined(patches, joints, sampler, certain, max_faces, certify)
     if joints is not None and any(joint.distance for joint in joints.shared):
         from gtb_cli.tessellation.welded import welded_points
 
@@ -107,7 +112,12 @@ def refuse_too_many(cells: int, max_faces: int) -> None:
 
 
 def refined(
-    patches: Sequence[Patch], joints: Joints | None, sampler: Sampler, tolerance: float, max_faces: int
+    patches: Sequence[Patch],
+    joints: Joints | None,
+    sampler: Sampler,
+    tolerance: float,
+    max_faces: int,
+    certify: bool = False,
 ) -> tuple[Complex, FloatArray]:
     """The coarsest complex that serves, refined until it holds a tolerance, and the points of its vertices."""
     from gtb_cli.tessellation.refinement import refine
@@ -116,7 +126,7 @@ def refined(
         start = joined_complex(patches, joints, coarsest)
         if not start.is_simplicial and coarsest < COARSEST[-1]:
             continue
-        mosaic, points = refine(start, sampler, tolerance, max_faces)
+        mosaic, points = refine(start, sampler, tolerance, max_faces, certify=certify)
         if mosaic.is_whole:
             break
     return mosaic, points

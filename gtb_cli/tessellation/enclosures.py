@@ -1,0 +1,298 @@
+"""What encloses the rational basis of a surface on a triangle of torus coordinates, and which triangles hold a place.
+
+In torus coordinates T_i is exp<a_i, s> up to a common factor, a convex function: over a triangle it is below the affine
+function through its corners and above its tangent plane. Towards an edge of Δ one coordinate goes to infinity; there
+z = exp(δ ρ) takes the place of ρ, across the edge, and the edge itself is z = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.theory.basis import UNDERFLOW
+from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.patch import Patch
+
+OVERFLOW = 600.0
+"""Exponents are cut off there: what they belong to is too large to bound anything, and is cut in pieces."""
+
+ROUNDINGS = 64
+"""Roundings by which a side of a triangle may be inside the line that it is beyond."""
+
+PUSH = 0.02
+"""Part of a triangle's height by which its sides are pushed outwards to begin with."""
+
+FARTHEST = 0.5
+"""The same, from which it is cut in pieces: too far from straight."""
+
+PUSHES = 10
+
+
+class Bounds(NamedTuple):
+    """(c, n, m) bounds of T_i, times a common factor, by Bernstein coefficients over triangles or segments.
+
+    Those of affine functions (c corners), or of quadratic ones (the middles between corners, too); and the (m,) largest
+    exponent that was taken: T_i may be off by as many roundings.
+    """
+
+    upper: FloatArray
+    lower: FloatArray
+    exponent: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Triangles, by (m, 3, 2) corners, in the coordinates of a chart.
+
+    Their (m, 2) `origin` has the torus coordinates that 0, or z = 1, stands for; (m,) `layer` is δ.
+    """
+
+    corners: FloatArray
+    origin: FloatArray
+    layer: FloatArray
+
+    def __getitem__(self, rows: IntArray | BoolArray | slice) -> Pieces:
+        return Pieces(self.corners[rows], self.origin[rows], self.layer[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """Coordinates inside Δ, or along an edge and across it.
+
+    Parameters
+    ----------
+    knots : (n, 2) float
+        In Cartesian coordinates; of an edge, along it and over it, with an exact 0 on it.
+    log_weights : (n,) float
+        log(c_i ω_i).
+    is_edge : bool
+    """
+
+    knots: FloatArray
+    log_weights: FloatArray
+    is_edge: bool
+
+    def pieces(self, s: FloatArray) -> Pieces:
+        """Triangles with (m, 3, 2) torus coordinates of their corners, the second one −inf on the edge."""
+        origin = s.mean(axis=1)
+        layer = np.ones(len(s))
+        if not self.is_edge:
+            return Pieces(s - origin[:, None], origin, layer)
+        origin[:, 1] = s[:, :, 1].max(axis=1)
+        # In the layer that moves μ most, z is nearly proportional to the distance from the edge.
+        logs = self.knots @ origin.T + self.log_weights[:, None]
+        pull = np.exp(np.maximum(logs - logs.max(axis=0), UNDERFLOW)) * self.knots[:, 1:]
+        layer = self.knots[pull.argmax(axis=0), 1]
+        corners = np.empty_like(s)
+        corners[:, :, 0] = s[:, :, 0] - origin[:, :1]
+        corners[:, :, 1] = np.exp(layer[:, None] * (s[:, :, 1] - origin[:, 1:]))
+        return Pieces(corners, origin, layer)
+
+    def bounds(self, pieces: Pieces) -> Bounds:
+        """Enclose T over triangles, or over segments with (m, 2, 2) corners."""
+        return self._across(pieces) if self.is_edge else self._inside(pieces)
+
+    def _shares(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, m) T at (m, 2) torus coordinates, and the largest exponent of each."""
+        e = self.knots @ s.T + self.log_weights[:, None]
+        size = np.abs(e).max(axis=0)
+        e -= e.max(axis=0)
+        t = np.exp(np.maximum(e, UNDERFLOW))
+        return t / t.sum(axis=0), size
+
+    def _inside(self, pieces: Pieces) -> Bounds:
+        middle = pieces.corners.mean(axis=1)
+        t, size = self._shares(pieces.origin + middle)
+        mean = t.T @ self.knots
+        steps = pieces.corners - middle[:, None]
+        slopes = np.stack([self.knots @ step.T - np.einsum("md,md->m", mean, step) for step in steps.swapaxes(0, 1)])
+        return Bounds(t * np.exp(np.minimum(slopes, OVERFLOW)), t * (1 + slopes), size)
+
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of segments on the edge, which nobody asks for
+    def _across(self, pieces: Pieces) -> Bounds:
+        """Products of bounds along the edge and across it."""
+        along, across = (pieces.corners[:, :, axis].T for axis in (0, 1))
+        low, high = (np.stack([f(along, axis=0), f(across, axis=0)]) for f in (np.min, np.max))
+        middle = (low + high) / 2
+        t, size = self._shares(
+            np.column_stack([pieces.origin[:, 0] + middle[0], pieces.origin[:, 1] + np.log(middle[1]) / pieces.layer])
+        )
+        slope = self.knots[:, :1] - self.knots[:, 0] @ t
+        ends = [np.exp(np.minimum(slope * (end[0] - middle[0]), OVERFLOW)) for end in (low, high)]
+        chord = _interpolated(along, low[0], high[0], ends)
+        tangent = 1 + slope * (along - middle[0])[:, None]
+        center, radius = (chord + tangent) / 2, (chord - tangent) / 2
+        power = self.knots[:, 1:] / pieces.layer
+        logs = [np.where(power > 0, power * np.log(end[1] / middle[1]), 0.0) for end in (low, high)]
+        ends = [np.exp(np.maximum(each, UNDERFLOW)) for each in logs]
+        above = _interpolated(across, low[1], high[1], ends)
+        below = 1 + power * (across / middle[1] - 1)[:, None]
+        concave = (power > 0) & (power < 1)
+        above, below = np.where(concave, below, above), np.where(concave, above, below)
+        corners = range(len(along))
+        pairs = [(i, i) for i in corners] + [(i, j) for i in corners for j in corners if i < j]
+        upper = np.stack([(chord[i] * above[j] + chord[j] * above[i]) / 2 for i, j in pairs])
+        # Of a lower bound across that changes its sign, the larger factor counts where it is negative.
+        size_below = np.abs(below)
+        least = [center[i] * below[j] - radius[i] * size_below[j] + center[j] * below[i] - radius[j] * size_below[i]
+                 for i, j in pairs]  # fmt: skip
+        return Bounds(t * upper, t * np.stack(least) / 2, size)
+
+
+def _interpolated(x: FloatArray, low: FloatArray, high: FloatArray, ends: list[FloatArray]) -> FloatArray:
+    """(k, n, m) values at (k, m) places of affine functions with given (n, m) values at both ends."""
+    part = ((x - low) / np.where(high > low, high - low, 1.0))[:, None]
+    return np.asarray((1 - part) * ends[0] + part * ends[1])
+
+
+class Charts:
+    """All charts of a surface, and where triangles of Δ lie in them.
+
+    Parameters
+    ----------
+    patch : Patch
+    """
+
+    def __init__(self, patch: Patch) -> None:
+        self.domain = domain = patch.domain
+        self.knots = domain.knots - domain.center
+        weights = patch.log_products
+        self.linear = LinearParametrization(domain, weights)
+        self.across = domain.normals / domain.normal_lengths[:, None]
+        distances = domain.heights / domain.normal_lengths
+        self.charts = [Chart(self.knots, weights, False)]
+        for edge in range(len(domain.vertices)):
+            places = np.column_stack([domain.along(edge, domain.knots), distances[:, edge]])
+            self.charts.append(Chart(places, weights, True))
+
+    def located(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
+        """(m,) faces of (m, 2) points of Δ, and (m, 2) torus coordinates: on an edge, the first one along it."""
+        face, s = np.zeros(len(u), dtype=np.int64), np.zeros((len(u), 2))
+        centred = self.knots - self.knots.mean(axis=0)
+        for location in self.linear.locations(u):
+            face[location.rows] = location.face.number
+            if location.face.is_interior:
+                turn = np.linalg.lstsq(centred, location.knots - location.knots.mean(axis=0), rcond=None)[0]
+                s[location.rows] = (turn @ location.s).T
+            elif not location.face.is_corner:
+                s[location.rows, 0] = location.s[0]
+        return face, s
+
+    def numbers(self, face: IntArray) -> IntArray:
+        """(m,) charts of triangles whose corners have (m, 3) faces; −1 where they touch a corner of Δ or two edges."""
+        edge = face.max(axis=1)
+        one = ((face == 0) | (face == edge[:, None])).all(axis=1)
+        return np.where(one & (edge < len(self.charts)), edge, -1)
+
+    @np.errstate(invalid="ignore", over="ignore")  # what is not a number holds nothing
+    def covers(self, number: int, u: FloatArray, face: IntArray, s: FloatArray) -> tuple[BoolArray, Pieces, IntArray]:
+        """Triangles of a chart that hold all places where μ is in some triangles of Δ.
+
+        Parameters
+        ----------
+        number : int
+        u : (m, 3, 2) float
+            The triangles' corners.
+        face : (m, 3) int
+        s : (m, 3, 2) float
+            Both as of `located`.
+
+        Returns
+        -------
+        found : (m,) bool
+            Whether there are such triangles; else the triangle is to be cut.
+        pieces : Pieces
+        owner : (p,) int
+            The triangle that each piece is for.
+
+        Notes
+        -----
+        The straight triangle in the chart is enlarged until μ takes each of its sides beyond the line through the same
+        side of the triangle of Δ: for λ_k, 1 at corner k and 0 on the side opposite, Σ T_i λ_k(a_i) ≤ 0. The
+        boundary's image then runs around the triangle of Δ, and what it encloses is covered (μ is one to one).
+        Sides on the edge of Δ stay there. Where only one corner is on it, what is beyond the edge is cut off.
+        """
+        chart = self.charts[number]
+        on_edge = face > 0
+        # Turned so that the only corner on the edge comes first.
+        single = on_edge.sum(axis=1) == 1
+        order = (np.arange(3) + np.where(single, on_edge.argmax(axis=1), 0)[:, None]) % 3
+        rows = np.arange(len(u))[:, None]
+        u, s, on_edge = u[rows, order], s[rows, order], on_edge[rows, order]
+        if number:
+            logs = np.stack([s @ self.domain.direction(number - 1), s @ self.across[number - 1]], axis=2)
+            s = np.where(on_edge[:, :, None], np.stack([s[:, :, 0], np.full(s.shape[:2], -np.inf)], axis=2), logs)
+        pieces = chart.pieces(s)
+        fixed = np.roll(on_edge, -1, axis=1) & np.roll(on_edge, 1, axis=1)
+        values = barycentric(u - self.domain.center, self.knots)
+        push = np.where(fixed, 0.0, PUSH)
+        todo = np.arange(len(u))
+        found = np.zeros(len(u), dtype=bool)
+        done: list[Pieces] = []
+        owner: list[IntArray] = []
+        for _ in range(PUSHES):
+            if not len(todo):
+                break
+            here = pieces[todo]
+            polygon = _clipped(_enlarged(here.corners, push[todo]), single[todo])
+            excess = np.full((len(todo), 3), -np.inf)
+            for side, (start, end) in enumerate(((2, 3), (3, 0), (1, 2))):
+                bounds = chart.bounds(replace(here, corners=polygon[:, [start, end]]))
+                excess[:, side] = _excess(bounds, values[side][:, todo])
+            excess[fixed[todo]] = -np.inf
+            inside = (polygon[:, 2:, 1] >= 0).all(axis=1) | (not number)
+            holds = np.asarray((excess <= 0).all(axis=1) & inside)
+            for corners, some in (((1, 2, 3), holds), ((0, 1, 3), holds & single[todo])):
+                done.append(replace(here[some], corners=polygon[some][:, corners]))
+                owner.append(todo[some])
+            found[todo[holds]] = True
+            left = ~holds & (excess.max(axis=1) < FARTHEST) & inside
+            todo, excess = todo[left], excess[left]
+            more = np.where(excess > 0, 2 * excess + 1.5 * PUSH, np.where(excess > -PUSH / 2, PUSH, 0.0))
+            push[todo] += np.where(fixed[todo], 0.0, more)
+        return found, joined([pieces[:0], *done]), np.concatenate([todo[:0], *owner])
+
+
+def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
+    """(3, p, m) barycentric coordinates of (p, 2) points in (m, 3, 2) triangles."""
+    ones = np.ones((*corners.shape[:2], 1))
+    solved = np.linalg.inv(np.concatenate([corners, ones], axis=2))  # (m, coordinate, corner)
+    return np.asarray(np.einsum("mdk,pd->kpm", solved[:, :2], points) + solved[:, 2].T[:, None])
+
+
+def joined(parts: list[Pieces]) -> Pieces:
+    """All pieces of some lists of them."""
+    return Pieces(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("corners", "origin", "layer")))
+
+
+def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:
+    """Triangles with each side (opposite corner k) pushed outwards by a part of the height over it."""
+    weights = -np.repeat(push[:, None], 3, axis=1)
+    for k in range(3):
+        weights[:, k, k] = 1 + push[:, k - 1] + push[:, k - 2]
+    return np.asarray(weights @ corners)
+
+
+def _clipped(corners: FloatArray, single: BoolArray) -> FloatArray:
+    """(m, 4, 2) polygons: triangles, with the first corner twice, cut off there along z = 0 where it is below."""
+    ends = [np.where((single & (corners[:, 0, 1] < 0))[:, None], _crossing(corners[:, 0], corners[:, k]), corners[:, 0])
+            for k in (2, 1)]  # fmt: skip
+    return np.stack([*ends, corners[:, 1], corners[:, 2]], axis=1)
+
+
+def _crossing(below: FloatArray, above: FloatArray) -> FloatArray:
+    """(m, 2) points with z = 0 on segments."""
+    rise = above[:, 1] - below[:, 1]
+    part = -below[:, 1] / np.where(rise > 0, rise, 1.0)
+    return np.column_stack([below[:, 0] + part * (above[:, 0] - below[:, 0]), np.zeros(len(below))])
+
+
+def _excess(bounds: Bounds, values: FloatArray) -> FloatArray:
+    """(m,) upper bounds of Σ T_i v_i for (n, m) values, less the rounding."""
+    positive, negative = np.maximum(values, 0.0), np.minimum(values, 0.0)
+    most = (positive * bounds.upper + negative * bounds.lower).sum(axis=1).max(axis=0)
+    return np.asarray(most - ROUNDINGS * EPS * (np.abs(values) * bounds.upper.max(axis=0)).sum(axis=0))
