@@ -61,16 +61,7 @@ class Pieces:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Coordinates inside Δ, or along an edge and across it.
-
-    Parameters
-    ----------
-    knots : (n, 2) float
-        In Cartesian coordinates; of an edge, along it and over it, with an exact 0 on it.
-    log_weights : (n,) float
-        log(c_i ω_i).
-    is_edge : bool
-    """
+    """Coordinates inside Δ, or along an edge and across it: those of (n, 2) knots, with an exact 0 on the edge."""
 
     knots: FloatArray
     log_weights: FloatArray
@@ -150,12 +141,7 @@ def _interpolated(x: FloatArray, low: FloatArray, high: FloatArray, ends: list[F
 
 
 class Charts:
-    """All charts of a surface, and where triangles of Δ lie in them.
-
-    Parameters
-    ----------
-    patch : Patch
-    """
+    """All charts of a surface, and where triangles of Δ lie in them."""
 
     def __init__(self, patch: Patch) -> None:
         self.domain = domain = patch.domain
@@ -188,7 +174,7 @@ class Charts:
         one = ((face == 0) | (face == edge[:, None])).all(axis=1)
         return np.where(one & (edge < len(self.charts)), edge, -1)
 
-    @np.errstate(invalid="ignore", over="ignore")  # what is not a number holds nothing
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not a number holds nothing
     def covers(self, number: int, u: FloatArray, face: IntArray, s: FloatArray) -> tuple[BoolArray, Pieces, IntArray]:
         """Triangles of a chart that hold all places where μ is in some triangles of Δ.
 
@@ -279,16 +265,13 @@ def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:
 
 def _clipped(corners: FloatArray, single: BoolArray) -> FloatArray:
     """(m, 4, 2) polygons: triangles, with the first corner twice, cut off there along z = 0 where it is below."""
-    ends = [np.where((single & (corners[:, 0, 1] < 0))[:, None], _crossing(corners[:, 0], corners[:, k]), corners[:, 0])
-            for k in (2, 1)]  # fmt: skip
+    first = corners[:, 0]
+    below = (single & (first[:, 1] < 0))[:, None]
+    ends = []
+    for other in (corners[:, 2], corners[:, 1]):
+        crossing = first - (first[:, 1:] / (other[:, 1:] - first[:, 1:])) * (other - first)
+        ends.append(np.where(below, np.column_stack([crossing[:, 0], np.zeros(len(first))]), first))
     return np.stack([*ends, corners[:, 1], corners[:, 2]], axis=1)
-
-
-def _crossing(below: FloatArray, above: FloatArray) -> FloatArray:
-    """(m, 2) points with z = 0 on segments."""
-    rise = above[:, 1] - below[:, 1]
-    part = -below[:, 1] / np.where(rise > 0, rise, 1.0)
-    return np.column_stack([below[:, 0] + part * (above[:, 0] - below[:, 0]), np.zeros(len(below))])
 
 
 def _excess(bounds: Bounds, values: FloatArray) -> FloatArray:

@@ -122,11 +122,6 @@ class Places:
 class SurfaceCertificate:
     """What encloses a surface.
 
-    Parameters
-    ----------
-    patch : Patch
-        A surface.
-
     Notes
     -----
     A triangle of the mesh is certified where every point of its piece of the surface is within the tolerance of it, and
