@@ -16,7 +16,7 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "ground"
 WINGS = [
-    *(GROUND, "knots", "theory", "meshes", "spec", "formats", "assembly", "tessellation", "sequences"),
+    *(GROUND, "knots", "theory", "meshes", "spec", "formats", "assembly", "certificates", "tessellation", "sequences"),
     *("fairing", "design", "pictures", "checks", "shell", "commands"),
 ]
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground."""

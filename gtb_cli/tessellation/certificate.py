@@ -14,11 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
+from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.tessellation.surface_certificate import SurfaceCertificate
 from gtb_cli.theory.basis import UNDERFLOW, block_length
 from gtb_cli.theory.patch import Patch
 

@@ -3,7 +3,7 @@
 Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
 more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
 hold, segments of curves are certified; every triangle that was not sampled yet is sampled densely, and those that fail
-have their worst edge split. Where triangles are to be certified, too, that comes last.
+have their worst edge split. Triangles are certified last, where that is asked for.
 """
 
 from __future__ import annotations
@@ -74,7 +74,6 @@ def refine(
     tolerance: float,
     max_cells: int,
     points_in_all: int = POINTS_IN_ALL,
-    *,
     certify: bool = False,
 ) -> tuple[Complex, FloatArray]:
     """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
@@ -91,8 +90,7 @@ def refine(
     max_cells : int
     points_in_all : int
         Where cells are few, they are sampled at about so many points together.
-    certify : bool
-        Every point of a surface, too; flat ones are refined like others.
+    certify : bool, every point of a surface, too
 
     Returns
     -------
@@ -103,8 +101,7 @@ def refine(
     Raises
     ------
     ToleranceError
-        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached. Or
-        triangles cannot be certified.
+        More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
 
     Notes
     -----
@@ -128,18 +125,17 @@ class _Refinement:
         self.tolerance = MARGIN * tolerance if start.cells.shape[1] == 3 else tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
         scale = float(np.abs(points).max())
-        if not tolerance > ROUNDINGS * EPS * scale:
-            raise ToleranceError(
-                f"tolerance: {tolerance:g} is below the rounding of coordinates of size {scale:.3g}, "
-                f"at least {ROUNDINGS * EPS * scale:.2g} can be verified"
-            )
+        least = ROUNDINGS * EPS * scale
+        if not tolerance > least:
+            below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
+            raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
         self.start = start
         self.mesh = Subdivision(start, points, sampler.patches, SLIM)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
-        surface = len(start.cells[0]) == 3 and not certify
-        self.flat = np.array([surface and is_flat(patch, tolerance) for patch in sampler.evaluated])
+        self.flat = np.array([not certify and patch.dimension == 2 and is_flat(patch, tolerance)
+                              for patch in sampler.evaluated])  # fmt: skip
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby, self.estimated, self.tried = 0.0, 0, False
         self.certificates = Certificates(sampler)
@@ -181,10 +177,10 @@ class _Refinement:
         before = len(self.mesh)
         changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0))
         self.error[chosen] = 0.0
-        unknown = np.zeros(len(self.mesh) - before, dtype=bool)
-        self.certified[changed[changed < before]] = not self.certify
+        unknown, old = np.zeros(len(self.mesh) - before, dtype=bool), changed[changed < before]
+        self.certified[old] = not self.certify
         self.certified = self.growth.append("certified", self.certified, unknown | (not self.certify))
-        self.verified[changed[changed < before]] = False
+        self.verified[old] = False
         self.verified = self.growth.append("verified", self.verified, unknown)
         self.bulging = self.growth.append("bulging", self.bulging, unknown)
         self.measure()
@@ -231,11 +227,8 @@ class _Refinement:
             marked = self.error > self.tolerance
             self.mark_worst(marked, np.flatnonzero(self.bulging))
             todo = np.flatnonzero(~self.verified)
-            if marked.any():
-                return marked
-            if not len(todo):
-                self.mark_uncertified(marked)
-                return marked
+            if marked.any() or not len(todo):
+                return self.mark_uncertified(marked)
             if not self.mesh.is_surface:
                 self.verified[todo] = True
                 marked[self.mesh.cells.sides[self.certificates.failing(self.mesh, todo, self.asked), 0]] = True
@@ -254,13 +247,13 @@ class _Refinement:
             if marked.any():
                 return marked
 
-    def mark_uncertified(self, marked: BoolArray) -> None:
-        """Mark the worst edge of triangles that are to be certified and are not."""
-        todo = np.flatnonzero(~self.certified)
+    def mark_uncertified(self, marked: BoolArray) -> BoolArray:
+        """Mark the worst edge of triangles that are to be certified and are not, where nothing else is marked."""
+        todo = np.flatnonzero(~self.certified & (not marked.any()))
         failing = self.certificates.failing(self.mesh, todo, self.asked) if len(todo) else todo
-        self.certified[todo] = True
-        self.certified[failing] = False
+        self.certified[todo] = ~np.isin(todo, failing)
         self.mark_worst(marked, failing)
+        return marked
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups
-from gtb_cli.tessellation.enclosures import Charts, Pieces, barycentric, joined
+from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric, joined
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.patch import Patch
 

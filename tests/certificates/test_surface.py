@@ -8,13 +8,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from gtb_cli.certificates.enclosures import Charts
+from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
-from gtb_cli.tessellation.enclosures import Charts
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.tessellation.surface_certificate import SurfaceCertificate
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
