@@ -36,7 +36,7 @@ class Raster:
 
     @cached_property
     def farthest_around(self) -> FloatArray:
-        """Return (height, width) least nearness of each pixel and its neighbours: a line is hidden if it is behind it."""
+        """Return (height, width) least nearness of each pixel and its neighbours, behind which a line is hidden."""
         found = self.nearness.copy()
         for axis in (0, 1):
             found = np.minimum(found, np.minimum(np.roll(found, -1, axis), np.roll(found, 1, axis)))
