@@ -42,7 +42,7 @@ TOGETHER = 32
 
 @dataclass(frozen=True, eq=False)
 class Degeneration:
-    """What the members of a degeneration are made from.
+    """The data from which the members of a degeneration are made.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Degeneration:
     borders : (c, f) bool
         Whether a face of a cell is a smaller one than that face of Δ.
     knots : Places
-        Knots inside Δ that are no corners of cells: where these are near each other, members may have peaks.
+        Knots inside Δ that are not corners of cells: if these are near each other, members may have peaks.
     """
 
     patch: Patch
@@ -67,7 +67,7 @@ class Degeneration:
     knots: Places
 
     def places(self, mosaic: Complex) -> Places:
-        """Where the vertices of a complex over the cells are in Δ."""
+        """Return the places in Δ of the vertices of a complex over the cells."""
         return Places(mosaic.patch, mosaic.parameters, self.faces[mosaic.patch, mosaic.face])
 
 
@@ -109,11 +109,11 @@ class Family:
         return sum(cell_count(patch.domain, resolution) for patch in self.limit.patches)
 
     def uniform(self, resolution: int) -> Complex:
-        """The complex with `resolution` cells along each edge of each patch of the limit."""
+        """Return the complex with `resolution` cells along each edge of each patch of the limit."""
         return joined_complex(self.limit.patches, self.joints, resolution)
 
     def graded(self, resolution: int, member: int) -> Complex:
-        """As `uniform`, but with cells towards the boundary as small as a member needs them."""
+        """Return a complex like `uniform`, but with cells near the boundary as small as a member needs."""
         if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
             return self.uniform(resolution)
         return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYERS)
@@ -180,7 +180,7 @@ def _linear(patch: Patch) -> Sampler:
 
 
 def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
-    """Cells in the order of meshing: as they are, but those of a curve along it."""
+    """Return the cells in the order of meshing: unchanged for a surface, along the curve for a curve."""
     cells = range(len(decomposition.cells))
     if decomposition.dimension == 2:
         return list(cells)
@@ -188,14 +188,14 @@ def _left_to_right(decomposition: RegularDecomposition) -> list[int]:
 
 
 def _sides(polygon: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """The knots at the ends of each edge of a polygon; of a segment, each end."""
+    """Return the knots at the ends of each edge of a polygon, or the two ends of a segment one by one."""
     if len(polygon) == 2:
         return [(polygon[0],), (polygon[1],)]
     return list(zip(polygon, (*polygon[1:], polygon[0]), strict=True))
 
 
 def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Sequence[Patch]) -> Joints:
-    """How the cells are joined: by the knots they share, not by the shape of their edges."""
+    """Return the joints of the cells, found from the knots they share and not from the shape of their edges."""
     shared: list[Joint] = []
     seen: dict[tuple[int, ...], EdgeRef] = {}
     for index, k in enumerate(order):
@@ -224,7 +224,7 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
 
 
 def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> IntArray:
-    """(cells, faces) numbers of the smallest faces of Δ that hold each face of each cell."""
+    """Return (cells, faces) numbers of the smallest faces of Δ that contain each face of each cell."""
     sides = [_sides(decomposition.polygons[k]) for k in order]
     table = np.zeros((len(sides), 1 + 2 * max(map(len, sides))), dtype=np.int64)
     for cell, edges in enumerate(sides):
@@ -235,7 +235,7 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
 
 
 def _other_knots(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> Places:
-    """Where the knots inside Δ are that are no corners of cells."""
+    """Return the places of knots inside Δ that are not corners of cells."""
     corners = np.concatenate([np.array(polygon) for polygon in decomposition.polygons])
     others = np.setdiff1d(np.flatnonzero(~shape.incidence.any(axis=1)), corners)
     cell = np.argsort(order)[decomposition.locate(shape.knots[others])] if len(others) else others
@@ -243,7 +243,7 @@ def _other_knots(shape: Domain, decomposition: RegularDecomposition, order: Sequ
 
 
 def _borders(shape: Domain, cells: Sequence[Patch], faces: IntArray) -> BoolArray:
-    """(cells, faces) whether each face of each cell is a smaller one than the face of Δ that holds it."""
+    """Return (cells, faces) whether each face of each cell is smaller than the face of Δ that contains it."""
     whole = np.array([face.dimension for face in shape.faces])[faces]
     own = np.full(faces.shape, shape.dimension)
     for row, cell in zip(own, cells, strict=True):
@@ -363,7 +363,7 @@ def _both_ways(share: FloatArray, steepness: float) -> FloatArray:
 
 
 def _in_order(mosaic: Complex) -> Complex:
-    """A curve's cells and vertices in their order along it, which refinement does not keep."""
+    """Return a curve's cells and vertices in their order along it, which refinement does not keep."""
     if mosaic.cells.shape[1] == 3:
         return mosaic
     cells = np.argsort(mosaic.corners[:, 0, 0], kind="stable")

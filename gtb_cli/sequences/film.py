@@ -1,4 +1,4 @@
-"""Meshes of the films that knots leave behind where they move to the boundary of Δ."""
+"""Meshes of the films that knots leave behind when they move to the boundary of Δ."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def film_mesh(limit: KnotLimit, resolution: int | None = None) -> Mesh:
     Parameters
     ----------
     limit : KnotLimit
-        With films.
+        A limit with films.
     resolution : int, optional
         Cells along each side of each film; default `CELLS`.
     """
@@ -37,7 +37,7 @@ def film_mesh(limit: KnotLimit, resolution: int | None = None) -> Mesh:
             cells.append(count + triangulation(_SQUARE, n).cells)
         count += len(points[-1])
     vertices, triangles = np.concatenate(points), np.concatenate(cells)
-    # Sections share the corners that no knot comes to: no cell there.
+    # Sections share the corners that no knot reaches, so there is no cell there.
     distinct = (vertices[triangles] != vertices[np.roll(triangles, 1, axis=1)]).any(axis=2)
     return Mesh(vertices, triangles[distinct.all(axis=1)], name="film")
 
@@ -46,7 +46,7 @@ _SQUARE = domain([[0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 def _film_points(film: Film, n: int) -> FloatArray:
-    """The film of a surface at ((n + 1)², 3) points, row by row."""
+    """Return ((n + 1)², 3) points of the film of a surface, row by row."""
     levels = np.arange(n + 1) / n
     if film.along is not None:
         return np.concatenate([_section_points(film.section(z), n) for z in levels.tolist()])

@@ -59,19 +59,19 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class MeshSequence:
-    """Meshes of a family of patches, and of its limit, which is the last: made one by one, when they are asked for.
+    """Meshes of a family of patches and, last, of its limit, made one by one on request.
 
-    Iterating keeps none of them, and a second time the last digits may differ; `members` makes and keeps all.
+    Iterating keeps none of them, and the last digits may differ the next time; `members` makes and keeps all.
 
     Attributes
     ----------
     name : str
     key : str
-        What tells the meshes apart: "x" or "step".
+        The parameter that differs between meshes: "x" or "step".
     values : tuple of float
-        Its values; for a degeneration the last is inf or 0, for a knot limit 1.
+        Values of the parameter; the last is inf or 0 for a degeneration, and 1 for a knot limit.
     film : Mesh or None
-        What the limit as a set has beside its last mesh.
+        The part of the limit as a set that the last mesh lacks.
     """
 
     name: str
@@ -104,7 +104,7 @@ class MeshSequence:
         yield from self._measured([last], range(index, index + 1), measurement)
 
     def _measured(self, meshes: list[Mesh], members: range, measurement: Measurement | None) -> Iterator[Member]:
-        """Some members with their distances."""
+        """Yield members with their distances."""
         if measurement is None:
             yield from (Member(self.values[k], mesh, None, None, "") for k, mesh in zip(members, meshes, strict=True))
             return
@@ -125,22 +125,22 @@ class MeshSequence:
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
-        """Those of the members."""
+        """Meshes of the members."""
         return tuple(member.mesh for member in self.members)
 
     @property
     def distances(self) -> tuple[float, ...]:
-        """Those of the members from the limit; none where they are not measured."""
+        """Distances of the members from the limit; empty if they are not measured."""
         return tuple(member.distance for member in self.members if member.distance is not None)
 
     @property
     def film_distances(self) -> tuple[float, ...] | None:
-        """Those of the members from the limit with its film; None where there is none, or they are not measured."""
+        """Distances from the limit with its film; None if there is no film, or they are not measured."""
         found = tuple(member.film_distance for member in self.members if member.film_distance is not None)
         return found or None
 
     def entry(self, member: Member, name: str, kind: str = "file") -> dict[str, Any]:
-        """What `sequence.json` says of a mesh; it has this name, of a file or of what `kind` says."""
+        """Return the entry of a mesh in `sequence.json`; `name` is that of a file, or of what `kind` says."""
         entry: dict[str, Any] = {
             kind: name,
             self.key: "inf" if member.value == INF else number(member.value),
@@ -153,7 +153,7 @@ class MeshSequence:
         return entry
 
     def record(self, entries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-        """What `sequence.json` says, with the entries of all meshes."""
+        """Return the content of `sequence.json`, with the entries of all meshes."""
         return {"name": self.name, "meshes": list(entries)}
 
 
@@ -174,14 +174,14 @@ def degeneration_sequence(
     accuracy: Accuracy | None = None,
     distances: bool = True,
 ) -> MeshSequence:
-    """Mesh the patches with weights x^λ ω, and the regular control curve or surface they tend to.
+    """Mesh the patches with weights x^λ ω, and their limit, the regular control curve or surface.
 
     Parameters
     ----------
     patch : Patch
     x : iterable of float
-        All from 1 to inf, or all from 0 to 1: the limit is that way, and inf and 0 mean the limit itself. Put in order;
-        repeated ones count once. None at all give the limit for x → ∞ only.
+        All from 1 to inf, or all from 0 to 1; inf or 0 is the limit itself. They are sorted, and repeated ones count
+        once. Without any, only the limit for x → ∞ is made.
     lifting : (n,) float, optional
         λ; default the patch's own.
     resolution : int
@@ -201,7 +201,7 @@ def degeneration_sequence(
     Returns
     -------
     MeshSequence
-        Vertex i of all meshes has the same parameter, a point of Δ: corners and edges of the regular decomposition are
+        Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
         vertices and edges of the meshes.
 
     Raises
@@ -213,7 +213,7 @@ def degeneration_sequence(
 
     Notes
     -----
-    On the borders of cells the limit has the data of the border alone.
+    On the border of a cell, the limit depends only on the data of the border.
 
     References
     ----------
@@ -224,7 +224,7 @@ def degeneration_sequence(
     values = [value for value in values[:: 1 if upward else -1] if value not in (0.0, INF)]
     exponents = lifting_of(patch, lifting)
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
-    # Before there is a patch for each value and cell: both may be thousands.
+    # Checked before there is a patch for each value and cell: there may be thousands of both.
     n = resolution if tolerance is None else 1
     cells = sum(cell_count_of(len(polygon), n) for polygon in decomposition.polygons)
     _refuse_too_many(cells, len(values) + 1, max_faces)
@@ -255,7 +255,7 @@ def knot_sequence(
     moves : mapping of int to int
         See `merge_knots`.
     steps : iterable of float
-        From 0 to 1, which means the limit. Put in order; repeated ones count once.
+        From 0 to 1, which is the limit. They are sorted, and repeated ones count once.
     resolution, tolerance, normals, max_faces, accuracy, distances
         See `degeneration_sequence`.
 
@@ -287,7 +287,7 @@ def knot_sequence(
 
 
 def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces: int) -> Complex:
-    """The cells that all meshes of a family have; no more than `max_faces` in all of them together."""
+    """Return the cells that all meshes of a family share, with at most `max_faces` in all meshes together."""
     count = len(family.samplers)
     if tolerance is not None:
         return family.refined(tolerance, max_faces // count)
