@@ -1,1 +1,1 @@
-"""Readers of mesh files that are not ours: which of them read which of our files."""
+"""Programs and libraries of others that read mesh files, and the files of ours that each can read."""

@@ -1,7 +1,7 @@
-"""`python -m tests.readers`: let programs and libraries that are not ours read every kind of file, and print tables.
+"""`python -m tests.readers`: let other programs and libraries read every kind of file, and print tables.
 
-Those that can be had are installed below `build/readers` (from PyPI and npm, about 5 GB) or found on the PATH. Exits 1
-where one finds anything else than is in a file and is not known to (`roster`).
+They are installed below `build/readers` (from PyPI and npm, about 5 GB) or found on the PATH. The exit status is 1 if a
+reader finds something else than a file contains, unless `roster` says so.
 """
 
 from __future__ import annotations
