@@ -12,7 +12,7 @@ from typing import IO
 
 from gtb_cli.errors import ExportError
 
-PREFIX = ".gtb-"
+TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
@@ -295,7 +295,7 @@ def _opened(path: str) -> IO[bytes]:
 
 
 def _temporary_name(target: str) -> str:
-    return os.path.join(os.path.dirname(target), PREFIX + os.urandom(8).hex())
+    return os.path.join(os.path.dirname(target), TEMPORARY_PREFIX + os.urandom(8).hex())
 
 
 def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:

@@ -480,4 +480,4 @@ def test_a_folder_that_is_none(tmp_path):
 
 
 def test_temporary_names_begin_as_promised():
-    assert files.PREFIX == ".gtb-"
+    assert files.TEMPORARY_PREFIX == ".gtb-"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-SMOOTH = "smooth:"
+SMOOTH_PREFIX = "smooth:"
 """Prefix of a requirement that ends with an angle in degrees, as in ``smooth:1deg``."""
 
 
@@ -29,9 +29,9 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
     for word in words:
         angle = 0.0
         name = word
-        if word.startswith(SMOOTH):
+        if word.startswith(SMOOTH_PREFIX):
             name = "smooth"
-            text = word.removeprefix(SMOOTH).removesuffix("deg").strip()
+            text = word.removeprefix(SMOOTH_PREFIX).removesuffix("deg").strip()
             try:
                 angle = math.nan if "_" in text or not text.isascii() else float(text)
             except ValueError:

@@ -14,10 +14,10 @@ from gtb_cli.theory.joints import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-PLACES = 49
+SEAM_PLACES = 49
 """Places along each seam, denser near its ends. The ends are left out: corners have normals of their own."""
 
-SMOOTH = 1.0
+MAX_CREASE_DEGREES = 1.0
 """Angle in degrees up to which curvatures across a seam are compared; a seam with a larger one is a crease."""
 
 
@@ -34,7 +34,7 @@ class Seam:
         The point with this angle.
     bend : float
         Largest difference of the normal curvatures across the seam, in units of 1 / length, over the places where both
-        are finite and the angle is at most `SMOOTH`; NaN if there is no such place.
+        are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is no such place.
     """
 
     first: EdgeRef
@@ -67,7 +67,7 @@ def joints(model: Model) -> tuple[Seam, ...]:
     if model.dimension == 1:
         return ()
     flipped = model.joints.flipped
-    t = (1 - np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)) / 2
+    t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
     found = []
     for joint in model.joints.shared:
         (p, e), (q, f) = joint.first, joint.second
@@ -77,7 +77,7 @@ def joints(model: Model) -> tuple[Seam, ...]:
         angles = np.degrees(np.arctan2(sine, (ours[1] * theirs[1]).sum(axis=1)))
         known: BoolArray = np.isfinite(angles)
         worst = int(np.where(known, angles, -1.0).argmax())
-        across = 2 * np.abs(ours[2] - theirs[2])[known & (angles <= SMOOTH)]
+        across = 2 * np.abs(ours[2] - theirs[2])[known & (angles <= MAX_CREASE_DEGREES)]
         across = across[np.isfinite(across)]
         bend = float(across.max()) if len(across) else math.nan
         found.append(Seam(joint.first, joint.second, float(angles[worst]), ours[0][worst], bend))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
-from gtb_cli.theory.basis import UNDERFLOW
+from gtb_cli.theory.basis import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
@@ -76,7 +76,7 @@ class Chart:
         origin[:, 1] = s[:, :, 1].max(axis=1)
         # In the layer that moves μ most, z is nearly proportional to the distance from the edge.
         logs = self.knots @ origin.T + self.log_weights[:, None]
-        pull = np.exp(np.maximum(logs - logs.max(axis=0), UNDERFLOW)) * self.knots[:, 1:]
+        pull = np.exp(np.maximum(logs - logs.max(axis=0), UNDERFLOW_EXPONENT)) * self.knots[:, 1:]
         layer = self.knots[pull.argmax(axis=0), 1]
         corners = np.empty_like(s)
         corners[:, :, 0] = s[:, :, 0] - origin[:, :1]
@@ -92,7 +92,7 @@ class Chart:
         e = self.knots @ s.T + self.log_weights[:, None]
         size = np.abs(e).max(axis=0)
         e -= e.max(axis=0)
-        t = np.exp(np.maximum(e, UNDERFLOW))
+        t = np.exp(np.maximum(e, UNDERFLOW_EXPONENT))
         return t / t.sum(axis=0), size
 
     def _inside(self, pieces: Pieces) -> Bounds:
@@ -119,7 +119,7 @@ class Chart:
         center, radius = (chord + tangent) / 2, (chord - tangent) / 2
         power = self.knots[:, 1:] / pieces.layer
         logs = [np.where(power > 0, power * np.log(end[1] / middle[1]), 0.0) for end in (low, high)]
-        ends = [np.exp(np.maximum(each, UNDERFLOW)) for each in logs]
+        ends = [np.exp(np.maximum(each, UNDERFLOW_EXPONENT)) for each in logs]
         above = _interpolated(across, low[1], high[1], ends)
         below = 1 + power * (across / middle[1] - 1)[:, None]
         concave = (power > 0) & (power < 1)

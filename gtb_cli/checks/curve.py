@@ -19,7 +19,7 @@ from gtb_cli.theory.tangents import tangents
 MAX_MINOR_ORDER = 4
 """Largest number of rows of a sampled minor, which is then a sum of at most 24 products."""
 
-UNDERFLOWN = "in each sampled minor there are values of the basis below the range of floats"
+UNDERFLOW_NOTE = "in each sampled minor there are values of the basis below the range of floats"
 
 MINORS_PER_ORDER = 400
 """Number of sampled minors of each order."""
@@ -71,7 +71,7 @@ def total_positivity(probe: Probe) -> Outcome:
     """Measure minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
     minors, bound = _minors(probe)
     if not len(minors):
-        return not_applicable(UNDERFLOWN)
+        return not_applicable(UNDERFLOW_NOTE)
     value = max(0.0, -float(minors.min()))
     return within_rounding(
         value, bound, f"largest negative minor of up to {MAX_MINOR_ORDER} rows, of its products' sum"
@@ -84,7 +84,7 @@ def strict_total_positivity(probe: Probe) -> Outcome:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
     minors, bound = _minors(probe)
     if not len(minors):
-        return not_applicable(UNDERFLOWN)
+        return not_applicable(UNDERFLOW_NOTE)
     smallest = float(minors.min())
     undecided = float((np.abs(minors) <= bound).mean())
     reason = "negative of the smallest sampled minor, at parameters inside the domain"

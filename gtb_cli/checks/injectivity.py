@@ -14,7 +14,7 @@ from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
 MAX_TRIPLES = 1_000_000
 """Largest number of triples of knots to compare, a tenth of a second: all triples of up to 182 knots, some of more."""
 
-SPACE = "the control points are not in a plane"
+SPATIAL_NOTE = "the control points are not in a plane"
 
 
 def for_all_weights(probe: Probe) -> Outcome:
@@ -26,7 +26,7 @@ def for_all_weights(probe: Probe) -> Outcome:
     """
     points = planar(probe.patch.control_points)
     if points is None:
-        return not_applicable(SPACE)
+        return not_applicable(SPATIAL_NOTE)
     knots, n = probe.patch.knots, len(probe.patch.knots)
     total = math.comb(n, 3)
     alike: list[tuple[int, int, int]] = []
@@ -51,7 +51,7 @@ def jacobian_sign(probe: Probe) -> Outcome:
     """Measure the share of sample parameters, among those with a sign, at which the patch is turned over."""
     points = planar(probe.patch.control_points)
     if points is None:
-        return not_applicable(SPACE)
+        return not_applicable(SPATIAL_NOTE)
     patch = probe.patch.replace(control_points=points)
     tangents = patch.derivatives(probe.u[probe.inside])
     lengths = np.sqrt((tangents**2).sum(axis=1)).prod(axis=1)

@@ -13,7 +13,7 @@ from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-STATED = "Thm 4.0"
+EDGE_THEOREM = "Thm 4.0"
 """Theorem by which an edge is the curve of its own knots."""
 
 JOINT_TOLERANCE = 8 * CURVE_TOLERANCE
@@ -36,7 +36,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
             gap, f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size"
         ),
     }
-    return tuple(outcome.of(name, STATED) for name, outcome in {**outcomes, **_smoothness(model)}.items())
+    return tuple(outcome.of(name, EDGE_THEOREM) for name, outcome in {**outcomes, **_smoothness(model)}.items())
 
 
 def _smoothness(model: Model) -> dict[str, Outcome]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FAILED_STATUS = 1
 """Exit status when a property fails."""
 
-COLOURS = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
+VERDICT_COLOURS = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
 
 NAME_WIDTH = 40
 """Columns for the name of a property."""
@@ -162,7 +162,7 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
             figures = f"{value} > {bound}"
         status = f"{found.status:14}"
         if colours:
-            status = click.style(status, fg=COLOURS[found.status])
+            status = click.style(status, fg=VERDICT_COLOURS[found.status])
         text = f"{found.reference}: {found.reason}"
         lines.append(f"{status}  {found.name:{NAME_WIDTH}}  {figures:{FIGURES_WIDTH}}  {text}\n")
     return "".join(lines)

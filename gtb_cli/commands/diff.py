@@ -140,12 +140,12 @@ def _compared(first: Source, second: Source, tolerance: float | str | None, cons
 def _read(source: Source) -> Side:
     """Read a mesh file, or make the mesh of a spec."""
     from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
-    from gtb_cli.tessellation.comparison import BEGINNING, bytes_at_most, decoded
+    from gtb_cli.tessellation.comparison import BEGINNING_BYTES, bytes_at_most, decoded
 
     path, recipe, spec_format = source
     shown = shown_input(path)
     with opened(path) as file:
-        start = file.read(BEGINNING)
+        start = file.read(BEGINNING_BYTES)
         limit = bytes_at_most(path, start)
         stream = not is_regular(file)
         if stream:

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-FORMATS = ("png", "svg", "pdf")
+FIGURE_FORMATS = ("png", "svg", "pdf")
 
-WHAT = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
+PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
 
 INCHES, PIXELS = (0.5, 40.0), 60_000_000
 """Smallest and largest width and height of a figure, and its largest number of pixels."""
@@ -45,7 +45,7 @@ DISTANCE_STEPS = tuple(1 - 10 ** (-k / 2) for k in range(7))
 PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
 """Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves."""
 
-VARIATION = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
+VARIATION_PATTERN = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
 
 
 class Variation(NamedTuple):
@@ -85,7 +85,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     """Read the number that varies, and its values."""
     if value is None:
         return None
-    match = VARIATION.fullmatch(value)
+    match = VARIATION_PATTERN.fullmatch(value)
     if match is None:
         raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
     values = numbers_of(ctx, param, match[3]) or ()
@@ -103,9 +103,14 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     type=OUTPUT,
     help="Write to this file: PNG, SVG or PDF, by its suffix. Without it, or with -, to standard output.",
 )
-@click.option("--what", type=click.Choice(WHAT), help="What to draw; by default a curve, a surface or a sequence.")
 @click.option(
-    "-f", "--format", type=click.Choice(FORMATS), help="Format, whatever the name of FIG; png on standard output."
+    "--what", type=click.Choice(PLOT_KINDS), help="What to draw; by default a curve, a surface or a sequence."
+)
+@click.option(
+    "-f",
+    "--format",
+    type=click.Choice(FIGURE_FORMATS),
+    help="Format, whatever FIG is called; png on standard output.",
 )
 @click.option(
     "--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="Width and height in inches."
@@ -215,10 +220,10 @@ def plot(
 
 def _format_for(output: str, format: str | None) -> str:
     suffix = os.path.splitext(output)[1][1:].lower()
-    if format is None and output != STANDARD and not is_device(output) and suffix not in FORMATS:
-        known = ", ".join(f".{name}" for name in FORMATS)
+    if format is None and output != STANDARD and not is_device(output) and suffix not in FIGURE_FORMATS:
+        known = ", ".join(f".{name}" for name in FIGURE_FORMATS)
         raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}, or -f FORMAT")
-    kind = format or (suffix if suffix in FORMATS else "png")
+    kind = format or (suffix if suffix in FIGURE_FORMATS else "png")
     if is_terminal(output) and kind != "svg":
         raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give -o FIG")
     return kind

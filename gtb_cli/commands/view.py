@@ -17,7 +17,7 @@ from gtb_cli.tessellation.recipe import Recipe
 if TYPE_CHECKING:
     from gtb_cli.pictures.sight import Sight
 
-MESHES = (".obj", ".ply", ".stl", ".glb")
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 
 SEQUENCE_RESOLUTION = 20
 """Segments of each edge of each cell in a sequence."""
@@ -114,7 +114,7 @@ def _sight(path: str, resolution: int | None, spec_format: str | None, limit: Li
 
     stem, suffix = os.path.splitext(os.path.basename(os.path.abspath(path)))
     is_sequence = os.path.isdir(path) or os.path.basename(path) == "sequence.json"
-    if limit is not None and (is_sequence or suffix.lower() in MESHES):
+    if limit is not None and (is_sequence or suffix.lower() in MESH_SUFFIXES):
         refuse_limit(limit, path)
     if is_sequence:
         from gtb_cli.pictures.record import read_frames
@@ -122,7 +122,7 @@ def _sight(path: str, resolution: int | None, spec_format: str | None, limit: Li
         frames = read_frames(path)
         with about(path):
             return sight_of_frames(frames, stem if os.path.isdir(path) else "sequence")
-    if suffix.lower() in MESHES:
+    if suffix.lower() in MESH_SUFFIXES:
         from gtb_cli.formats.meshfiles import read_mesh
 
         mesh = read_mesh(path)

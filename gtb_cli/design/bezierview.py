@@ -13,7 +13,7 @@ from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
-KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
+SEGMENT_KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
 """Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
 rectangle with additional nets of normals (PN), rational triangle."""
 
@@ -42,7 +42,7 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
             group = _group(words)
             continue
         line = words.line
-        kind = words.whole(f"the kind of a segment ({KINDS})", 1, 11)
+        kind = words.whole(f"the kind of a segment ({SEGMENT_KINDS})", 1, 11)
         try:
             patches += (patch.replace(name=group) for patch in _segment(words, kind, line))
         except DomainError as error:
@@ -82,7 +82,7 @@ def _segment(words: Words, kind: int, line: int) -> list[Patch]:
             if degrees is not None:
                 words.rows((degrees[0] + 1) * (degrees[1] + 1), 3, "normals x y z")
             return [rectangle(points.reshape(m + 1, n + 1, 3), weights)]
-    words.fail(f"expected the kind of a segment ({KINDS}), got {kind}", line)
+    words.fail(f"expected the kind of a segment ({SEGMENT_KINDS}), got {kind}", line)
 
 
 def _degree(words: Words) -> int:

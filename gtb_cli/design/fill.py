@@ -39,23 +39,23 @@ from gtb_cli.theory.patch import Patch
 MOST_SIDES = 24
 """Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
 
-RIDGE = 1e-12
+RIDGE_FRACTION = 1e-12
 """Fraction of the mean energy that is added, so that what the samples do not see stays where it is."""
 
 FOLD_RINGS = 16
 """Rings of the mesh that is searched for folds."""
 
-FOLD_WITHIN = 1e-6
+FOLD_DISTANCE = 1e-6
 """Largest distance of its vertices from their places, as a fraction of the mean side."""
 
-SOUND = 1e-6
+MAX_SOUND_DEGREES = 1e-6
 """Angle in degrees along an edge below which planes count as met: the rounding of coordinates of ordinary size."""
 
-TURNING = 90.0
+MAX_TURNING_DEGREES = 90.0
 """Angle in degrees by which planes along a side may turn before they are named as a cause of folds: a patch that
 follows them further, in steps of a mesh or at once, faces the other way."""
 
-CORNER = 0.02
+CORNER_WIDTH = 0.02
 """Parameters closer than this to the ends of an edge are left out when angles are measured: they belong to corners."""
 
 
@@ -99,7 +99,7 @@ class Filling:
     @property
     def is_sound(self) -> bool:
         """Whether it neither folds nor turns over along an edge, and touches the given planes up to rounding."""
-        return not self.folds and not self.angle > SOUND
+        return not self.folds and not self.angle > MAX_SOUND_DEGREES
 
 
 def fill(
@@ -116,10 +116,8 @@ def fill(
     ----------
     sides : sequence of Side
         Sides in any order, with ends that meet.
-    inner : {"fair", "flat"}
-        Least thin-plate energy, or least Dirichlet energy, which makes the patch more like a soap film.
-    fullness : float
-        Factor of the distance for which the patch continues along the given planes; 1 is the fairest.
+    inner, fullness
+        See `gtb_cli.design.filling.fill`.
     raises : int, optional
         Smallest number of times that the degree of the edges is raised. Default: 2 for a side with a ribbon and 1 for
         others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
@@ -234,7 +232,7 @@ def _solved(
         [count * row[:, 3] for count, row in zip(fewer, polars, strict=True)],
     )
     matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind)
-    matrix += RIDGE * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
+    matrix += RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
     points = np.zeros((len(shape.knots), 3))
     columns = []
     for members, curve in zip((*shape.edges, *shape.rows), (*edges, *polars), strict=True):
@@ -254,7 +252,7 @@ def _solved(
             shift[np.searchsorted(outer, members)] = values
         images = np.einsum("ij,fjk->fik", form, shifts).reshape(len(columns), -1)
         flat = shifts.reshape(len(columns), -1)
-        factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE)[0]
+        factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE_FRACTION)[0]
         points[outer] += fullness * np.einsum("f,fik->ik", factors, shifts)
     points[inner] = -weights @ points[outer]
     return shape, points, float(np.einsum("ik,ij,jk->", points, matrix, points))
@@ -277,7 +275,7 @@ def _folds(shape: Net, points: FloatArray) -> int:
     inside = np.ones(len(part.parameters), dtype=bool)
     inside[part.boundary] = False
     p = part.parameters[inside]
-    s = torus_of(shape.knots, shape.log_weights, p, starts(shape.knots, p), FOLD_WITHIN)
+    s = torus_of(shape.knots, shape.log_weights, p, starts(shape.knots, p), FOLD_DISTANCE)
     vertices = np.zeros((len(part.parameters), 3))
     vertices[inside] = shares(exponents(shape.knots, shape.log_weights, s)).T @ points
     for members, boundary in zip(shape.edges, part.boundary, strict=True):
@@ -291,7 +289,7 @@ def _folds(shape: Net, points: FloatArray) -> int:
 def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
     """Return the largest angle in degrees between the patch's and the given normals along a side, without its ends."""
     t = stations()
-    away = (t > CORNER) & (t < 1 - CORNER)
+    away = (t > CORNER_WIDTH) & (t < 1 - CORNER_WIDTH)
     # The Bézier parameter t has the torus coordinate log(t / (1 − t)), divided by the step.
     shape = patch.domain
     edge = _edge_from(patch, side)
@@ -331,7 +329,7 @@ def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None])
     return [
         f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch may fold there"
         for side, turn in zip(sides, turns, strict=True)
-        if turn > TURNING
+        if turn > MAX_TURNING_DEGREES
     ]
 
 

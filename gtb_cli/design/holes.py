@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.fill import Filling, fill
-from gtb_cli.design.sides import GAP, Side, bezier_form, points_and_tangents, stations
+from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.elevation import elevate
@@ -46,7 +46,7 @@ def rings(model: Model) -> list[Ring]:
         raise DomainError("rings: curves have no holes")
     joints = model.joints
     points = np.concatenate([patch.control_points for patch in model.patches])
-    gap = GAP * float(np.ptp(points, axis=0).max())
+    gap = MAX_GAP * float(np.ptp(points, axis=0).max())
     left = {ref: _ends(model, ref, joints.flipped[ref[0]]) for ref in joints.open}
     found = []
     while left:

@@ -18,7 +18,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.design.imports import Found
 from gtb_cli.design.nets import MAX_DEGREE
 from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
-from gtb_cli.design.words import LARGEST, NUMBER, SHOWN
+from gtb_cli.design.words import LARGEST, NUMBER_PATTERN, SHOWN_CHARACTERS
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
@@ -26,7 +26,7 @@ from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124
 
-KINDS = {
+ENTITY_KINDS = {
     100: "circular arcs",
     102: "composite curves",
     104: "conics",
@@ -52,13 +52,13 @@ KINDS = {
 }
 """Names of entities that are left out; others are named by number."""
 
-UNITS = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils", 9: "microns"}
-UNITS |= {10: "centimetres", 11: "microinches"}
+UNIT_NAMES = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils"}
+UNIT_NAMES |= {9: "microns", 10: "centimetres", 11: "microinches"}
 
-NESTED = 20
+MAX_NESTING = 20
 """Largest number of transformations one after another."""
 
-NARROWER = 1e-9
+RANGE_TOLERANCE = 1e-9
 """Fraction of a parameter range by which a given range must be smaller before a remark says so."""
 
 
@@ -133,9 +133,10 @@ class _File:
             word = field.strip()
             value = 0.0
             if word:
-                value = float(word.lower().replace("d", "e")) if NUMBER.fullmatch(word) else math.nan
+                value = float(word.lower().replace("d", "e")) if NUMBER_PATTERN.fullmatch(word) else math.nan
             if not abs(value) <= LARGEST:
-                raise self.fail(line, f"expected numbers of entity {entity.kind}, got {word[:SHOWN]!r} at {index}")
+                shown = repr(word[:SHOWN_CHARACTERS])
+                raise self.fail(line, f"expected numbers of entity {entity.kind}, got {shown} at {index}")
             values.append(value)
         if int(values[0]) != entity.kind:
             raise self.fail(line, f"expected parameters of entity {entity.kind}, got those of {values[0]:g}")
@@ -156,13 +157,14 @@ class _File:
                 fields.append(field.strip())
         if len(fields) < 14 or not fields[13].isdigit():
             return None
-        return UNITS.get(int(fields[13])) or (fields[14] if len(fields) > 14 and fields[14].isprintable() else None)
+        other = fields[14] if len(fields) > 14 and fields[14].isprintable() else None
+        return UNIT_NAMES.get(int(fields[13])) or other
 
     def transformation(self, entity: Entity) -> FloatArray:
         """Return the (3, 4) rotation and translation of an entity."""
         total = np.eye(3, 4)
         number = entity.transformation
-        for _ in range(NESTED):
+        for _ in range(MAX_NESTING):
             if not number:
                 return total
             found = self.entities.get(number)
@@ -174,7 +176,7 @@ class _File:
             matrix = np.array(values[:12]).reshape(3, 4)
             total = np.column_stack([matrix[:, :3] @ total[:, :3], matrix[:, :3] @ total[:, 3] + matrix[:, 3]])
             number = found.transformation
-        raise self.fail(entity.line, f"more than {NESTED} transformations one after another")
+        raise self.fail(entity.line, f"more than {MAX_NESTING} transformations one after another")
 
 
 def read_iges(data: bytes, source: str) -> Found:
@@ -205,12 +207,12 @@ def read_iges(data: bytes, source: str) -> Found:
             narrow += is_narrow
             if len(patches) > MAX_PATCHES:
                 raise file.fail(entity.line, f"here the model has more than {MAX_PATCHES} patches")
-        elif entity.kind in KINDS:
+        elif entity.kind in ENTITY_KINDS:
             left[entity.kind] += 1
     if units := file.units():
         remarks.append(f"its unit of length is {units}")
     if left:
-        parts = ", ".join(f"{KINDS[kind]} ({kind}): {number}" for kind, number in sorted(left.items()))
+        parts = ", ".join(f"{ENTITY_KINDS[kind]} ({kind}): {number}" for kind, number in sorted(left.items()))
         remarks.append(f"surfaces are whole, not trimmed; left out are {parts}")
     if narrow:
         remarks.append(f"{narrow} have a parameter range smaller than that of their knots: the whole is given")
@@ -277,5 +279,5 @@ def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -
 
 def _is_narrow(ends: list[float], knots: FloatArray, degree: int, count: int) -> bool:
     low, high = float(knots[degree]), float(knots[count])
-    slack = NARROWER * (high - low)
+    slack = RANGE_TOLERANCE * (high - low)
     return len(ends) == 2 and ends[0] < ends[1] and (ends[0] > low + slack or ends[1] < high - slack)

@@ -49,7 +49,7 @@ READERS = {
 
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
 
-PLAIN = ("trp", "bv", "bpt", "bzr")
+NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
 """Formats of little but numbers: the format of a file is the one that reads it to its end."""
 
 
@@ -98,7 +98,7 @@ def _read(path: str, data: bytes, format: str | None) -> Found:
     if format is not None:
         return _with(format, data, path)
     takers = []
-    for name in PLAIN:
+    for name in NUMBER_FORMATS:
         try:
             takers.append((name, _with(name, data, path)))
         except SpecError:

@@ -16,35 +16,35 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.theory.basis import exponents, shares
 
-NARROWEST = 0.4
+MIN_SIDE_RATIO = 0.4
 """Shortest side of the domain, as a fraction of the mean: the inner knots of a more elongated domain would crowd."""
 
-LONGEST = 0.7
+MAX_SIDE_RATIO = 0.7
 """Longest side of the domain, as a fraction of the sum of the others: corners stay convex by tens of degrees."""
 
 SECOND_LAYER = 2.0
 """Distance of the second layer of knots from an edge, relative to the row's: curvature would be infinite with less."""
 
-MARGIN = 0.98
+ROW_SPACING = 0.98
 """Distance of rows from edges, as a fraction of that at which they would be in each other's second layer."""
 
-GROWTH = 0.5
+GAP_GROWTH = 0.5
 """Increase from each gap between rings to the next, as a fraction of the first gap."""
 
-FEWEST_STEPS = 24
+FIRST_RING_STEPS = 24
 """Approximate number of steps of the first ring: with fewer, few knots remain to make the inside fair."""
 
 INNER_KNOTS = 320
 """Approximate largest number of inner knots: if there would be many more, rings have fewer steps."""
 
-LAST_RING = 0.18
+LAST_RING_SIZE = 0.18
 """Size of the last ring, as a fraction of the domain's: only the centre is inside it."""
 
-SHARE = 0.15
+KNOT_SHARE = 0.15
 """T of an inner knot or a knot of a row at its own place: most of the rest belongs to its neighbours, whose bumps
 overlap so much that no ripple is left."""
 
-ROUNDS = 15
+WEIGHT_ROUNDS = 15
 """Rounds of the iteration for weights; the remaining error is a few per cent of a share."""
 
 DAMPING = 0.6
@@ -101,9 +101,9 @@ def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Se
 
 def polygon(lengths: FloatArray) -> FloatArray:
     """Return (r, 2) corners, counter-clockwise, of a polygon in a circle with sides like `lengths` and mean side 1."""
-    sides = np.maximum(lengths / lengths.mean(), NARROWEST)
+    sides = np.maximum(lengths / lengths.mean(), MIN_SIDE_RATIO)
     for _ in range(3):
-        sides = np.minimum(sides, LONGEST * (sides.sum() - sides))
+        sides = np.minimum(sides, MAX_SIDE_RATIO * (sides.sum() - sides))
     sides = sides / sides.mean()
     longest = int(sides.argmax())
 
@@ -147,7 +147,7 @@ def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
     sine = np.sqrt(1 - cosine**2)
     step = np.minimum(np.roll(steps, 1), steps)
-    return float(MARGIN * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
+    return float(ROW_SPACING * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
 
 
 def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
@@ -174,12 +174,12 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
     gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
-    while (size := sizes[-1] - gaps[-1] / depth) > LAST_RING:
+    while (size := sizes[-1] - gaps[-1] / depth) > LAST_RING_SIZE:
         sizes.append(size)
-        gaps.append(gaps[-1] + GROWTH * distance)
+        gaps.append(gaps[-1] + GAP_GROWTH * distance)
     coarser = 1.0
     while True:
-        steps = coarser * np.minimum(lengths / degrees, lengths.sum() / FEWEST_STEPS)
+        steps = coarser * np.minimum(lengths / degrees, lengths.sum() / FIRST_RING_STEPS)
         counts = [
             np.maximum(1, np.rint(size * lengths / np.maximum(gap, steps)).astype(np.int64))
             for size, gap in zip(sizes, gaps, strict=True)
@@ -197,13 +197,13 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
 
 
 def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: IntArray) -> FloatArray:
-    """Return log weights with which inner knots, and rows on average, have `SHARE` of T at their own places."""
+    """Return log weights with which inner knots, and rows on average, have `KNOT_SHARE` of T at their own places."""
     logs = logs.copy()
     free = np.concatenate([np.flatnonzero(group >= 0), inner])
     columns = np.arange(len(free))
     s = starts(knots, knots[free])
-    wanted = np.log(SHARE / (1 - SHARE))
-    for _ in range(ROUNDS):
+    wanted = np.log(KNOT_SHARE / (1 - KNOT_SHARE))
+    for _ in range(WEIGHT_ROUNDS):
         s = torus_of(knots, logs, knots[free], s, 1e-5)
         t = shares(exponents(knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):

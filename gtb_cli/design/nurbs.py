@@ -17,7 +17,7 @@ from gtb_cli.theory.patch import Patch
 MAX_CONTROL_POINTS = 100_000
 """Largest number of control points of a curve or surface."""
 
-SHORTEST = 1e-12
+MIN_SPAN = 1e-12
 """Spans shorter than this fraction of all are ignored: their knots were meant to be equal."""
 
 
@@ -108,7 +108,7 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
         k = int(np.argmin(steps >= 0))
         raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
     low, high = knots[degree], knots[count]
-    spans = [k for k in range(degree, count) if steps[k] > SHORTEST * (high - low)]
+    spans = [k for k in range(degree, count) if steps[k] > MIN_SPAN * (high - low)]
     if not high > low or not spans:
         raise DomainError("knots: all spans are empty")
     if len(spans) > MAX_PATCHES:

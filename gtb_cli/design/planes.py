@@ -11,16 +11,16 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.design.sides import Side, bernstein, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError
 
-EXACT = 1e-13
+EXACT_RESIDUAL = 1e-13
 """Largest normal component of a field relative to the field: the rounding of sums of some dozen terms."""
 
-FITTED = 3e-3
+FITTED_RESIDUAL = 3e-3
 """The same if no field of the allowed degrees is exact: 0.2 degrees, and a message gives the angle."""
 
-RAISES = 6
+MAX_RAISES = 6
 """Largest number of times that the degree of an edge is raised to find a field that crosses it and is exact."""
 
-CROSSING = 1e-3
+MIN_CROSSING = 1e-3
 """Component across an edge, as a fraction of the mean length of a field, from which the field crosses the edge."""
 
 Field: TypeAlias = "list[FloatArray] | None"
@@ -53,17 +53,18 @@ def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatAr
     inward = np.cross(normals, tangents)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     nearly: tuple[float, int, FloatArray, list[FloatArray]] | None = None
-    for count in range(least, least + RAISES + 1):
+    for count in range(least, least + MAX_RAISES + 1):
         edge = raised(side.curve, count)
         degree = len(edge) - 2
         values = bernstein(degree, t)
         matrix = (values[:, :, None] * normals[:, None]).reshape(len(t), -1)
         _, singular, basis = np.linalg.svd(matrix, full_matrices=True)
         singular = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
-        for bound in (EXACT, *np.unique(singular[(singular > EXACT) & (singular <= FITTED)]).tolist()):
+        inexact = np.unique(singular[(singular > EXACT_RESIDUAL) & (singular <= FITTED_RESIDUAL)])
+        for bound in (EXACT_RESIDUAL, *inexact.tolist()):
             field = [row.reshape(-1, 3) for row in basis[singular <= bound]]
             if _crosses(field, values, inward):
-                if bound == EXACT:
+                if bound == EXACT_RESIDUAL:
                     return count, edge, field
                 if nearly is None or bound < nearly[0] / 2:
                     nearly = bound, count, edge, field
@@ -79,8 +80,8 @@ def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) ->
         return False
     across = np.array([((values @ row) * inward).sum(axis=1) for row in field])
     target = np.ones(across.shape[1])
-    found = np.linalg.lstsq(across.T, target, rcond=CROSSING**2)[0] @ across
-    return bool(found.min() > CROSSING)
+    found = np.linalg.lstsq(across.T, target, rcond=MIN_CROSSING**2)[0] @ across
+    return bool(found.min() > MIN_CROSSING)
 
 
 def nearest_field(field: Field, side: Side, normals: FloatArray | None) -> Field:
@@ -92,5 +93,5 @@ def nearest_field(field: Field, side: Side, normals: FloatArray | None) -> Field
     _, tangents = points_and_tangents(side.curve, stations())
     inward = np.cross(normals, tangents)
     wanted = (inward / np.linalg.norm(inward, axis=1, keepdims=True)).ravel()
-    factors = np.linalg.lstsq(table.T, wanted, rcond=CROSSING**2)[0]
+    factors = np.linalg.lstsq(table.T, wanted, rcond=MIN_CROSSING**2)[0]
     return [np.asarray(np.einsum("f,fij->ij", factors, np.array(field)))]

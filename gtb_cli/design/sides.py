@@ -19,16 +19,16 @@ polynomials that is set to zero there (that of a normal, up to 30, and a row).""
 MAX_DEGREE = 20
 """Largest degree of a side after gaps between its knots are filled: its coefficients span six digits."""
 
-LATTICE = 1e-9
+STEP_TOLERANCE = 1e-9
 """Fraction of a curve's length by which its knots may be off equal steps: numbers are typed or computed rounded."""
 
-GAP = 1e-5
+MAX_GAP = 1e-5
 """Largest gap between neighbouring sides, as a fraction of the loop's size: files with six decimals count as closed."""
 
-POINT = 1e-9
+POINT_SIZE = 1e-9
 """Extent of a side, as a fraction of the loop's size, up to which it is a point."""
 
-PARALLEL = 1e-10
+PARALLEL_SINE = 1e-10
 """Sine of the angle between a side's tangent and the field across it, below which these do not span a plane."""
 
 
@@ -108,11 +108,11 @@ def side_normals(side: Side) -> FloatArray:
     _, tangents = points_and_tangents(side.curve, stations())
     lengths = [np.linalg.norm(v, axis=1, keepdims=True) for v in (tangents, side.across)]
     for what, length in zip(("the tangent", "the ribbon's distance from the curve"), lengths, strict=True):
-        if not (length > POINT * length.max()).all():
+        if not (length > POINT_SIZE * length.max()).all():
             raise DomainError(f"{side.name}: {what} vanishes on it, near t = {stations()[int(length.argmin())]:.3f}")
     cross = np.cross(tangents / lengths[0], side.across / lengths[1])
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
-    if not (sine > PARALLEL).all():
+    if not (sine > PARALLEL_SINE).all():
         place = stations()[int(sine.argmin())]
         raise DomainError(f"{side.name}: the ribbon is parallel to the curve near t = {place:.3f}, and spans no plane")
     return np.asarray(cross / sine)
@@ -179,7 +179,7 @@ def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
 
 def _degree(place: FloatArray) -> int | None:
     for degree in range(1, MAX_DEGREE + 1):
-        if np.abs(place * degree - np.rint(place * degree)).max() <= LATTICE * degree:
+        if np.abs(place * degree - np.rint(place * degree)).max() <= STEP_TOLERANCE * degree:
             return degree
     return None
 
@@ -232,7 +232,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
         raise DomainError("loop: has no extent")
     remarks, left = [], []
     for side in sides:
-        if np.ptp(side.curve[:, :3] / side.curve[:, 3:], axis=0).max() <= POINT * size:
+        if np.ptp(side.curve[:, :3] / side.curve[:, 3:], axis=0).max() <= POINT_SIZE * size:
             remarks.append(f"{side.name} is a point and is left out")
         else:
             left.append(side)
@@ -245,9 +245,9 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
         end = chain[-1].ends[1]
         gaps = np.array([np.linalg.norm(side.ends - end, axis=1) for side in left])
         k, flip = divmod(int(gaps.argmin()), 2)
-        if gaps[0, 0] <= GAP * size:
+        if gaps[0, 0] <= MAX_GAP * size:
             k, flip = 0, 0
-        if gaps[k, flip] > GAP * size:
+        if gaps[k, flip] > MAX_GAP * size:
             raise DomainError(
                 f"loop: is not closed, {chain[-1].name} ends {gaps[k, flip]:.3g} from the nearest end, {left[k].name}'s"
             )
@@ -258,7 +258,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
     if turned:
         remarks.append(f"{', '.join(turned)}: run through from the other end")
     closing = float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]))
-    if closing > GAP * size:
+    if closing > MAX_GAP * size:
         raise DomainError(f"loop: is not closed, {chain[-1].name} ends {closing:.3g} from where {chain[0].name} begins")
     return _closed(tuple(chain), size, remarks), remarks
 
@@ -272,6 +272,6 @@ def _closed(chain: tuple[Side, ...], size: float, remarks: list[str]) -> tuple[S
         worst = max(worst, float(np.abs(end - start).max()))
         middle = end if np.array_equal(end, start) else (end + start) / 2
         curves[i - 1][-1, :3] = curves[i][0, :3] = middle
-    if worst > POINT * size:
+    if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
     return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True))

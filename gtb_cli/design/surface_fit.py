@@ -17,22 +17,22 @@ from gtb_cli.theory.patch import Patch
 MOST_POINTS = 100_000
 """Largest number of points: the table of T has a number for each point and knot."""
 
-SMOOTHING = 1e-6
+SMOOTHING_WEIGHT = 1e-6
 """Weight of the thin-plate energy relative to the points, each by its mean: it decides where there are no points."""
 
-ROUNDS = 8
+CORRECTION_ROUNDS = 8
 """Number of rounds in which parameters are corrected and control points found anew."""
 
-RINGS = 24
+SEARCH_RINGS = 24
 """Rings of the mesh whose nearest vertex gives the first parameter of a point."""
 
-STEP = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Step of differences for tangents, as a fraction of Δ's size: corrections need two of their digits."""
 
-LONGEST_STEP = 0.1
+MAX_CORRECTION = 0.1
 """Longest correction of a parameter in a round, as a fraction of Δ's size."""
 
-INSIDE = 1e-9
+BOUNDARY_MARGIN = 1e-9
 """Fraction of the way to the middle of Δ by which corrected parameters keep off the boundary."""
 
 
@@ -74,7 +74,7 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
 
 
 def surface_near(
-    points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING
+    points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING_WEIGHT
 ) -> Fit:
     """Find control points with which a patch is near points.
 
@@ -107,7 +107,7 @@ def surface_near(
         return _measured(fitted, places, p, 0)
     p = _nearest(patch, places)
     best = _measured(_solved(patch, places, p, plate, smoothing), places, p, 0)
-    for rounds in range(1, ROUNDS + 1):
+    for rounds in range(1, CORRECTION_ROUNDS + 1):
         p = _corrected(best.patch, places, best.parameters)
         found = _measured(_solved(patch, places, p, plate, smoothing), places, p, rounds)
         if not found.mean < best.mean:
@@ -151,7 +151,7 @@ def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
     """Return (m, 2) parameters of the nearest vertices of a mesh, moved slightly inside."""
     from scipy.spatial import cKDTree
 
-    part = central_triangulation(patch.domain, RINGS)
+    part = central_triangulation(patch.domain, SEARCH_RINGS)
     _, index = cKDTree(patch.evaluate(part.parameters, "linear")).query(points)
     return _corrected(patch, points, _inside(patch, part.parameters[index]))
 
@@ -159,8 +159,8 @@ def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
 def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
     """Take one Gauss-Newton step to the projections of the points, within Δ."""
     size = patch.domain.size
-    h = STEP * size
-    base = _inside(patch, p, STEP * 4)
+    h = DIFFERENCE_STEP * size
+    base = _inside(patch, p, DIFFERENCE_STEP * 4)
     at = patch.evaluate(base, "linear")
     tangents = [
         (patch.evaluate(base + step, "linear") - patch.evaluate(base - step, "linear")) / (2 * h)
@@ -172,11 +172,11 @@ def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
     det = np.maximum(a * c - b * b, 1e-12 * np.maximum(a * c, np.finfo(float).tiny))
     step = np.column_stack([c * x - b * y, a * y - b * x]) / det[:, None]
     length = np.linalg.norm(step, axis=1, keepdims=True)
-    step *= np.minimum(1, LONGEST_STEP * size / np.maximum(length, np.finfo(float).tiny))
+    step *= np.minimum(1, MAX_CORRECTION * size / np.maximum(length, np.finfo(float).tiny))
     return _inside(patch, base + step)
 
 
-def _inside(patch: Patch, p: FloatArray, margin: float = INSIDE) -> FloatArray:
+def _inside(patch: Patch, p: FloatArray, margin: float = BOUNDARY_MARGIN) -> FloatArray:
     """Move points towards the middle of Δ until they are inside by a fraction of its size."""
     shape = patch.domain
     centre = shape.vertices.mean(axis=0)

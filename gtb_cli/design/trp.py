@@ -18,7 +18,7 @@ from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.spec.reader import MAX_KNOTS
 from gtb_cli.theory.patch import Patch
 
-FARTHEST = 10**6
+MAX_LATTICE_COORDINATE = 10**6
 """Largest coordinate of a lattice point."""
 
 
@@ -79,7 +79,7 @@ def _binomial(n: int, k: int) -> float:
 
 
 def _lattice_points(points: FloatArray, words: Words, line: int) -> FloatArray:
-    off = (points != np.rint(points)) | (np.abs(points) > FARTHEST)
+    off = (points != np.rint(points)) | (np.abs(points) > MAX_LATTICE_COORDINATE)
     if off.any():
-        words.fail(f"expected whole numbers u v up to {FARTHEST}, got {points[off][0]:g}", line)
+        words.fail(f"expected whole numbers u v up to {MAX_LATTICE_COORDINATE}, got {points[off][0]:g}", line)
     return points

@@ -9,13 +9,13 @@ from typing import NoReturn
 from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import SpecError
 
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
+NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
 """Numbers as C, C++ and Fortran write them."""
 
 LARGEST = 1e100
 """Largest coordinate or weight: the square of a number with twice as many digits would overflow."""
 
-SHOWN = 60
+SHOWN_CHARACTERS = 60
 """Largest number of characters of a word in a message."""
 
 
@@ -94,7 +94,7 @@ class Words:
         self.need(1, what)
         word = self.peek()
         if not re.fullmatch(r"[-+]?\d{1,9}", word, re.ASCII) or not low <= int(word) <= high:
-            self.fail(f"expected {what}, a whole number from {low} to {high}, got {word[:SHOWN]!r}")
+            self.fail(f"expected {what}, a whole number from {low} to {high}, got {word[:SHOWN_CHARACTERS]!r}")
         self._next += 1
         return int(word)
 
@@ -104,9 +104,9 @@ class Words:
         values = []
         for _ in range(count * width):
             word = self.peek()
-            value = float(word.lower().replace("d", "e")) if NUMBER.fullmatch(word) else math.nan
+            value = float(word.lower().replace("d", "e")) if NUMBER_PATTERN.fullmatch(word) else math.nan
             if not abs(value) <= LARGEST:
-                self.fail(f"expected {what}, got {word[:SHOWN]!r}, which is not a number up to {LARGEST:g}")
+                self.fail(f"expected {what}, got {word[:SHOWN_CHARACTERS]!r}, which is not a number up to {LARGEST:g}")
             values.append(value)
             self._next += 1
         return read_only(values).reshape(count, width)
@@ -114,4 +114,4 @@ class Words:
     def end(self) -> None:
         """Refuse remaining words."""
         if self.left:
-            self.fail(f"expected the end of the file, got {self.peek()[:SHOWN]!r}")
+            self.fail(f"expected the end of the file, got {self.peek()[:SHOWN_CHARACTERS]!r}")

@@ -20,13 +20,13 @@ from gtb_cli.theory.patch import Patch
 
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
 
-RINGS = 14
+SAMPLE_RINGS = 14
 """Rings of triangles in each sector of Δ over which energies are summed, one sample in each triangle."""
 
-GRADING = 2.0
+RING_GRADING = 2.0
 """Exponent that draws the rings to the boundary, where derivatives change within the next layer of knots."""
 
-SAMPLE_WITHIN = 1e-10
+SAMPLE_DISTANCE = 1e-10
 """Largest distance of samples from their places, in units of the square root of the area of Δ."""
 
 SAMPLES_PER_KNOT = 4
@@ -65,20 +65,20 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> Floa
     p, areas = energy_samples(domain, len(domain.knots))
     unit = np.sqrt(areas.sum())
     knots, middles = (domain.knots - domain.center) / unit, (p - domain.center) / unit
-    s = torus_of(knots, log_weights, middles, starts(knots, middles), SAMPLE_WITHIN)
+    s = torus_of(knots, log_weights, middles, starts(knots, middles), SAMPLE_DISTANCE)
     return moments_energy(knots, log_weights, s, areas / unit**2, kind)
 
 
 def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
     """Return (m, 2) middles and (m,) areas of triangles that cover Δ and are narrower near its boundary."""
     r = len(domain.vertices)
-    rings = max(RINGS, int(np.ceil(np.sqrt(SAMPLES_PER_KNOT * knots / r))))
+    rings = max(SAMPLE_RINGS, int(np.ceil(np.sqrt(SAMPLES_PER_KNOT * knots / r))))
     part = central_triangulation(domain, rings)
     centre = domain.vertices.mean(axis=0)
     depth = domain.heights_of_columns(part.parameters)
     share = (depth / domain.heights_of_columns(centre[None])).min(axis=0)
     # `share` is 1 in the middle, 0 on the boundary.
-    stretch = (1 - share**GRADING) / np.where(share < 1, 1 - share, 1.0)
+    stretch = (1 - share**RING_GRADING) / np.where(share < 1, 1 - share, 1.0)
     corners = (centre + (part.parameters - centre) * stretch[:, None])[part.cells]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2

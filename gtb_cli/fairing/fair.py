@@ -11,17 +11,17 @@ from gtb_cli.arrays import BoolArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.layers import LAYER
+from gtb_cli.knots.layers import LAYER_TOLERANCE
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folds
 from gtb_cli.theory.patch import Patch
 
 Keep: TypeAlias = Literal["boundary", "tangents"]
 
-RIDGE = 1e-12
+RIDGE_FRACTION = 1e-12
 """Fraction of the mean energy that is added, so that a control point without influence on it stays where it is."""
 
-RINGS = 16
+FOLD_RINGS = 16
 """Rings of the mesh of Δ that is searched for folds."""
 
 
@@ -83,7 +83,7 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     before = float(np.einsum("ik,ij,jk->", points, matrix, points))
     after = before
     if len(free):
-        ridge = RIDGE * np.trace(matrix) / len(matrix)
+        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
         form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
         points = points.copy()
         points[free] -= np.linalg.solve(form, matrix[free] @ points)
@@ -91,7 +91,7 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
         points += middle
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
-    part = central_triangulation(patch.domain, RINGS)
+    part = central_triangulation(patch.domain, FOLD_RINGS)
     return Fairing(patch, before, after, len(free), folds(patch.evaluate(part.parameters, "linear"), part.cells))
 
 
@@ -101,5 +101,5 @@ def kept_knots(domain: Domain, keep: Keep) -> BoolArray:
     if keep == "tangents":
         for heights in domain.heights.T:
             first = heights[heights > 0].min()
-            kept = kept | (heights <= first + LAYER * heights.max())
+            kept = kept | (heights <= first + LAYER_TOLERANCE * heights.max())
     return np.asarray(kept)

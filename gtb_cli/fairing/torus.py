@@ -12,13 +12,13 @@ from gtb_cli.theory.moment import MomentMap
 NEWTON_STEPS = 60
 """Steps after which points are left to the slower moment map, which always converges."""
 
-HALVINGS = 30
+MAX_HALVINGS = 30
 """Largest number of halvings of a step."""
 
-DESCENT = 1e-4
+DESCENT_FRACTION = 1e-4
 """Fraction of the descent predicted by the slope that a step must reach."""
 
-REGULAR = 1e-3
+REGULARISATION = 1e-3
 """Regularisation of the Hessian, as a multiple of the residual."""
 
 
@@ -44,15 +44,15 @@ def torus_of(knots: FloatArray, logs: FloatArray, p: FloatArray, s: FloatArray, 
         residual = np.abs(gradient).max(axis=0)
         if residual.max() <= within:
             return s
-        xx = moments[2] - moments[0] ** 2 + REGULAR * residual
-        yy = moments[4] - moments[1] ** 2 + REGULAR * residual
+        xx = moments[2] - moments[0] ** 2 + REGULARISATION * residual
+        yy = moments[4] - moments[1] ** 2 + REGULARISATION * residual
         xy = moments[3] - moments[0] * moments[1]
         step = -np.array([yy * gradient[0] - xy * gradient[1], xx * gradient[1] - xy * gradient[0]]) / (xx * yy - xy**2)
         slope = (gradient * step).sum(axis=0)
         length = np.ones(len(p))
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             new, _ = _objective(knots, logs, target, s + length * step)
-            high = ~(new <= value + DESCENT * length * slope + 1e-13 * (1 + np.abs(value)))
+            high = ~(new <= value + DESCENT_FRACTION * length * slope + 1e-13 * (1 + np.abs(value)))
             if not high.any():
                 break
             length[high] /= 2

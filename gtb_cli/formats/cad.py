@@ -17,10 +17,10 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 
-SEAM = 1e-6
+SEWING_TOLERANCE = 1e-6
 """Fraction of a model's size within which edges are sewn; the edges of neighbours agree to rounding."""
 
-FINEST = 1e-7
+KERNEL_PRECISION = 1e-7
 """Length, in units of the file, below which the kernel does not distinguish points."""
 
 KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}
@@ -90,11 +90,11 @@ def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str =
         ) from None
     _silence()
     size = max(float(np.ptp(np.concatenate([sheet.net[..., :3].reshape(-1, 3) for sheet in sheets]), axis=0).max()), 0)
-    if size * SEAM < FINEST:
+    if size * SEWING_TOLERANCE < KERNEL_PRECISION:
         raise ExportError(
-            f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {FINEST:g}"
+            f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(sheets, SEAM * size)
+    shape, faces, shells, solids = _sewn(sheets, SEWING_TOLERANCE * size)
     if not check(shape).IsValid():
         raise ExportError(
             f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
@@ -125,7 +125,7 @@ def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[An
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
     given = []
     for sheet in sheets:
-        face = builder.BRepBuilderAPI_MakeFace(_surface(sheet), FINEST).Face()
+        face = builder.BRepBuilderAPI_MakeFace(_surface(sheet), KERNEL_PRECISION).Face()
         given.append(face)
         sewing.Add(face)
     sewing.Perform()

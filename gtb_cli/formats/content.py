@@ -14,7 +14,7 @@ from gtb_cli.meshes.known import largest_coordinates
 STL_HEADER_BYTES = 84
 """Bytes before the facets of a binary STL file; the last four are the number of facets."""
 
-SINGLE = np.dtype("<f4")
+SINGLE_FLOAT = np.dtype("<f4")
 """Numbers of binary files."""
 
 Scalar = TypeVar("Scalar", np.float64, np.int64)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE, Content, joined, segments, single_half_steps, triangles
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, segments, single_half_steps, triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, Up
@@ -31,8 +31,8 @@ FLOAT, UNSIGNED = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 """glTF's numbers for the content of a view of the buffer."""
 
-COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+ELEMENT_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 KNOWN_EXTENSIONS = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", "KHR_materials_specular"}
 """Required extensions that do not concern shapes."""
@@ -144,7 +144,7 @@ def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], Non
 
     meshes = []
     for part in parts:
-        points = part.vertices.astype(SINGLE)
+        points = part.vertices.astype(SINGLE_FLOAT)
         attributes = {
             "POSITION": accessor(
                 points, "VEC3", FLOAT, min=points.min(axis=0).tolist(), max=points.max(axis=0).tolist()
@@ -152,7 +152,7 @@ def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], Non
         }
         if part.uv is not None:
             downwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])
-            attributes["TEXCOORD_0"] = accessor(downwards.astype(SINGLE), "VEC2", FLOAT)
+            attributes["TEXCOORD_0"] = accessor(downwards.astype(SINGLE_FLOAT), "VEC2", FLOAT)
         indices = accessor(part.cells.astype("<u4"), "SCALAR", UNSIGNED)
         meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
     tree: dict[str, Any] = {
@@ -333,8 +333,8 @@ class _Scene:
         buffer = self.tree["buffers"][_index(view.get("buffer", 0))]
         if "uri" in buffer or view.get("buffer", 0) != 0:
             raise GtbError("has its numbers in another file")
-        kind = np.dtype(COMPONENTS[accessor["componentType"]])
-        width, count = WIDTHS[accessor["type"]], _index(accessor["count"])
+        kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
+        width, count = ELEMENT_WIDTHS[accessor["type"]], _index(accessor["count"])
         stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
         start = _index(view.get("byteOffset", 0)) + _index(accessor.get("byteOffset", 0))
         end = _index(view.get("byteOffset", 0)) + _index(view["byteLength"])

@@ -24,7 +24,7 @@ MAX_STREAM_BYTES = 1 << 28
 """Largest number of bytes read from a stream, which may have no end. Five million faces, the default limit, take 200 MB
 of OBJ."""
 
-TEXT = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
+TEXT_BYTES = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
 """Bytes that occur in text."""
 
 MAX_COORDINATE = 2.0**1000
@@ -97,7 +97,7 @@ def size_limit(start: bytes, otherwise: int) -> int:
     if format_of(start) is not None or len(start) < STL_HEADER_BYTES:
         return MAX_FILE_BYTES
     said = STL_HEADER_BYTES + 50 * int.from_bytes(start[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    is_text = not start.translate(None, TEXT)
+    is_text = not start.translate(None, TEXT_BYTES)
     return max(otherwise, 0 if is_text else min(said, MAX_FILE_BYTES))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.content import SINGLE
+from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.formats.export import encode_mesh, standing
 from gtb_cli.formats.glb import FLOAT, glb_chunks, glb_file, mark_views
 from gtb_cli.meshes.mesh import Mesh
@@ -96,8 +96,8 @@ def animated_glb(
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {
-            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE), "SCALAR"),
-            "output": file.add(np.eye(len(meshes), dtype=SINGLE)[:, 1:].ravel(), "SCALAR"),
+            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE_FLOAT), "SCALAR"),
+            "output": file.add(np.eye(len(meshes), dtype=SINGLE_FLOAT)[:, 1:].ravel(), "SCALAR"),
             "interpolation": "LINEAR",
         }
         node = next(number for number, node in enumerate(file.tree["nodes"]) if "mesh" in node)
@@ -126,7 +126,7 @@ class _File:
         """The vectors of an accessor of the original file, as they are stored."""
         described = self.tree["accessors"][accessor]
         start = self.tree["bufferViews"][described["bufferView"]]["byteOffset"]
-        values = np.frombuffer(self._body, SINGLE, 3 * described["count"], start)
+        values = np.frombuffer(self._body, SINGLE_FLOAT, 3 * described["count"], start)
         return values.reshape(-1, 3).astype(np.float64)
 
     def add(self, values: NDArray[np.float32], kind: str) -> int:
@@ -164,7 +164,7 @@ def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:
 
 def _single(values: FloatArray, label: str) -> NDArray[np.float32]:
     with np.errstate(over="ignore", under="ignore"):
-        rounded = values.astype(SINGLE)
+        rounded = values.astype(SINGLE_FLOAT)
     if not np.isfinite(rounded).all():
         raise ExportError(f"GLB: {label}: too large for 32-bit numbers")
     return rounded

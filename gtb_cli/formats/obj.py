@@ -15,10 +15,12 @@ from gtb_cli.formats.digits import BLOCK_ROWS, cell_lines, decimals, number_line
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 
-IGNORED = set(b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split())
+IGNORED_KEYWORDS = set(
+    b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
+)
 """Keywords of single points, and of anything but geometry."""
 
-FREE_FORM = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
+FREE_FORM_KEYWORDS = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
 """Keywords of free-form curves and surfaces."""
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}
@@ -191,9 +193,9 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             lines[place] = keyword + b" " + rest
         elif keyword in (b"g", b"o"):
             names.append((place, b" ".join(rest.split()).decode("utf-8", "replace")))
-        elif keyword in FREE_FORM:
+        elif keyword in FREE_FORM_KEYWORDS:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
-        elif keyword and not keyword.startswith(b"#") and keyword not in IGNORED:
+        elif keyword and not keyword.startswith(b"#") and keyword not in IGNORED_KEYWORDS:
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}, names
 

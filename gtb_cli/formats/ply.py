@@ -8,14 +8,14 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE, Content, joined, plain_name, single_half_steps, triangles
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, plain_name, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
-from gtb_cli.formats.ply_tables import LISTS, Element, read_binary, read_header, read_text
+from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.mesh import Mesh
 
-RESERVED = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
+RESERVED_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
 """Properties with a meaning of their own, whose names attributes cannot have."""
 
 
@@ -50,7 +50,7 @@ def ply_blocks(
         yield from _text_rows(" ".join(["%r"] * len(columns)) + "\n", table)
         yield from _text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
     else:  # trimesh writes a path without properties, and repeats the vertices for each of its entities
-        yield table.astype(SINGLE).tobytes()
+        yield table.astype(SINGLE_FLOAT).tobytes()
         yield mesh.cells.astype("<i4").tobytes()
 
 
@@ -71,7 +71,7 @@ def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str
             vertices=mesh.vertices,
             faces=mesh.cells,
             vertex_normals=normals,
-            vertex_attributes={name: columns[name].astype(SINGLE) for name in scalars},
+            vertex_attributes={name: columns[name].astype(SINGLE_FLOAT) for name in scalars},
             process=False,
             validate=False,
         ),
@@ -93,7 +93,7 @@ def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray
     named: dict[str, FloatArray] = {}
     for name, values in attributes.items():
         plain = plain_name(name).encode("ascii", "replace").decode().replace("?", "_")
-        if plain in RESERVED or plain in named:
+        if plain in RESERVED_PROPERTIES or plain in named:
             raise ExportError(f"attributes: PLY has a property {plain!r} already, as which {name!r} would be written")
         if values.ndim != 1:
             raise ExportError(f"attributes: {name!r}: expected one number for each vertex, got shape {values.shape}")
@@ -133,9 +133,9 @@ def _cells(tables: dict[str, Element]) -> IntArray:
     face, edge = tables.get("face"), tables.get("edge")
     faces: list[IntArray] = []
     if face is not None and face.count:
-        item = next((item for item in face.properties if item.name in LISTS and item.count_type), None)
+        item = next((item for item in face.properties if item.name in CORNER_LISTS and item.count_type), None)
         if item is None:
-            raise GtbError(f"element face: has no list {LISTS[0]}")
+            raise GtbError(f"element face: has no list {CORNER_LISTS[0]}")
         if item.type.startswith("f"):
             raise GtbError(f"{item.name}: expected whole numbers, got {item.type}")
         for corners, counts in face.lists[item.name]:

@@ -16,22 +16,22 @@ from gtb_cli.arrays import IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.text import SAMPLED_VERTICES, float_rows, integer_rows, integers, lines_of, shown
 
-TYPES = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
-TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2"}
-TYPES |= {b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8"}
+NUMBER_TYPES = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
+NUMBER_TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2"}
+NUMBER_TYPES |= {b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8"}
 
-STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
+STRUCT_LETTERS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
 """Letters of `struct` for the types of list lengths."""
 
-ORDERS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
+BYTE_ORDERS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
 
 MAX_HEADER = 1 << 20
 """Largest size of a header in bytes; the longest have some thousands."""
 
-LISTS = ("vertex_indices", "vertex_index")
+CORNER_LISTS = ("vertex_indices", "vertex_index")
 """Possible names of a face's list of corners."""
 
-READ = {"vertex", "face", "edge"}
+READ_ELEMENTS = {"vertex", "face", "edge"}
 """Elements that are read; others are skipped."""
 
 
@@ -99,8 +99,8 @@ def read_header(data: bytes) -> tuple[list[Element], str, int]:
         if not words or words[0] in (b"comment", b"obj_info"):
             continue
         try:
-            if words[0] == b"format" and len(words) == 3 and words[1] in ORDERS:
-                order = ORDERS[words[1]]
+            if words[0] == b"format" and len(words) == 3 and words[1] in BYTE_ORDERS:
+                order = BYTE_ORDERS[words[1]]
             elif words[0] == b"element" and len(words) == 3:
                 elements.append(Element(_name(words[1]), _count(words[2])))
                 columns = set()
@@ -140,13 +140,13 @@ def _property(words: Sequence[bytes]) -> Property:
     if len(words) != (4 if len(types) == 2 else 2):
         raise GtbError("expected property TYPE NAME or property list TYPE TYPE NAME")
     for word in types:
-        if word not in TYPES:
+        if word not in NUMBER_TYPES:
             raise GtbError(f"unknown type {shown(word)}")
     if len(types) == 1:
-        return Property(_name(words[1]), TYPES[types[0]])
-    if TYPES[types[0]].startswith("f"):
+        return Property(_name(words[1]), NUMBER_TYPES[types[0]])
+    if NUMBER_TYPES[types[0]].startswith("f"):
         raise GtbError(f"the length of a list is a whole number, not {shown(types[0])}")
-    return Property(_name(words[3]), TYPES[types[1]], TYPES[types[0]])
+    return Property(_name(words[3]), NUMBER_TYPES[types[1]], NUMBER_TYPES[types[0]])
 
 
 def read_binary(data: bytes, start: int, element: Element, order: str) -> int:
@@ -167,7 +167,7 @@ def read_binary(data: bytes, start: int, element: Element, order: str) -> int:
         for index, (item, length) in enumerate(zip(element.properties, lengths, strict=True)):
             if length is None:
                 element.scalars[item.name] = [rows[f"value{index}"]]
-            elif item.name in LISTS:
+            elif item.name in CORNER_LISTS:
                 element.lists[item.name] = [(rows[f"value{index}"].ravel(), np.full(len(rows), length))]
         return start + element.count * row.itemsize
     if not listed:
@@ -183,10 +183,10 @@ def _read_uneven(data: bytes, start: int, element: Element, order: str) -> int:
         if item.count_type is None:
             passed += item.size
         else:
-            plan.append((passed, Struct(order + STRUCT[item.count_type]), item.size))
+            plan.append((passed, Struct(order + STRUCT_LETTERS[item.count_type]), item.size))
             passed = 0
     begins, counts = array("q"), array("q")
-    kept = element.name in READ
+    kept = element.name in READ_ELEMENTS
     place = start
     for row in range(element.count):
         try:
@@ -217,7 +217,7 @@ def _read_uneven(data: bytes, start: int, element: Element, order: str) -> int:
             continue
         index += 1
         sizes = count[:, index] * item.size
-        if item.name in LISTS:
+        if item.name in CORNER_LISTS:
             own = _between(content, begin[:, index], sizes).view(order + item.type)
             element.lists[item.name] = [(own, count[:, index])]
         at = begin[:, index] + sizes
@@ -327,7 +327,7 @@ def _read_rows(rows: list[bytes], element: Element) -> None:
             continue
         counts = column(True)
         check((counts < 0) | (counts > ends - place - 1), "a row has too few numbers")
-        if item.name in LISTS:
+        if item.name in CORNER_LISTS:
             own = _between(numbers, place + 1, counts)
             element.lists.setdefault(item.name, []).append((own, counts))
         place = place + 1 + counts

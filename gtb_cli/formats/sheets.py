@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.cad import Sheet
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
-from gtb_cli.theory.bezier_pieces import DEGREE, bezier_charts
+from gtb_cli.theory.bezier_pieces import MAX_DEGREE, bezier_charts
 from gtb_cli.theory.joints import EdgeRef
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -19,15 +19,15 @@ from gtb_cli.theory.patch import Patch
 FIT_TOLERANCE = 1e-4
 """Default tolerance of a fitted surface, as a fraction of the model's size."""
 
-SEGMENTS = (8, 16, 32, 64, 128)
+FIT_SPANS = (8, 16, 32, 64, 128)
 """Spans of a fitted surface in each direction, tried in turn."""
 
-CUBIC = 3
+FIT_DEGREE = 3
 
-SMALLEST_WEIGHT = 1e-12
+MIN_WEIGHT = 1e-12
 """Smallest weight of a Bézier rectangle, relative to the largest: below it, a kernel's derivatives lose all digits."""
 
-GRADING = 2.0
+PLACE_GRADING = 2.0
 """Exponent of the grading of the spline's knots, which are denser towards the edges of Δ: a patch with real knots may
 have no second derivative there. With 16 spans on eight patches, 1 leaves up to 4e-4 of the size, 2 up to 3e-5."""
 
@@ -106,7 +106,7 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     DomainError
         The spec consists of curves.
     ToleranceError
-        Even the largest of `SEGMENTS` does not reach the tolerance.
+        Even the largest of `FIT_SPANS` does not reach the tolerance.
     """
     patches = spec.patches if isinstance(spec, Model) else (spec,)
     if patches[0].dimension == 1:
@@ -121,11 +121,11 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     if not reasons:
         return Sheets(tuple(sheet for sheets in exact.values() for sheet in sheets), 0, 0.0, ())
     edges = _exact_edges(spec, exact, reasons) if isinstance(spec, Model) else {}
-    degree = max([CUBIC, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
+    degree = max([FIT_DEGREE, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
     points = np.concatenate([patch.control_points for patch in patches])
     size = float(np.ptp(points, axis=0).max())
     allowed = FIT_TOLERANCE * size if tolerance is None else tolerance
-    for segments in SEGMENTS:
+    for segments in FIT_SPANS:
         fitted = {index: _fitted(patches[index], index, segments, degree, edges) for index in reasons}
         error = max(found for _, found in fitted.values())
         if error <= allowed:
@@ -134,7 +134,7 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
             count = sum(len(found) for found, _ in fitted.values())
             return Sheets(tuple(sheet for part in sheets for sheet in part), count, error, names)
     raise ToleranceError(
-        f"fitted surfaces of {SEGMENTS[-1]} × {SEGMENTS[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
+        f"fitted surfaces of {FIT_SPANS[-1]} × {FIT_SPANS[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
     )
 
 
@@ -194,13 +194,13 @@ def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
     """
     name = _name(patch, index)
     lattice = lattice_of(patch.domain)
-    if lattice is not None and len(lattice) == 2 and max(direction.degree for direction in lattice) <= DEGREE:
+    if lattice is not None and len(lattice) == 2 and max(direction.degree for direction in lattice) <= MAX_DEGREE:
         first, second = lattice
         net = np.empty((first.degree + 1, second.degree + 1, 4))
         net[first.places[:, 1], second.places[:, 1]] = homogeneous_points(patch)
         return [_bezier(name, net)]
     sheets = []
-    for chart in bezier_charts(patch, DEGREE):
+    for chart in bezier_charts(patch, MAX_DEGREE):
         along, across = (int(degree) + 1 for degree in chart.patch.knots.max(axis=0))
         sheets.append(_bezier(name, homogeneous_points(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
     return sheets
@@ -210,9 +210,9 @@ def homogeneous_points(patch: Patch) -> FloatArray:
     """(n, 4) control points and Bézier weights: the products c ω divided by the binomials."""
     logs = patch.log_products - np.log(binomial_coefficients(patch.domain))
     weights = np.exp(logs - logs.max())
-    if weights.min() < SMALLEST_WEIGHT:
+    if weights.min() < MIN_WEIGHT:
         raise DomainError(
-            f"has weights in a range beyond {1 / SMALLEST_WEIGHT:g}, which programs for such surfaces do not take"
+            f"has weights in a range beyond {1 / MIN_WEIGHT:g}, which programs for such surfaces do not take"
         )
     return np.column_stack([patch.control_points, weights])
 
@@ -242,7 +242,7 @@ def _fitted(
     shares = np.array([0.5 if half is None else half.end for half, _ in halves])[:, None]
     middles = (1 - shares) * v + shares * np.roll(v, -1, axis=0)
     center = v.mean(axis=0)
-    knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** GRADING, degree, mode="edge")
+    knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** PLACE_GRADING, degree, mode="edge")
     # Greville's points: an interpolating spline of any degree does not oscillate between them.
     coarse = np.convolve(knots, np.full(degree, 1 / degree), "valid")[1:-1]
     coarse[-1] = 1.0

@@ -10,16 +10,16 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import SINGLE, STL_HEADER_BYTES, Content, single_half_steps
+from gtb_cli.formats.content import SINGLE_FLOAT, STL_HEADER_BYTES, Content, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
 
-FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+FACET_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
-WORDS = b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
+FACET_WORDS = b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
 """The words of a facet as text; 0 stands for any number."""
 
 CHUNK_BYTES = 1 << 22
@@ -68,12 +68,12 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
 def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> bytes:
     from trimesh.exchange.stl import export_stl
 
-    normals = np.empty(triangles.shape, dtype=SINGLE)
+    normals = np.empty(triangles.shape, dtype=SINGLE_FLOAT)
     for start in range(0, len(triangles), BLOCK_ROWS):
         block = slice(start, start + BLOCK_ROWS)
         normals[block] = facet_normals(vertices[triangles[block]])
     # A Trimesh would compute its own normals (see facet_normals); the exporter needs only these three attributes.
-    facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE)[triangles])
+    facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE_FLOAT)[triangles])
     data: bytes = export_stl(facets)
     return data
 
@@ -102,15 +102,15 @@ def read_stl(data: bytes) -> Content:
         The file is neither a whole binary file nor text with whole facets.
     """
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET.itemsize:
-        facets = np.frombuffer(data, dtype=FACET, offset=STL_HEADER_BYTES)
+    if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * FACET_TYPE.itemsize:
+        facets = np.frombuffer(data, dtype=FACET_TYPE, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
         return _content(corners, single_half_steps(corners))
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
         raise GtbError(f"is not an STL file: {len(data)} bytes, and not text that begins with solid")
-    held = (len(data) - STL_HEADER_BYTES) / FACET.itemsize
+    held = (len(data) - STL_HEADER_BYTES) / FACET_TYPE.itemsize
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
@@ -151,13 +151,13 @@ def _read_text(data: bytes) -> Content:
 
 def _corners(words: list[bytes], before: int) -> list[bytes]:
     """The coordinates of the corners of facets, in order; `before` is the number of facets before these."""
-    width = len(WORDS)
-    for place, expected in enumerate(WORDS):
+    width = len(FACET_WORDS)
+    for place, expected in enumerate(FACET_WORDS):
         column = words[place::width]
         if expected != b"0" and column.count(expected) != len(column):
             index, word = next((index, word) for index, word in enumerate(column) if word != expected)
             raise GtbError(f"facet {before + index + 1}: expected {expected.decode()}, got {shown(word)}")
     if len(words) % width:
         raise GtbError(f"facet {before + len(words) // width + 1}: is cut off after {shown(words[-1])}")
-    columns = [words[place::width] for place in range(5, width) if WORDS[place] == b"0"]
+    columns = [words[place::width] for place in range(5, width) if FACET_WORDS[place] == b"0"]
     return [word for row in zip(*columns, strict=True) for word in row]

@@ -18,16 +18,16 @@ from gtb_cli.knots.domain import Domain, domain
 START_FLOOR = 1e-17
 """Smallest distance from an edge used for a start, as a fraction of the next layer's: nearer points start there."""
 
-HULLS = 1024
+MAX_KEPT_HULLS = 1024
 """Number of sets of knots whose hull and last cells are kept: the patches of a family differ only in their weights."""
 
-COMPARED = 1_000_000
+MAX_COMPARED_PAIRS = 1_000_000
 """Largest number of pairs of a cell and a knot for which the last cells are tested with other weights."""
 
-ON_PLANE = 1e-13
+PLANE_TOLERANCE = 1e-13
 """Distance from a cell's plane, as a fraction of its values, within which a lifted knot clearly belongs to the cell."""
 
-CLEARLY_BELOW = 1e-9
+CLEAR_GAP = 1e-9
 """Depth below the plane beyond which rounding cannot make a knot the cell's: earlier results must not change any
 digit."""
 
@@ -91,7 +91,7 @@ def hull_of(knots: FloatArray) -> Hull:
     return _hull(np.ascontiguousarray(knots).tobytes(), knots.shape[1])
 
 
-@lru_cache(HULLS)
+@lru_cache(MAX_KEPT_HULLS)
 def _hull(knots: bytes, dimension: int) -> Hull:
     return Hull(domain(np.frombuffer(knots).reshape(-1, dimension), "unit"))
 
@@ -140,7 +140,7 @@ class _Cells:
 
     def gradients(self, w: FloatArray) -> FloatArray | None:
         """(c, d) gradients of the lifted cells, if (n,) values clearly have the same cells; otherwise None."""
-        if len(self.cells) * len(w) > COMPARED:
+        if len(self.cells) * len(w) > MAX_COMPARED_PAIRS:
             return None
         affine = np.column_stack([self.knots, np.ones(len(w))])
         try:
@@ -151,10 +151,10 @@ class _Cells:
         scale = float(np.abs(planes).max() + np.abs(w).max())
         for row, cell in zip(below, self.cells, strict=True):
             own = list(cell)
-            if np.abs(row[own]).max() > ON_PLANE * scale:
+            if np.abs(row[own]).max() > PLANE_TOLERANCE * scale:
                 return None
             row[own] = np.inf
-        return np.asarray(planes[:, :-1]) if below.min() > CLEARLY_BELOW * scale else None
+        return np.asarray(planes[:, :-1]) if below.min() > CLEAR_GAP * scale else None
 
 
 def _spanning(polygon: tuple[int, ...]) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 
-LAYER = 1e-9
+LAYER_TOLERANCE = 1e-9
 """Fraction of the hull's size: knots whose distances from an edge differ by less form one layer."""
 
 
@@ -16,12 +16,12 @@ def layers(heights: FloatArray) -> Iterator[IntArray]:
     """Yield the indices of the knots of equal positive height over an edge, lowest first."""
     order = np.argsort(heights, kind="stable")
     order = order[heights[order] > 0]
-    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER * heights.max()) + 1)
+    yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER_TOLERANCE * heights.max()) + 1)
 
 
 def ranks(values: FloatArray) -> IntArray:
     """The number of each value's layer, lowest first; equal values have equal numbers."""
     order = np.argsort(values, kind="stable")
     result = np.empty(len(values), dtype=np.int64)
-    result[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > LAYER * values.max())])
+    result[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > LAYER_TOLERANCE * values.max())])
     return result

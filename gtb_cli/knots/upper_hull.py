@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from gtb_cli.arrays import FloatArray
 
-BELOW = -1
+POINT_BELOW = -1
 """Index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism."""
 
 
@@ -83,7 +83,7 @@ class _Facet:
 
 
 def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> UpperHull:
-    """Quickhull of the lifted knots and `BELOW`, in integers.
+    """Quickhull of the lifted knots and `POINT_BELOW`, in integers.
 
     Facets are visible only from strictly above, so that coplanar points never make a flat facet; vertical facets on Δ's
     boundary are dropped with the prism below.
@@ -103,7 +103,7 @@ def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> UpperHull
                     break
 
     a, b, c = _first_triangle(at, indices)
-    todo = [facet(corners) for corners in ((a, b, c), (b, a, BELOW), (c, b, BELOW), (a, c, BELOW))]
+    todo = [facet(corners) for corners in ((a, b, c), (b, a, POINT_BELOW), (c, b, POINT_BELOW), (a, c, POINT_BELOW))]
     assign([i for i in indices if i not in (a, b, c)], todo)
     while todo:
         start = todo.pop()
@@ -154,11 +154,11 @@ def _first_triangle(at: list[tuple[int, ...]], indices: list[int]) -> tuple[int,
 
 def _plane(at: list[tuple[int, ...]], corners: tuple[int, int, int]) -> tuple[int, ...]:
     a, b, c = corners
-    while BELOW in (a, b):
+    while POINT_BELOW in (a, b):
         a, b, c = b, c, a
     (ax, ay, az), (bx, by, bz) = at[a], at[b]
     ux, uy, uz = bx - ax, by - ay, bz - az
-    if c == BELOW:
+    if c == POINT_BELOW:
         return -uy, ux, 0, ux * ay - uy * ax
     vx, vy, vz = at[c][0] - ax, at[c][1] - ay, at[c][2] - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

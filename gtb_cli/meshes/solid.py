@@ -14,17 +14,17 @@ from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
 
-SMALLEST = 64
+MIN_THICKNESS_ROUNDINGS = 64
 """Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point."""
 
-SMOOTH = math.cos(math.radians(15))
+SMOOTH_COSINE = math.cos(math.radians(15))
 """Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share
 the normal. A solid is 3 % too thin on an edge between patches at this angle."""
 
 SAME = 1 - 1e-9
 """Cosine of the angle, a few seconds of arc, within which two normals count as equal."""
 
-MITRE = 2.0
+MAX_MITRE = 2.0
 """Largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°."""
 
 
@@ -57,8 +57,8 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
 
     Notes
     -----
-    If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MITRE` times
-    the thickness. The facets decide in two cases: if a normal disagrees with the facets around the vertex and the
+    If patches meet at an angle, the vertex moves to where the offsets of all patches meet, but at most by `MAX_MITRE`
+    times the thickness. The facets decide in two cases: if a normal disagrees with the facets around the vertex and the
     surface's own normals are not given, and if the normal turns within a facet of the boundary; the offset then
     continues as inside. Coincident ends of a boundary edge become one vertex. If the surface bends more sharply than
     the thickness, the offset folds: see `folded_faces`. `gtb_cli.meshes.crossings` finds distant parts that meet.
@@ -128,7 +128,7 @@ def _checked(mesh: Mesh, thickness: float) -> Mesh:
     if not (math.isfinite(thickness) and thickness != 0):
         raise DomainError(f"thickness: must be a number other than zero, got {thickness!r}")
     largest = float(np.abs(mesh.vertices).max())
-    if not abs(thickness) > SMALLEST * EPS * largest:
+    if not abs(thickness) > MIN_THICKNESS_ROUNDINGS * EPS * largest:
         raise DomainError(f"thickness: {thickness:g} is below the rounding of coordinates of size {largest:.3g}")
     return mesh
 
@@ -150,7 +150,7 @@ def _welded(mesh: Mesh) -> Mesh:
     """Merge the ends of each boundary edge that coincide within rounding, as on a collapsed edge."""
     edges, _ = _boundary(mesh)
     ends = mesh.vertices[edges]
-    short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= SMALLEST * EPS * np.abs(mesh.vertices).max()
+    short = np.abs(ends[:, 1] - ends[:, 0]).max(axis=1) <= MIN_THICKNESS_ROUNDINGS * EPS * np.abs(mesh.vertices).max()
     if not short.any():
         return mesh
     label = merged(len(mesh.vertices), edges[short])
@@ -207,7 +207,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
     own, known = _own_normals(mesh, pairs, beside)
     # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
-    agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH
+    agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
     agree |= known | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
     wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < SAME])
@@ -219,14 +219,14 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     right = np.add.reduceat(normals, first)
     values, vectors = np.linalg.eigh(np.add.reduceat(normals[:, :, None] * normals[:, None, :], first))
     # The bound discards directions in which the normals hardly differ.
-    inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH))
+    inverse = 1 / np.maximum(values, 2 * (1 - SMOOTH_COSINE))
     w = np.einsum("vij,vj,vkj,vk->vi", vectors, inverse, vectors, right, optimize=True)
     # At the edge of a blade the only direction left is the one between its sides.
-    blade = np.linalg.norm(w, axis=1) < SMOOTH
-    w[blade] = MITRE * unit(right[blade])
+    blade = np.linalg.norm(w, axis=1) < SMOOTH_COSINE
+    w[blade] = MAX_MITRE * unit(right[blade])
     length = np.linalg.norm(w, axis=1, keepdims=True)
     result = mesh.normals.copy()
-    result[wrong] = np.where(length > 0, w * np.minimum(1.0, MITRE / np.maximum(length, 1.0)), result[wrong])
+    result[wrong] = np.where(length > 0, w * np.minimum(1.0, MAX_MITRE / np.maximum(length, 1.0)), result[wrong])
     return result
 
 
@@ -246,7 +246,7 @@ def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tupl
         row = np.searchsorted(pairs, (at * groups + patch)[there])
         sums = np.zeros_like(own)
         np.add.at(sums, row, beside[there])
-        found = np.linalg.norm(sums, axis=1) > SMOOTH
+        found = np.linalg.norm(sums, axis=1) > SMOOTH_COSINE
         own[found] = unit(sums[found])
     is_open = np.zeros(len(mesh.vertices), dtype=bool)
     is_open[_boundary(mesh)[0]] = True

@@ -20,10 +20,10 @@ from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
 
-SIDES = 24
+RING_SIDES = 24
 """Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes."""
 
-ROUNDING = 1e-9
+ZERO_TOLERANCE = 1e-9
 """Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
 of a sharp turn may share vertices."""
 
@@ -48,7 +48,7 @@ def tube(
     sides : int, optional
         Vertices of each ring, at least 3.
     tolerance : float, optional
-        Largest distance between the circle and its polygon, instead of `sides`. Without either, a ring has `SIDES`
+        Largest distance between the circle and its polygon, instead of `sides`. Without either, a ring has `RING_SIDES`
         sides.
     tangents : (k, 2, 3) float, optional
         Unit tangents of the curve at both ends of each segment, as `curve_tangents` returns them; NaN where undefined.
@@ -115,9 +115,9 @@ def tube(
 
 
 def ring_size(radius: float, tolerance: float | None = None) -> int:
-    """The number of sides of a regular polygon within `tolerance` of its circumscribed circle; by default `SIDES`."""
+    """The number of sides of a polygon within `tolerance` of its circumscribed circle; by default `RING_SIDES`."""
     if tolerance is None:
-        return SIDES
+        return RING_SIDES
     if not tolerance > 0:
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
     # radius (1 − cos(π/n)) ≤ tolerance, without cancellation.
@@ -138,7 +138,7 @@ def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = 
     _check(mesh, radius, tangents)
     found = [np.empty(0, dtype=np.int64)]
     for path in paths(mesh, tangents):
-        found.append(path.segments[_sweep(path, radius, SIDES).folded])
+        found.append(path.segments[_sweep(path, radius, RING_SIDES).folded])
     return np.unique(np.concatenate(found))
 
 
@@ -199,10 +199,10 @@ def _sections(path: Path) -> _Sections:
     before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
     after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
     count = len(path.vertices)
-    sharp = np.flatnonzero(dot(before[:count], after[:count]) < -ROUNDING)
+    sharp = np.flatnonzero(dot(before[:count], after[:count]) < -ZERO_TOLERANCE)
     middle = before[sharp] + after[sharp]
     length = np.linalg.norm(middle, axis=1, keepdims=True)
-    back = length[:, 0] < ROUNDING
+    back = length[:, 0] < ZERO_TOLERANCE
     middle[back], length[back] = _perpendicular(before[sharp][back]), 1.0
     at = np.sort(np.concatenate([np.arange(count), sharp]))
     before, after = before[at], after[at]
@@ -230,7 +230,7 @@ def _sweep(path: Path, radius: float, sides: int) -> _Sweep:
     if not path.closed:
         tube = _capped(tube, path, sections, sides)
     twins = np.flatnonzero(np.diff(sections.at) == 0)
-    met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ROUNDING * radius
+    met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius
     return _joined(tube, np.stack([index[twins][met], index[twins + 1][met]], axis=1)) if len(twins) else tube
 
 

@@ -16,8 +16,8 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hulls import extents_of
 from gtb_cli.newton import dot, regularised_step, size
-from gtb_cli.theory.basis import UNDERFLOW, face_knots
-from gtb_cli.theory.moment import ACCEPTED, WEAKEST, MomentMap
+from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, face_knots
+from gtb_cli.theory.moment import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentMap
 from gtb_cli.theory.patch import Patch
 
 FIRST_RUNG = 0.5
@@ -177,7 +177,7 @@ class Stratum:
             start = solved[-1]
             if rung > 1:  # for large l, s is linear in it
                 start = start + (solved[-1] - solved[-2]) * (steps[rung - 1] / steps[rung - 2])
-            s, found = self._solve(self.exponents(ladder[rung], self.cell), self.p, start, ACCEPTED)
+            s, found = self._solve(self.exponents(ladder[rung], self.cell), self.p, start, ACCEPTED_RESIDUAL)
             rows = np.flatnonzero(found)
             solved = np.concatenate([solved, s[None]])[:, :, rows]
             self._keep(rows)
@@ -229,7 +229,7 @@ class Stratum:
             residual = size(gradient)
             # On the border of cells far below their neighbours the Hessian is singular to rounding.
             with np.errstate(over="ignore", invalid="ignore"):  # NaN is not near, and is given up
-                step = regularised_step(gradient, hessian, WEAKEST * residual)
+                step = regularised_step(gradient, hessian, MIN_REGULARISATION * residual)
                 length = np.abs(step).sum(axis=0)
                 step *= LONGEST_STEP / np.maximum(length, LONGEST_STEP)
             # As for `MomentMap`: how near a step comes is known before it is taken, if it is short.
@@ -254,5 +254,5 @@ def squares_of(knots: FloatArray) -> FloatArray:
 def exponentials(e: FloatArray) -> FloatArray:
     """Turn (n, m) exponents into exponentials, in place, up to a factor for each column."""
     e -= e.max(axis=0)
-    np.maximum(e, UNDERFLOW, out=e)
+    np.maximum(e, UNDERFLOW_EXPONENT, out=e)
     return np.exp(e, out=e)

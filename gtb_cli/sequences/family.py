@@ -19,11 +19,11 @@ from gtb_cli.knots.triangulation import cell_count, central_triangulation, trian
 from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.refinement import refine
-from gtb_cli.tessellation.tessellate import COARSEST
+from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
 from gtb_cli.theory.basis import BLOCK_NUMBERS
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.joints import EdgeRef, Joint, Joints
-from gtb_cli.theory.moment import ACCEPTED
+from gtb_cli.theory.moment import ACCEPTED_RESIDUAL
 from gtb_cli.theory.patch import Patch
 
 LAYERS = 4.0
@@ -126,7 +126,7 @@ class Family:
         ToleranceError
             More than `max_cells` cells would be needed.
         """
-        for resolution in COARSEST:
+        for resolution in FIRST_RESOLUTIONS:
             mosaic = self.uniform(resolution)
             if mosaic.is_simplicial:
                 break
@@ -277,7 +277,7 @@ class Vertices:
             if solved is None or self.family.degeneration is None:
                 yield from ([self.sampled(sampler)] for sampler in samplers)
                 continue
-            points, known = solved.at(self.family.degeneration.logarithms[first : first + count], ACCEPTED)
+            points, known = solved.at(self.family.degeneration.logarithms[first : first + count], ACCEPTED_RESIDUAL)
             for place, found, sampler in zip(points, known, samplers, strict=True):
                 rows = np.flatnonzero(~found)
                 if len(rows):

@@ -11,7 +11,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.theory.knot_limit import Film, KnotLimit
 from gtb_cli.theory.patch import Patch
 
-CELLS = {1: 1024, 2: 64}
+FILM_CELLS = {1: 1024, 2: 64}
 """Cells of a film along each of its sides."""
 
 
@@ -23,10 +23,10 @@ def film_mesh(limit: KnotLimit, resolution: int | None = None) -> Mesh:
     limit : KnotLimit
         A limit with films.
     resolution : int, optional
-        Cells along each side of each film; default `CELLS`.
+        Cells along each side of each film; default `FILM_CELLS`.
     """
     dimension = limit.patch.dimension
-    n = CELLS[dimension] if resolution is None else resolution
+    n = FILM_CELLS[dimension] if resolution is None else resolution
     points, cells, count = [], [], 0
     for film in limit.films:
         if dimension == 1:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 ANIMATED = "glb"
 """The format that holds an animation."""
 
-LIMIT = "limit"
+LIMIT_LABEL = "limit"
 """Name of the last mesh of a sequence."""
 
 NAME_DIGITS = 6
@@ -200,12 +200,12 @@ def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, so
     """Make and write the meshes and `sequence.json`, or an animation, and report each mesh when it is made."""
     texts = [number_text(value) for value in sequence.values[:-1]]
     if out.animated:
-        labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT]
+        labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT_LABEL]
         # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
         write_blocks(out.place, _animation(sequence, labels, out, source))
         return
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
-    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT]]
+    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT_LABEL]]
     check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
     _write_folder(sequence, names, kind, out, source)
 

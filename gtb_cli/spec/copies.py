@@ -13,7 +13,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.spec.document import Faults, shown
 from gtb_cli.spec.names import COUNTER
 from gtb_cli.spec.scanner import Path
-from gtb_cli.spec.values import COORDINATE, LARGEST, SCALE, Check, Values, likely_word, name_fault, suggestion
+from gtb_cli.spec.values import COORDINATE, MAX_SIZE, SCALE, Check, Values, likely_word, name_fault, suggestion
 from gtb_cli.theory.patch import Patch
 
 AXES = ("x", "y", "z")
@@ -294,7 +294,7 @@ def _original(
 def _checked(copy: Copy, original: Patch, values: Values) -> list[Patch] | None:
     with np.errstate(over="ignore"):
         reach = max(float(np.abs(motion.moved(original.control_points)).max()) for motion in copy.motions)
-    if not reach <= LARGEST:
-        values.faults.add(copy.path, f"has control points beyond {LARGEST:g} in size")
+    if not reach <= MAX_SIZE:
+        values.faults.add(copy.path, f"has control points beyond {MAX_SIZE:g} in size")
         return None
     return copy.of(original)

@@ -10,9 +10,9 @@ from typing import Any
 from gtb_cli.spec.document import shown
 from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, names_in
 from gtb_cli.spec.scanner import Path
-from gtb_cli.spec.values import ANY, Values
+from gtb_cli.spec.values import ANY_NUMBER, Values
 
-NAME = r"[A-Za-z][A-Za-z0-9_]*"
+NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"
 """Pattern of the name of a number."""
 
 COUNTER = "k"
@@ -48,7 +48,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
             values.faults.add(path, fault)
             names.setdefault(name, 1.0)  # so that its users are not reported as well
             continue
-        number = values.number(value, path, ANY)
+        number = values.number(value, path, ANY_NUMBER)
         names[name] = 1.0 if number is None else number
     return names
 
@@ -57,7 +57,7 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
     """Say why a number cannot have this name."""
     if name in spec_keys and not isinstance(value, int | float):
         return "is a key of a spec, and [let] takes all keys that follow: put it before [let]"
-    if not re.fullmatch(NAME, name) or len(name) > MAX_NUMBER_NAME:
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > MAX_NUMBER_NAME:
         return f"must be a letter, then at most {MAX_NUMBER_NAME - 1} letters, digits and _, to be the name of a number"
     if name in FUNCTIONS or name in CONSTANTS:
         return "is the name of a function or constant"

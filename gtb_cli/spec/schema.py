@@ -9,9 +9,9 @@ from gtb_cli.knots.domain import EdgeNormals
 from gtb_cli.spec.copies import AXES, MAX_PATCHES
 from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from gtb_cli.spec.includes import MAX_FILES
-from gtb_cli.spec.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME
+from gtb_cli.spec.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
 from gtb_cli.spec.reader import MAX_KNOTS, NAMED_COEFFICIENTS
-from gtb_cli.spec.values import CONTROL, LARGEST, MAX_NAME
+from gtb_cli.spec.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 
 
 def schema() -> dict[str, Any]:
@@ -48,7 +48,7 @@ def schema() -> dict[str, Any]:
                 "description": "Named numbers, for all expressions; each may use those before it.",
                 "type": "object",
                 "propertyNames": {
-                    "pattern": f"^{NAME}$",
+                    "pattern": f"^{NAME_PATTERN}$",
                     "maxLength": MAX_NUMBER_NAME,
                     "not": {"enum": [*FUNCTIONS, *CONSTANTS, COUNTER, *kwlist]},
                 },
@@ -60,11 +60,11 @@ def schema() -> dict[str, Any]:
                 "type": "string",
                 "maxLength": MAX_NAME,
                 "pattern": r"\S",
-                "not": {"pattern": CONTROL},
+                "not": {"pattern": CONTROL_CHARACTERS},
             },
-            "coordinate": _number(minimum=-LARGEST, maximum=LARGEST),
+            "coordinate": _number(minimum=-MAX_SIZE, maximum=MAX_SIZE),
             "positive": _number(exclusiveMinimum=0),
-            "scale": _number(minimum=1 / LARGEST, maximum=LARGEST),
+            "scale": _number(minimum=1 / MAX_SIZE, maximum=MAX_SIZE),
             "expression": {
                 "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e deg, names of let.",
                 "type": "string",

@@ -7,7 +7,7 @@ import os
 from gtb_cli.errors import SpecError
 from gtb_cli.vocabulary import TEMPLATES
 
-FOLDER = os.path.join(os.path.dirname(__file__), "templates")
+TEMPLATE_FOLDER = os.path.join(os.path.dirname(__file__), "templates")
 
 SCHEMA_LINES = """\
 #:schema ./spec-schema.json
@@ -49,7 +49,7 @@ def template(name: str, sides: int | None = None) -> str:
             raise SpecError(f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got {sides}")
     elif sides is not None:
         raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
-    with open(os.path.join(FOLDER, f"{name}.toml"), encoding="utf-8") as file:
+    with open(os.path.join(TEMPLATE_FOLDER, f"{name}.toml"), encoding="utf-8") as file:
         text = file.read()
     return SCHEMA_LINES + (text if sides is None else text.format(**_polygon(sides)))
 

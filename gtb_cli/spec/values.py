@@ -16,13 +16,13 @@ from gtb_cli.spec.document import Faults, shown
 from gtb_cli.spec.expression import evaluate_expression
 from gtb_cli.spec.scanner import Path
 
-LARGEST = 1e100
+MAX_SIZE = 1e100
 """Largest size of a coordinate, lifting value or scale: squares and products of two stay finite."""
 
 MAX_NAME = 200
 """Longest name, in characters."""
 
-CONTROL = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
+CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
 """Characters not allowed in names: control characters and line ends."""
 
 SURROGATES = r"[\ud800-\udfff]"
@@ -32,14 +32,14 @@ one."""
 MAX_EXPRESSIONS = 200_000
 """Largest number of characters in all different expressions of a spec together: half a second of evaluation."""
 
-NOTHING: dict[str, float] = {}
+NO_VALUES: dict[str, float] = {}
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
-ANY: Check = ("must be finite", math.isfinite)
-COORDINATE: Check = (f"must be at most {LARGEST:g} in size", lambda x: abs(x) <= LARGEST)
+ANY_NUMBER: Check = ("must be finite", math.isfinite)
+COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
 POSITIVE: Check = ("must be positive", lambda x: x > 0)
-SCALE: Check = (f"must be between {1 / LARGEST:g} and {LARGEST:g}", lambda x: 1 / LARGEST <= x <= LARGEST)
+SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 1 / MAX_SIZE <= x <= MAX_SIZE)
 
 
 class Budget:
@@ -128,14 +128,14 @@ class Values:
         return np.array(good) if len(good) == len(entries) else None
 
     def numbers(
-        self, entries: list[object], path: Path, check: Check, extra: dict[str, float] = NOTHING
+        self, entries: list[object], path: Path, check: Check, extra: dict[str, float] = NO_VALUES
     ) -> FloatArray | None:
         """Read a list of numbers."""
         values = [self.number(entry, (*path, i), check, extra) for i, entry in enumerate(entries)]
         good = [value for value in values if value is not None]
         return np.array(good) if len(good) == len(values) else None
 
-    def number(self, value: object, path: Path, check: Check, extra: dict[str, float] = NOTHING) -> float | None:
+    def number(self, value: object, path: Path, check: Check, extra: dict[str, float] = NO_VALUES) -> float | None:
         """Read a number or an expression, which may also use the `extra` names."""
         number, text = value, ""
         if isinstance(value, str):
@@ -193,7 +193,7 @@ def name_fault(name: str) -> str | None:
         return "must not be empty"
     if len(name) > MAX_NAME:
         return f"must have at most {MAX_NAME} characters, got {len(name)}"
-    if re.search(f"{CONTROL}|{SURROGATES}", name):
+    if re.search(f"{CONTROL_CHARACTERS}|{SURROGATES}", name):
         return f"must not have control characters, got {shown(name)}"
     return None
 

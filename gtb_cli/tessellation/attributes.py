@@ -19,7 +19,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
-SHOWN = "quality"
+QUALITY_NAME = "quality"
 """The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
 
 
@@ -43,8 +43,8 @@ def with_attributes(
     Returns
     -------
     mesh : Mesh
-        With these attributes, and the first of them again as `SHOWN`. A vertex at which the curvature has no finite
-        value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
+        With these attributes, and the first of them again as `QUALITY_NAME`. A vertex at which the curvature has no
+        finite value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
     replaced : int
         The number of such vertices.
 
@@ -72,7 +72,7 @@ def with_attributes(
         values |= {name: basis[:, index] for name, index in functions.items()}
     chosen = {name.replace(":", "_"): np.ascontiguousarray(values[name]) for name in dict.fromkeys(names)}
     if chosen:
-        chosen[SHOWN] = next(iter(chosen.values()))
+        chosen[QUALITY_NAME] = next(iter(chosen.values()))
     return replace(mesh, attributes=MappingProxyType({**mesh.attributes, **chosen})), replaced
 
 

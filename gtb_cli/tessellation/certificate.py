@@ -19,19 +19,19 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.theory.basis import UNDERFLOW, block_length
+from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.patch import Patch
 
-SPENT = 0.02
+SPENT_SHARE = 0.02
 """Part of the tolerance: where a piece is known as well as that and still does not hold, its points are too far."""
 
-HALVINGS = 200
+MAX_ROUNDS = 200
 """Rounds after which pieces are given up; each but a few halves all that are left."""
 
 ROUNDS = 40
 """Times that triangles are certified, and split where they are not, before it is given up."""
 
-COMPARED = 8
+WORK_ARRAYS = 8
 """Arrays as large as T that are alive at once."""
 
 
@@ -174,8 +174,8 @@ class CurveCertificate:
         start, end = (np.asarray(s) * self.size for s in ends)
         fails = np.zeros(len(start), dtype=bool)
         todo = Pieces(np.arange(len(start)), start, end)
-        length = max(64, block_length(len(self.knots)) // COMPARED)
-        for _ in range(HALVINGS):
+        length = max(64, block_length(len(self.knots)) // WORK_ARRAYS)
+        for _ in range(MAX_ROUNDS):
             todo = todo[~fails[todo.row]]
             if not len(todo.row):
                 return fails
@@ -240,7 +240,7 @@ class CurveCertificate:
             if infinite.any():
                 e[:, infinite] = np.where(self.ends[side], self.log_weights, -np.inf)[:, None]
         e -= e.max(axis=0)
-        t = np.exp(np.maximum(e, UNDERFLOW))
+        t = np.exp(np.maximum(e, UNDERFLOW_EXPONENT))
         total = t.sum(axis=0)
         for side, infinite in ((0, s == -np.inf), (1, s == np.inf)):
             if infinite.any():
@@ -258,7 +258,7 @@ class CurveCertificate:
         along = sum(relative[k] * direction[:, k] for k in range(3))
         across = [relative[k] - along * direction[:, k] for k in range(3)]
         logs, centred = zip(*(self._state(s) for s in (pieces.start, pieces.end)), strict=True)
-        shares = [np.exp(np.maximum(each, UNDERFLOW)) for each in logs]
+        shares = [np.exp(np.maximum(each, UNDERFLOW_EXPONENT)) for each in logs]
         x = [(t * along).sum(axis=0) for t in shares]
         y = [[(t * part).sum(axis=0) for part in across] for t in shares]
         apart = [np.sqrt(sum(part**2 for part in each)) for each in y]
@@ -286,7 +286,7 @@ class CurveCertificate:
         known = np.hypot(off_across, off_along)
         bound = np.hypot(np.maximum(*apart) + off_across, np.maximum(*beyond) + off_along) + rounding
         holds = bound <= tolerance
-        far = ~holds & ((seen > tolerance) | (known <= SPENT * tolerance))
+        far = ~holds & ((seen > tolerance) | (known <= SPENT_SHARE * tolerance))
         return far, ~holds & ~far
 
     def _inside(
@@ -308,7 +308,7 @@ class CurveCertificate:
         with np.errstate(invalid="ignore"):  # of tails
             meet = (logs[1] - logs[0] + fall * width) / np.where(both, rise + fall, 1.0)
         peak = np.where(both, logs[0] + rise * np.clip(meet, 0.0, width), np.maximum(*logs))
-        most = np.exp(np.clip(peak, UNDERFLOW, 0.0))
+        most = np.exp(np.clip(peak, UNDERFLOW_EXPONENT, 0.0))
         squares = np.maximum(centred[0] ** 2, centred[1] ** 2)
         variance = np.minimum((most * ((centred[0] + centred[1]) / 2) ** 2).sum(axis=0), 0.25)
         factor = most * np.maximum(squares, variance)

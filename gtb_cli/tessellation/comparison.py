@@ -20,10 +20,10 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS
 
-BEGINNING = 1 << 16
+BEGINNING_BYTES = 1 << 16
 """Bytes by which a mesh is told from a spec."""
 
-FINEST = 4096
+MAX_RESOLUTION = 4096
 """Segments of an edge up to which the resolution of a mesh is looked for."""
 
 Comparable: TypeAlias = Mesh | Shape
@@ -81,7 +81,7 @@ def _side(what: Comparable, recipe: Recipe) -> Side:
     name = os.fspath(what)
     try:
         with open(name, "rb") as file:
-            start = file.read(BEGINNING)
+            start = file.read(BEGINNING_BYTES)
             data = start + file.read(bytes_at_most(name, start) + 1 - len(start))
     except OSError as error:
         raise GtbError(f"{name}: {error.strerror or error}") from None
@@ -105,7 +105,7 @@ def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None =
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return Side(decode_mesh(data, name, kind))
-    if b"\0" in data[:BEGINNING] and not spec_format:
+    if b"\0" in data[:BEGINNING_BYTES] and not spec_format:
         raise GtbError(f"{name}: is neither a mesh nor a spec")
     spec = parse(data, name, spec_format or (suffix if suffix in SPEC_FORMATS else None))  # type: ignore[arg-type]
     try:
@@ -124,7 +124,7 @@ def made_with(a: Side, b: Side) -> int | None:
         return None
     spec, wanted = (a.spec, len(b.known.mesh.cells)) if a.spec is not None else (b.spec, len(a.known.mesh.cells))
     assert spec is not None
-    low, high = 1, FINEST
+    low, high = 1, MAX_RESOLUTION
     while low < high:
         middle = (low + high) // 2
         low, high = (low, middle) if Recipe(middle).faces(spec) >= wanted else (middle + 1, high)

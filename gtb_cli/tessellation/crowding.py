@@ -12,13 +12,13 @@ from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-WIDE = 0.1
+MAX_SIDE_FRACTION = 0.1
 """Part of an edge, or inside of the domain, that one side of a triangle may span before vertices are said to crowd."""
 
-FINE = 16
+MIN_RESOLUTION = 16
 """Segments along each edge from which sides are not that wide by themselves."""
 
-NO_WIDTH = 1e-9
+COINCIDENT_FRACTION = 1e-9
 """Part of the domain's size below which the corners of a face are one point."""
 
 
@@ -44,13 +44,13 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
         widest = max(widest, _widest(patch, part, places))
         ends = np.stack([part.cells, np.roll(part.cells, 1, axis=1)], axis=-1)
         widths = np.linalg.norm(places[ends[..., 0]] - places[ends[..., 1]], axis=-1)
-        lost += int(np.count_nonzero((widths <= NO_WIDTH * patch.domain.size).any(axis=1)))
+        lost += int(np.count_nonzero((widths <= COINCIDENT_FRACTION * patch.domain.size).any(axis=1)))
         count += len(part.cells)
     cells, side = ("segments", "segment") if patches[0].dimension == 1 else ("faces", "side of a face")
     found = []
     if lost:
         found.append(f"{lost} of {count} {cells} have corners at one point")
-    if widest > WIDE and resolution >= FINE:
+    if widest > MAX_SIDE_FRACTION and resolution >= MIN_RESOLUTION:
         found.append(f"one {side} spans {widest:.0%} of the patch")
     if not found:
         return []

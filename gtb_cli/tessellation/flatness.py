@@ -11,7 +11,7 @@ from gtb_cli.tessellation.lattice import CENTROID, LATTICE, lattice
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch
 
-FOLD = 1e-9
+FOLD_AREA_FRACTION = 1e-9
 """Part of the largest triangle's area by which another one of a flat patch may be turned over, by rounding."""
 
 
@@ -25,7 +25,7 @@ def turned_over(corners: FloatArray) -> BoolArray:
     """(k,) which of the (k, 3, 3) triangles of a plane look to the other side than the whole."""
     area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turn = area @ area.sum(axis=0)
-    return np.asarray(turn < -FOLD * turn.max())
+    return np.asarray(turn < -FOLD_AREA_FRACTION * turn.max())
 
 
 def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: float) -> IntArray:

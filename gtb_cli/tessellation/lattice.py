@@ -15,7 +15,7 @@ CENTROID = 3
 POINTS_IN_ALL = 20_000
 """A coarse mesh is verified on a finer lattice: at about this many points in all, or more."""
 
-FINEST_LATTICE = 32
+MAX_LATTICE_STEPS = 32
 
 
 def lattice(steps: int) -> FloatArray:
@@ -27,8 +27,8 @@ def lattice(steps: int) -> FloatArray:
 
 def steps_for(width: FloatArray, points: int = POINTS_IN_ALL) -> IntArray:
     """(k,) steps of the lattices of cells of given widths in Δ: many for few, and for wide ones among any number."""
-    few = np.clip(np.sqrt(2 * points / len(width)) / LATTICE, 1, FINEST_LATTICE / LATTICE)
-    wide = np.exp2(np.ceil(np.log2(np.maximum(width * FINEST_LATTICE / LATTICE, 1)) - 1e-9))
+    few = np.clip(np.sqrt(2 * points / len(width)) / LATTICE, 1, MAX_LATTICE_STEPS / LATTICE)
+    wide = np.exp2(np.ceil(np.log2(np.maximum(width * MAX_LATTICE_STEPS / LATTICE, 1)) - 1e-9))
     return np.asarray(LATTICE * np.maximum(few.astype(np.int64), wide.astype(np.int64)))
 
 

@@ -267,9 +267,9 @@ class Recipe:
         patches = spec.patches if isinstance(spec, Model) else (spec,)
         cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
         if self.radius is not None:
-            from gtb_cli.meshes.tube import SIDES
+            from gtb_cli.meshes.tube import RING_SIDES
 
-            return 2 * SIDES * cells
+            return 2 * RING_SIDES * cells
         if self.thickness is not None:
             rim = sum(len(patch.domain.vertices) for patch in patches) * self.resolution
             return 2 * (cells + rim)

@@ -25,47 +25,47 @@ from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_AL
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
-ROUNDINGS = 64
+MIN_TOLERANCE_ROUNDINGS = 64
 """A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
 
-SHORTEST = 1e-13
+MIN_EDGE = 1e-13
 """Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
 
-MARGIN = 0.9
+SAMPLE_SHARE = 0.9
 """Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
 
-SLIM = 0.01
+THIN_HEIGHT = 0.01
 """Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin."""
 
-ROUGH = 0.1
+QUADRATIC_SHARE = 0.1
 """Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
 
-EVEN = 0.02
+QUARTER_SHARE = 0.02
 """The same at one quarter of an edge, before the other one is sampled, too."""
 
-SLIDE = 0.1
+MAX_SLIDE = 0.1
 """Part of an edge by which its curve may run ahead along it; else it may turn back beyond the other end."""
 
-HIDDEN = 5.0
+BUMP_FACTOR = 5.0
 """How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
 
-FINE_LATTICE = 12
+FINE_LATTICE_STEPS = 12
 
-NEARBY = 0.01
+PLACE_SHARE = 0.01
 """Part of the tolerance by which a sample may be beside the place it is asked for: it is found sooner."""
 
-FOLDS = 256
+MAX_FOLD_SPLITS = 256
 """How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
 
-KNOWN = 1000
+FORECAST_CELLS = 1000
 """Cells from which on it is estimated how many there will be."""
 
-SURE = 2.0
+FORECAST_FACTOR = 2.0
 """How many times the cells that are allowed they must be, so that it is given up. On eight specs, between 1,000 cells
 and the last one, 0.6 to 1.0 times as many as there came to be were foreseen."""
 
-SETTLED = 1 / 16
-"""Part of the cells that there will be, from which on SURE is not asked for: spikes have shown by then."""
+FORECAST_SHARE = 1 / 16
+"""Part of the cells that there will be, from which on FORECAST_FACTOR is not asked for: spikes have shown by then."""
 
 
 def refine(
@@ -106,8 +106,8 @@ def refine(
     Notes
     -----
     Segments are certified, see `gtb_cli.tessellation.certificate`. Triangles are verified at quarters of the sides and
-    in the middle of each; where these are not as a quadratic surface would have them, on a lattice of `FINE_LATTICE`
-    steps; and at knots and between them. `MARGIN` is for what happens between samples.
+    in the middle of each; where these are not as a quadratic surface would have them, on a lattice of
+    `FINE_LATTICE_STEPS` steps; and at knots and between them. `SAMPLE_SHARE` is for what happens between samples.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
     while (marked := work.marks()).any():
@@ -122,15 +122,15 @@ class _Refinement:
         self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int, certify: bool
     ) -> None:
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
-        self.tolerance = MARGIN * tolerance if start.cells.shape[1] == 3 else tolerance
+        self.tolerance = SAMPLE_SHARE * tolerance if start.cells.shape[1] == 3 else tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
         scale = float(np.abs(points).max())
-        least = ROUNDINGS * EPS * scale
+        least = MIN_TOLERANCE_ROUNDINGS * EPS * scale
         if not tolerance > least:
             below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
             raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
         self.start = start
-        self.mesh = Subdivision(start, points, sampler.patches, SLIM)
+        self.mesh = Subdivision(start, points, sampler.patches, THIN_HEIGHT)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
@@ -190,7 +190,7 @@ class _Refinement:
         """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
         edges, why, needed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0
         foreseen = 0.0
-        if len(self.mesh) > max(KNOWN, 2 * self.estimated):
+        if len(self.mesh) > max(FORECAST_CELLS, 2 * self.estimated):
             self.estimated = len(self.mesh)
             needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
             if (
@@ -205,11 +205,11 @@ class _Refinement:
         kind = "faces" if self.mesh.is_surface else "segments"
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
-        elif needed > (1.0 if len(self.mesh) > SETTLED * needed else SURE) * self.max_cells:
+        elif needed > (1.0 if len(self.mesh) > FORECAST_SHARE * needed else FORECAST_FACTOR) * self.max_cells:
             why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
         elif foreseen > FORESEEN * self.max_cells:
             why = f"needs about {foreseen:.2g} {kind}, more than {self.max_cells}"
-        elif (edges.widths < SHORTEST * self.sizes.take(edges.patch)).any():
+        elif (edges.widths < MIN_EDGE * self.sizes.take(edges.patch)).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(
@@ -290,9 +290,9 @@ class _Refinement:
         for steps in np.unique(steps_at).tolist():
             at = steps_at == steps
             fails[at], doubts[at] = self.sample(rows[at], steps)
-            doubts[at] &= steps < FINE_LATTICE
+            doubts[at] &= steps < FINE_LATTICE_STEPS
         if doubts.any() and not fails.any() and not (self.error > self.tolerance).any():
-            fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE)
+            fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE_STEPS)
             doubts[:] = False
         cell, u = self.mesh.peaks_inside(rows)
         fails |= np.isin(rows, cell[self.distance(cell, u) > self.tolerance])
@@ -311,7 +311,7 @@ class _Refinement:
         Or where it does not cover the surface. A patch on which that happens again and again is refined like others.
         """
         sides = self.mesh.sides_of(todo)
-        self.sample_sides(sides[self.mesh.edges.face[sides] > 0], np.arange(1, FINE_LATTICE) / FINE_LATTICE)
+        self.sample_sides(sides[self.mesh.edges.face[sides] > 0], np.arange(1, FINE_LATTICE_STEPS) / FINE_LATTICE_STEPS)
         marked = self.error > self.tolerance
         self.verified[todo] = not marked.any()
         if marked.any():
@@ -325,7 +325,7 @@ class _Refinement:
                 continue
             self.verified[rows] = False
             self.folds[index] += int(failing.sum())
-            if self.folds[index] <= FOLDS:
+            if self.folds[index] <= MAX_FOLD_SPLITS:
                 self.mark_worst(marked, rows[failing])
                 continue
             self.flat[index] = False
@@ -341,7 +341,7 @@ class _Refinement:
         if steps <= LATTICE:
             sides = sides[np.isnan(self.roughness[sides])]
             quarter = self.sample_sides(sides, np.array([0.25]))
-            sides = sides[(self.roughness[sides] > EVEN * self.tolerance) | self.slides(sides, quarter[:, 0])]
+            sides = sides[(self.roughness[sides] > QUARTER_SHARE * self.tolerance) | self.slides(sides, quarter[:, 0])]
             self.sample_sides(sides, np.array([0.75]))
         else:
             self.sample_sides(sides, np.arange(1, steps) / steps)
@@ -360,7 +360,7 @@ class _Refinement:
             expected = np.abs(expected_of @ self.heights(part, self.mesh.corners(part))).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
-        return fails, (rough > ROUGH * self.tolerance) & (seen + HIDDEN * rough > self.tolerance)
+        return fails, (rough > QUADRATIC_SHARE * self.tolerance) & (seen + BUMP_FACTOR * rough > self.tolerance)
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
         """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
@@ -370,7 +370,8 @@ class _Refinement:
         places = [
             (dot(point - start, chord), at) for point, at in ((quarter, 0.25), (self.middle.take(rows, axis=0), 0.5))
         ]
-        return np.asarray(np.logical_or.reduce([np.abs(along - at * square) > SLIDE * square for along, at in places]))
+        slides = [np.abs(along - at * square) > MAX_SLIDE * square for along, at in places]
+        return np.asarray(np.logical_or.reduce(slides))
 
     def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
         """(e, f, 3) points of edges at fractions, quarters among them; how far and how rough they are is noted."""
@@ -387,7 +388,7 @@ class _Refinement:
         """Note how far edges are from their curves where these may have peaks, and how near samples must be."""
         edges = self.mesh.edges[sides]
         speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
-        self.nearby = NEARBY * self.tolerance / speed if speed > 0 else 0.0
+        self.nearby = PLACE_SHARE * self.tolerance / speed if speed > 0 else 0.0
         rows, u = self.mesh.peaks_along(sides)
         edges = self.mesh.edges[rows]
         sample = self.sampler.points(edges.patch, u, edges.face)

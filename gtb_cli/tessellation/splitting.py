@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, dot
 
-TIE = 1 + 1e-9
+TIE_RATIO = 1 + 1e-9
 """Squares of diagonals whose ratio is less are equal: rounding, of which processors differ in, does not choose."""
 
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -158,7 +158,7 @@ def divide_triangles(
         if number == 2:
             start, end = points.take(v, axis=0), points.take(vertex.take(e[:, :2]), axis=0)
             across = [end[:, 1] - start[:, 0], end[:, 0] - start[:, 2]]
-            other = dot(across[0], across[0]) > TIE * dot(across[1], across[1])
+            other = dot(across[0], across[0]) > TIE_RATIO * dot(across[1], across[1])
             patterns = [(~other, _PATTERNS[2]), (other, _OTHER_DIAGONAL)]
         for chosen, (triangles, lines) in patterns:
             own, corner, side = order[chosen], v[chosen], e[chosen]

@@ -13,7 +13,7 @@ from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
 from gtb_cli.theory.patch import Patch
 
-THIN = 12.0
+MAX_ASPECT_RATIO = 12.0
 """A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers get
 hardly thinner, and refinement ends."""
 
@@ -86,7 +86,7 @@ class Subdivision:
         normal = cross(b - a, c - a)
         sides = self.cells.sides.take(rows, axis=0)
         length = self.lengths(sides)
-        thin = THIN * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
+        thin = MAX_ASPECT_RATIO * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
         marked[sides[thin, length[thin].argmax(axis=1)]] = True
         share, longest = slimness(self.cells.corners.take(rows, axis=0))
         thin = share < self.slim

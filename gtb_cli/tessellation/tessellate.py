@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
 
-COARSEST = (1, 2, 3, 4)
+FIRST_RESOLUTIONS = (1, 2, 3, 4)
 """Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
 and no patch is left without cells."""
 
@@ -122,9 +122,9 @@ def refined(
     """The coarsest complex that serves, refined until it holds a tolerance, and the points of its vertices."""
     from gtb_cli.tessellation.refinement import refine
 
-    for coarsest in COARSEST:
+    for coarsest in FIRST_RESOLUTIONS:
         start = joined_complex(patches, joints, coarsest)
-        if not start.is_simplicial and coarsest < COARSEST[-1]:
+        if not start.is_simplicial and coarsest < FIRST_RESOLUTIONS[-1]:
             continue
         mosaic, points = refine(start, sampler, tolerance, max_faces, certify=certify)
         if mosaic.is_whole:

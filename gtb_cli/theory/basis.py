@@ -22,17 +22,17 @@ from gtb_cli.knots.grid import grid_of
 BLOCK_NUMBERS = 1 << 18
 """Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
 
-UNDERFLOW = -700.0
+UNDERFLOW_EXPONENT = -700.0
 """Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum."""
 
 SAFE_EXPONENT = 250.0
 """Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
 each column need not be subtracted first, which saves two passes over the numbers."""
 
-CUT_OFF_SHARE = float(np.exp(UNDERFLOW))
-"""Value of a share at `UNDERFLOW`: shares up to this count as 0."""
+CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
+"""Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0."""
 
-NOTHING: IntArray = np.empty(0, dtype=np.int64)
+NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
 
 
 class Location(NamedTuple):
@@ -95,7 +95,7 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     e = exponents(knots, log_weights, s)
     if not _are_safe(knots, log_weights, s):
         e -= e.max(axis=0)
-        np.maximum(e, UNDERFLOW, out=e)
+        np.maximum(e, UNDERFLOW_EXPONENT, out=e)
     np.exp(e, out=e)
     return e
 
@@ -210,7 +210,7 @@ def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) 
 def shares(e: FloatArray) -> FloatArray:
     """(n, m) softmax of each column of exponents."""
     t = e - e.max(axis=0)
-    np.maximum(t, UNDERFLOW, out=t)
+    np.maximum(t, UNDERFLOW_EXPONENT, out=t)
     np.exp(t, out=t)
     t /= t.sum(axis=0)
     return np.asarray(t)
@@ -230,7 +230,7 @@ def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatAr
         Σ_i T_i δ_i.
     """
     x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
-    np.clip(x, UNDERFLOW, 0.0, out=x)
+    np.clip(x, UNDERFLOW_EXPONENT, 0.0, out=x)
     np.exp(x, out=x)
     x *= eta
     return np.asarray(deltas.T @ x - mean * x.sum(axis=0))

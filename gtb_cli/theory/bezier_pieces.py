@@ -22,7 +22,7 @@ from gtb_cli.theory.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-DEGREE = 25
+MAX_DEGREE = 25
 """Default of the highest degree of a piece."""
 
 MAX_SEARCHED_DEGREE = 2000
@@ -49,7 +49,7 @@ class Chart:
     patch: Patch
 
 
-def bezier_pieces(spec: Patch | Model, max_degree: int = DEGREE) -> Model:
+def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
     """Return the exact rational Bézier pieces of a patch, or of all patches of a model.
 
     Parameters
@@ -84,7 +84,7 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = DEGREE) -> Model:
     return Model(tuple(pieces), spec.name)
 
 
-def bezier_charts(patch: Patch, max_degree: int = DEGREE) -> tuple[Chart, ...]:
+def bezier_charts(patch: Patch, max_degree: int = MAX_DEGREE) -> tuple[Chart, ...]:
     """Return the charts of a patch, one for each corner of Δ; for a curve, one for each end.
 
     Raises
@@ -108,7 +108,7 @@ def bezier_charts(patch: Patch, max_degree: int = DEGREE) -> tuple[Chart, ...]:
     return tuple(charts)
 
 
-def split_curve(curve: Patch, at: float, max_degree: int = DEGREE) -> Model:
+def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     """Split a curve exactly at a parameter, into two rational Bézier curves with positive weights.
 
     Parameters

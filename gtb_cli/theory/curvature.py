@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.frame import PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
-from gtb_cli.knots.layers import LAYER
-from gtb_cli.theory.basis import UNDERFLOW, Location, block_length, exponents
+from gtb_cli.knots.layers import LAYER_TOLERANCE
+from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, Location, block_length, exponents
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
@@ -250,15 +250,15 @@ def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> _Triangle:
 
 def _weighted(e: FloatArray, members: BoolArray, shift: FloatArray | float, factor: FloatArray | float) -> FloatArray:
     """(n, m) factor · T up to exp(shift), for members; exact zeros are kept."""
-    x = np.exp(np.clip(e - shift, UNDERFLOW, -UNDERFLOW)) * factor
+    x = np.exp(np.clip(e - shift, UNDERFLOW_EXPONENT, -UNDERFLOW_EXPONENT)) * factor
     x[~members] = 0.0
     return np.asarray(x)
 
 
 def _levels(heights: FloatArray, among: BoolArray | None = None) -> FloatArray:
-    """(n,) heights in units of the lowest positive one (among some knots), rounded to 0, 1 and 2 within `LAYER`."""
+    """(n,) heights over the lowest positive one (among some knots), rounded to 0, 1 and 2 within `LAYER_TOLERANCE`."""
     positive = heights > 0 if among is None else (heights > 0) & among
     level = heights / heights[positive].min()
     for whole in (1, 2):
-        level[np.abs(level - whole) * heights[positive].min() <= LAYER * heights.max()] = whole
+        level[np.abs(level - whole) * heights[positive].min() <= LAYER_TOLERANCE * heights.max()] = whole
     return np.asarray(level)

@@ -26,7 +26,7 @@ SEAM_GAP = 1e-2
 EDGE_SAMPLES = 33
 """Number of points on each of two curves for measuring their distance."""
 
-SLANT = np.array([1.0, 1.618033988749895, 2.414213562373095])
+SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])
 """A direction along which different places hardly ever have the same coordinate."""
 
 
@@ -229,7 +229,7 @@ def _same_data(
 ) -> dict[int, list[tuple[int, bool]]]:
     """For each first curve, the later ones with the same data, and whether they run in the opposite direction."""
     followers: dict[int, list[tuple[int, bool]]] = {}
-    heights = _heights(curves) / (2 * tolerance * SLANT.sum())
+    heights = _heights(curves) / (2 * tolerance * SORTING_DIRECTION.sum())
     shelves: dict[int, list[int]] = {}
     for i in sorted(set(range(len(curves))).difference(collapsed)):
         shelf = int(np.floor(heights[i]))
@@ -264,7 +264,7 @@ def _near_curves(
     reach = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), least_reach)
     heights = _heights([curves[i] for i in heads])
     order = np.argsort(heights, kind="stable")
-    beyond = np.searchsorted(heights[order], (heights + 2 * SLANT.sum() * reach)[order], side="right")
+    beyond = np.searchsorted(heights[order], (heights + 2 * SORTING_DIRECTION.sum() * reach)[order], side="right")
     found = []
     for k, row in enumerate(order.tolist()):
         others = order[k + 1 : beyond[k]]
@@ -281,9 +281,9 @@ def _near_curves(
 
 
 def _heights(curves: Sequence[Curve]) -> FloatArray:
-    """(n,) sum of the coordinates of each curve's ends along `SLANT`: equal for curves with the same ends."""
+    """(n,) sums of the coordinates of curves' ends along `SORTING_DIRECTION`: equal for curves with the same ends."""
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
-    return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SLANT)
+    return np.asarray((ends - ends[:1, :1]).sum(axis=1) @ SORTING_DIRECTION)
 
 
 def _orientation(count: int, shared: Sequence[Joint]) -> tuple[tuple[bool, ...], tuple[Joint, ...]]:

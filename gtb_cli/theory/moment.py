@@ -19,9 +19,9 @@ from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.knots.starts import Corrections
 from gtb_cli.newton import State, dot, plain_step, put, regularised_step, size
 from gtb_cli.theory.basis import (
-    NOTHING,
+    NO_ROWS,
     SAFE_EXPONENT,
-    UNDERFLOW,
+    UNDERFLOW_EXPONENT,
     block_length,
     weighted_sums,
 )
@@ -29,54 +29,54 @@ from gtb_cli.theory.basis import (
 RESIDUAL = 1e-12
 """Largest accepted |μ(s) − p|, as a fraction of the hull's size."""
 
-ACCEPTED = RESIDUAL / 2
+ACCEPTED_RESIDUAL = RESIDUAL / 2
 """The same in the coordinates of the solver, whose axes may be longer and turned."""
 
-TARGET = 1e-14
-"""Residual at which a point is done if all digits are asked for; if rounding keeps it above, `REFUSALS` refused steps
-in a row end the iteration."""
+TARGET_RESIDUAL = 1e-14
+"""Residual at which a point is done if all digits are asked for; if rounding keeps it above, `MAX_REFUSALS` refused
+steps in a row end the iteration."""
 
-REFUSALS = 4
-ITERATIONS = 300
+MAX_REFUSALS = 4
+MAX_ITERATIONS = 300
 
-EXTREME = 3.0
+TROPICAL_RANGE = 3.0
 """Range of log(c_i ω_i), without the affine part, from which the tropical limit is also tried as a start."""
 
-CROWD = 16
-"""`EXTREME` is scaled by the number of knots over this if that exceeds 4: smooth weights have hundreds of cells."""
+KNOTS_PER_RANGE = 16
+"""`TROPICAL_RANGE` is scaled by the number of knots over this, from 4 on: smooth weights have hundreds of cells."""
 
 CELL_FLOOR = 1e-3
 """Smallest distance of a tropical start from the border of its cell, as a fraction of the next layer's distance: the
 start is infinite on the border itself."""
 
-HALVINGS = 60
+MAX_HALVINGS = 60
 """Largest number of times a start that is much too far out is halved."""
 
 SEEING_REACH = 1.0
 """Torus coordinates of unit knots within which a start is not halved further, since all knots count there."""
 
-WEAKEST = 1e-8
+MIN_REGULARISATION = 1e-8
 """Smallest regularisation, as a multiple of the residual: rounding of the Hessian's determinant hides a smaller one."""
 
-FIRST = 1e-2
-"""First regularisation, as a multiple of the residual, also after a refused step; `REFUSALS` of these shorten steps."""
+FIRST_REGULARISATION = 1e-2
+"""First regularisation, over the residual, also after a refused step; `MAX_REFUSALS` of these shorten steps."""
 
-CANCELLED = 1 - 8 * EPS
+MAX_SUBTRACTED_SHARE = 1 - 8 * EPS
 """Share of μ² subtracted from mean squares for the Hessian: the rest is of the order of the rounding."""
 
-SHORT = 8.0
+MAX_STEP_EXPONENT = 8.0
 """Largest exponent by which a plain step of Newton's method may change the shares of knots."""
 
-SHORT_STEPS = 6
+MAX_PLAIN_STEPS = 6
 """Largest number of plain steps; a point that needs more is left to the safe method."""
 
-OFTEN = 2
+SCOUT_POINTS = 2
 """Fewest points in a part of the hull without a correction for which one of them is solved before the others …"""
 
-MANY = 50
+MIN_SCOUT_PARTS = 50
 """… and the fewest such parts for which this is done: a few points are solved faster together than in turn."""
 
-POOR = 0.05
+POOR_RESIDUAL = 0.05
 """Residual of a start, as a fraction of the hull's size, above which the cells' limits are also tried."""
 
 
@@ -109,14 +109,14 @@ class MomentMap:
     def inverse(self, p: FloatArray, within: float = 0.0) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
 
-        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET`.
+        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET_RESIDUAL`.
 
         Raises
         ------
         ToleranceError
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
-        target = max(TARGET, within)
+        target = max(TARGET_RESIDUAL, within)
         unit = self._unit(np.ascontiguousarray(p.T))
         safe = self._hull.starts(unit)
         if self._bezier_shift is not None:
@@ -124,10 +124,12 @@ class MomentMap:
         s = safe.copy()
         if len(unit) == 2:
             part = self._corrections.part(unit)
-            often = self._corrections.unknown(part, OFTEN)
-            if len(often) >= MANY:
+            often = self._corrections.unknown(part, SCOUT_POINTS)
+            if len(often) >= MIN_SCOUT_PARTS:
                 start = safe[:, often]
-                self._learn(part[often], unit[:, often], start, self._solve(unit[:, often], start, start, TARGET))
+                self._learn(
+                    part[often], unit[:, often], start, self._solve(unit[:, often], start, start, TARGET_RESIDUAL)
+                )
             seldom = self._corrections.unknown(part, 1)
             s += self._corrections(part, unit)
         length = block_length(len(self.knots))
@@ -149,7 +151,7 @@ class MomentMap:
         bound = self._reach[:-1] @ np.abs(start) + self._reach[-1]
         if not bound.max(initial=0.0) <= SAFE_EXPONENT:
             start[:, ~(bound <= SAFE_EXPONENT)] = np.nan
-        found, left = self._short_steps(unit, start, TARGET)
+        found, left = self._short_steps(unit, start, TARGET_RESIDUAL)
         found /= self._extents[:, None]
         return found, left
 
@@ -183,7 +185,7 @@ class MomentMap:
         # Any points inside show whether this is exact: here, the knots moved to the middle.
         p = (0.7 * self._unit_knots + 0.3 * self._unit_knots.mean(axis=0)).T
         mu, *_ = self._evaluate(self._hull.starts(p) + shift)
-        return shift if np.abs(mu - p).max() <= 10 * TARGET else None
+        return shift if np.abs(mu - p).max() <= 10 * TARGET_RESIDUAL else None
 
     def _learn(self, part: IntArray, unit: FloatArray, start: FloatArray, solution: FloatArray) -> None:
         """Remember the corrections of the starts of solved points."""
@@ -240,7 +242,7 @@ class MomentMap:
     def _cells(self) -> tuple[tuple[CellStarts, FloatArray], ...]:
         """The cells of the regular decomposition that log(c_i ω_i) induces, with gradients; empty for tame weights."""
         w, affine = self.log_weights, np.column_stack([self._unit_knots, np.ones(len(self.knots))])
-        extreme = EXTREME * (len(w) / CROWD if len(w) > 4 * CROWD else 1)
+        extreme = TROPICAL_RANGE * (len(w) / KNOTS_PER_RANGE if len(w) > 4 * KNOTS_PER_RANGE else 1)
         if np.ptp(w - affine @ np.linalg.lstsq(affine, w)[0]) < extreme:
             return ()
         return cells_with_gradients(self._hull, self._unit_knots, w)
@@ -263,12 +265,12 @@ class MomentMap:
             if not is_safe:
                 shift = e.max(axis=0)
                 e -= shift
-                np.maximum(e, UNDERFLOW, out=e)
+                np.maximum(e, UNDERFLOW_EXPONENT, out=e)
             np.exp(e, out=e)
             sums = self._summed @ e
         moments = sums[1:] / sums[0]
         mu, hessian = moments[:d], moments[d:]
-        hessian[:d] -= CANCELLED * mu**2
+        hessian[:d] -= MAX_SUBTRACTED_SHARE * mu**2
         hessian[d:] -= mu[:1] * mu[1:]
         return mu, hessian, sums[0], shift
 
@@ -278,13 +280,13 @@ class MomentMap:
         if len(left):
             p = unit[:, left]
             found, residual = self._newton(p, safe[:, left], target)
-            failed = np.flatnonzero(residual > max(ACCEPTED, target))
+            failed = np.flatnonzero(residual > max(ACCEPTED_RESIDUAL, target))
             if len(failed):
                 found[:, failed], residual = self._newton(p[:, failed], start[:, left[failed]], target)
-                if (residual > max(ACCEPTED, target)).any():
+                if (residual > max(ACCEPTED_RESIDUAL, target)).any():
                     raise ToleranceError(
-                        f"linear parametrisation: residual {residual.max():.1e} of the hull's size after {ITERATIONS} "
-                        f"steps, {RESIDUAL:g} is required"
+                        f"linear parametrisation: residual {residual.max():.1e} of the hull's size after "
+                        f"{MAX_ITERATIONS} steps, {RESIDUAL:g} is required"
                     )
             solution[:, left], _ = self._short_steps(p, found, target)
         return solution
@@ -298,18 +300,22 @@ class MomentMap:
         s, p = start, unit
         solution, active = start, np.arange(start.shape[1])
         left = []
-        for turn in range(SHORT_STEPS):
+        for turn in range(MAX_PLAIN_STEPS):
             mu, hessian, *_ = self._evaluate(s)
             mu -= p
             step = plain_step(mu, hessian)
             length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
-            short = length <= SHORT
+            short = length <= MAX_STEP_EXPONENT
             decrease = dot(mu, step)
             step += s
             longest = length.max(initial=0.0)
-            if turn == 0 and longest <= SHORT and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target:
-                return step, NOTHING  # as most often after a good start
-            done = short & ~(-0.5 * np.exp(np.minimum(length, SHORT)) * decrease > target)
+            if (
+                turn == 0
+                and longest <= MAX_STEP_EXPONENT
+                and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target
+            ):
+                return step, NO_ROWS  # as most often after a good start
+            done = short & ~(-0.5 * np.exp(np.minimum(length, MAX_STEP_EXPONENT)) * decrease > target)
             if turn == 0:
                 solution = np.where(done, step, start)
             else:
@@ -330,11 +336,11 @@ class MomentMap:
         """
         at = self._drawn_in(p, self._better_start(p, self._state(p, start.copy())))
         solution, active = at.s.copy(), np.arange(len(at.value))
-        sigma = np.full(len(active), FIRST)
+        sigma = np.full(len(active), FIRST_REGULARISATION)
         refusals = np.zeros(len(active), dtype=np.int64)
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             residual = size(at.gradient)
-            going = (residual > target) & ((refusals < REFUSALS) | (residual > ACCEPTED))
+            going = (residual > target) & ((refusals < MAX_REFUSALS) | (residual > ACCEPTED_RESIDUAL))
             count = int(going.sum())
             if not count:
                 break
@@ -353,7 +359,9 @@ class MomentMap:
                 at = trial
             else:
                 at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
-            sigma = np.where(lower, np.maximum(sigma / 16, WEAKEST), np.clip(sigma * 8, FIRST, 1e9))
+            sigma = np.where(
+                lower, np.maximum(sigma / 16, MIN_REGULARISATION), np.clip(sigma * 8, FIRST_REGULARISATION, 1e9)
+            )
             refusals = np.where(lower, 0, refusals + 1)
         solution[:, active] = at.s
         residuals = np.zeros(solution.shape[1])
@@ -366,7 +374,7 @@ class MomentMap:
 
     def _better_start(self, p: FloatArray, at: State) -> State:
         """Replace a start by a cell's limit if the objective is lower there."""
-        poor = np.flatnonzero(size(at.gradient) > POOR) if self._cells else NOTHING
+        poor = np.flatnonzero(size(at.gradient) > POOR_RESIDUAL) if self._cells else NO_ROWS
         for cell, gradient in self._cells if len(poor) else ():
             other = self._state(p[:, poor], cell(p[:, poor], CELL_FLOOR) - gradient[:, None])
             better = np.flatnonzero(other.value < at.value[poor])
@@ -378,7 +386,7 @@ class MomentMap:
 
         A start is halved while, to second order, the minimum along its ray is on the other side of 0.
         """
-        for _ in range(HALVINGS):
+        for _ in range(MAX_HALVINGS):
             s, hessian = at.s, at.hessian
             curvature = dot(hessian[: len(s)], s**2)
             if len(s) == 2:

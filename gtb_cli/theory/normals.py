@@ -18,14 +18,14 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import LAYER, layers, ranks
+from gtb_cli.knots.layers import LAYER_TOLERANCE, layers, ranks
 from gtb_cli.theory.basis import Location, covariance, exponents, shares
 
-CANCELLATION = 1e-3
+CANCELLATION_FRACTION = 1e-3
 """Ratio of a derivative to its summands, or of the angle between two derivatives to its own, below which three digits
 are lost. Coordinates about the two leading knots are used then: they keep all digits, in four times the time."""
 
-SAME_DIRECTION = 1e-6
+DIRECTION_TOLERANCE = 1e-6
 """Distance of unit vectors below which two paths to a corner have the same limit."""
 
 NEAREST_KNOTS = 1024
@@ -113,9 +113,9 @@ class NormalField:
             mean, middle = points.T @ part, eta.T @ part
             first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
             result[here], sine = _unit_cross(first, second)
-            doubtful[here] = ~((sine > CANCELLATION) & (middle > CUT_OFF_SUM).all(axis=0))
+            doubtful[here] = ~((sine > CANCELLATION_FRACTION) & (middle > CUT_OFF_SUM).all(axis=0))
             for derivative, summed in zip((first, second), middle, strict=True):
-                doubtful[here] |= np.abs(derivative).max(axis=0) < CANCELLATION * extent * summed
+                doubtful[here] |= np.abs(derivative).max(axis=0) < CANCELLATION_FRACTION * extent * summed
         return result, doubtful
 
     def _about_leaders(self, e: FloatArray) -> FloatArray:
@@ -244,7 +244,7 @@ class NormalField:
             """Note the triples of pairs with knots i; return the pairs collinear with all of them."""
             i, b, c = knots[:, None], j[rows], k[rows]
             areas = (along[b] - along[i]) * (height[c] - height[i]) - (along[c] - along[i]) * (height[b] - height[i])
-            proper = np.abs(areas) > LAYER * height.max()
+            proper = np.abs(areas) > LAYER_TOLERANCE * height.max()
             one, pair = np.nonzero(proper)
             found.append((np.array([knots[one], b[pair], c[pair]]), crosses[rows[pair]] * areas[proper, None]))
             return np.asarray(rows[~proper.any(axis=0)])
@@ -270,7 +270,7 @@ class NormalField:
             each = (terms[group] * shares(self.log_weights[triples[:, group]].sum(axis=0)[:, None])).T
             size = np.sqrt((each**2).sum(axis=0)).sum(keepdims=True)
             limits.append(_direction(each.sum(axis=1, keepdims=True), size))
-        return limits[0] if np.ptp(limits, axis=0).max() < SAME_DIRECTION else nothing
+        return limits[0] if np.ptp(limits, axis=0).max() < DIRECTION_TOLERANCE else nothing
 
 
 def _direction(total: FloatArray, size: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import (
     CUT_OFF_SHARE,
-    NOTHING,
+    NO_ROWS,
     Location,
     block_length,
     exponentials,
@@ -156,7 +156,7 @@ def _blocks(
     for start in range(0, len(u), length):
         known = None if faces is None else faces[start : start + length]
         heights = domain.heights_of_columns(u[start : start + length], start, known)
-        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NOTHING
+        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NO_ROWS
         if len(boundary):
             rows.append(start + boundary)
             kept.append(heights[:, boundary])

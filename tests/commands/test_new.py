@@ -17,7 +17,7 @@ from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.starter import FEWEST_SIDES, FOLDER, MOST_SIDES, template
+from gtb_cli.spec.starter import FEWEST_SIDES, MOST_SIDES, TEMPLATE_FOLDER, template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
@@ -87,7 +87,7 @@ def test_the_model_is_a_closed_body():
 
 
 def test_each_template_has_its_file():
-    assert {path.stem for path in Path(FOLDER).glob("*.toml")} == set(TEMPLATES)
+    assert {path.stem for path in Path(TEMPLATE_FOLDER).glob("*.toml")} == set(TEMPLATES)
 
 
 def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):

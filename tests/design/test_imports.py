@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.imports import PLAIN, READERS, SUFFIXES, import_file
+from gtb_cli.design.imports import NUMBER_FORMATS, READERS, SUFFIXES, import_file
 from gtb_cli.design.nurbs import curve_spans, span_matrices
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.spec.copies import MAX_PATCHES
@@ -244,5 +244,5 @@ def test_loops_are_filled(tmp_path: Path) -> None:
 
 def test_the_table_of_formats_is_one() -> None:
     assert tuple(READERS) == IMPORTS
-    assert set(PLAIN) <= set(READERS)
+    assert set(NUMBER_FORMATS) <= set(READERS)
     assert set(SUFFIXES.values()) == set(READERS)

@@ -12,7 +12,7 @@ from stl import mesh as stl
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.solid import MITRE, folded_faces, thicken
+from gtb_cli.meshes.solid import MAX_MITRE, folded_faces, thicken
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -189,7 +189,7 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
         length = np.linalg.norm(move, axis=1) / 0.1
         wanted = 1 / math.cos(a / 2)
         # Angles that may be due to facets are not told from a smooth surface.
-        np.testing.assert_allclose(length, 1 if angle < 15 else min(wanted, MITRE), rtol=DIGITS)
+        np.testing.assert_allclose(length, 1 if angle < 15 else min(wanted, MAX_MITRE), rtol=DIGITS)
         if 15 < angle < 120:
             for normal in ([0, 0, 1], [math.sin(a), 0, math.cos(a)]):
                 np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)

@@ -11,7 +11,7 @@ from stl import mesh as stl
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.tube import SIDES, folded_segments, ring_size, tube
+from gtb_cli.meshes.tube import RING_SIDES, folded_segments, ring_size, tube
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe
@@ -31,7 +31,7 @@ SHAPES = {path: load(path) for path in sorted(SPECS.glob("*.toml"))}
 CURVES = [path for path, shape in SHAPES.items() if isinstance(shape, Patch) and shape.dimension == 1]
 
 
-def polygon_area(radius: float, sides: int = SIDES) -> float:
+def polygon_area(radius: float, sides: int = RING_SIDES) -> float:
     return sides / 2 * math.sin(2 * math.pi / sides) * radius**2
 
 
@@ -222,7 +222,7 @@ def test_the_frame_does_not_rotate():
     for n in (32, 64, 128):
         line, t, angle = helix(n)
         mesh = tube(line, 0.1, tangents=t[line.cells])
-        start = (mesh.vertices[:-2].reshape(-1, SIDES, 3)[:, 0] - line.vertices) / 0.1
+        start = (mesh.vertices[:-2].reshape(-1, RING_SIDES, 3)[:, 0] - line.vertices) / 0.1
         normal = np.column_stack([-np.cos(angle), -np.sin(angle), np.zeros_like(angle)])
         phase = np.unwrap(
             np.arctan2(np.einsum("ij,ij->i", start, np.cross(t, normal)), np.einsum("ij,ij->i", start, normal))
@@ -235,7 +235,7 @@ def test_the_frame_does_not_rotate():
 
 def test_a_plane_curve_has_no_twist_at_all():
     mesh = swept(load(SPECS / "example-3.1.toml"), 40, 0.1)
-    heights = mesh.vertices[:-2].reshape(-1, SIDES, 3)[:, :, 2]
+    heights = mesh.vertices[:-2].reshape(-1, RING_SIDES, 3)[:, :, 2]
     np.testing.assert_allclose(heights, heights[:1].repeat(41, axis=0), atol=1e-14)
     assert np.ptp(heights) == pytest.approx(0.2, rel=DIGITS)  # it has vertices on top
 
@@ -282,7 +282,7 @@ def test_a_closed_polygon_has_mitres_all_around():
     square = [[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [0, 0, 0]]
     mesh = tube(tessellate(segments(*square), 1), 0.5)
     assert_closed(mesh)
-    assert len(mesh.vertices) == 4 * SIDES
+    assert len(mesh.vertices) == 4 * RING_SIDES
     assert volume(mesh) == pytest.approx(polygon_area(0.5) * 16, rel=DIGITS)
     # Out of the plane, too, where the frame misses itself.
     bent = [[0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 2], [0, 0, 0]]
@@ -376,7 +376,7 @@ def test_attributes_and_names_are_the_curves():
 
 
 def test_rings_are_as_fine_as_the_tolerance_asks():
-    assert ring_size(1.0) == SIDES
+    assert ring_size(1.0) == RING_SIDES
     for radius in (1e-9, 1.0, 1e9):
         for n in range(3, 200):
             exactly = radius * 2 * math.sin(math.pi / n / 2) ** 2
@@ -468,7 +468,7 @@ def test_a_curve_becomes_stl(tmp_path):
     spec, path = SPECS / "example-3.1.toml", tmp_path / "curve.stl"
     result = gtb("mesh", spec, "--radius", 0.05, "-o", path)
     assert result.status == 0
-    assert result.err == f"gtb: {path}: {33 * SIDES + 2} vertices, {66 * SIDES} faces\n"
+    assert result.err == f"gtb: {path}: {33 * RING_SIDES + 2} vertices, {66 * RING_SIDES} faces\n"
     read = stl.Mesh.from_file(str(path))
     assert read.is_closed(exact=True)
     assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05)), rel=1e-4)
@@ -508,4 +508,4 @@ def test_a_radius_that_makes_no_sense(arguments, message):
 def test_the_same_tube_has_the_same_bytes():
     assert len({gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out for _ in range(3)}) == 1
     binary = stl.Mesh.from_file("x.stl", fh=BytesIO(gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out))
-    assert len(binary.vectors) == 66 * SIDES
+    assert len(binary.vectors) == 66 * RING_SIDES

@@ -18,7 +18,7 @@ from gtb_cli.knots import domain as domain_room
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.spec.document import MAX_BYTES, Faults
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.values import LARGEST
+from gtb_cli.spec.values import MAX_SIZE
 from gtb_cli.spec.writer import dump
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -187,11 +187,11 @@ def test_many_errors_are_counted() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        f"knots = [0, {LARGEST}]\ncontrol_points = [[0, 0], [-{LARGEST}, {LARGEST}]]\nlifting = [0, -{LARGEST}]\n",
+        f"knots = [0, {MAX_SIZE}]\ncontrol_points = [[0, 0], [-{MAX_SIZE}, {MAX_SIZE}]]\nlifting = [0, -{MAX_SIZE}]\n",
         "knots = [0, 1e-100]\ncontrol_points = [[0, 0], [5e-324, 0]]\nweights = [1.7e308, 5e-324]\n",
-        f"edge_scale = {LARGEST}\n{TRIANGLE}",
-        f"edge_scale = [{1 / LARGEST}, 1, {LARGEST}]\n{TRIANGLE}",
-        f"knots = [[0, 0], [{LARGEST}, 0], [0, {LARGEST}]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]\n",
+        f"edge_scale = {MAX_SIZE}\n{TRIANGLE}",
+        f"edge_scale = [{1 / MAX_SIZE}, 1, {MAX_SIZE}]\n{TRIANGLE}",
+        f"knots = [[0, 0], [{MAX_SIZE}, 0], [0, {MAX_SIZE}]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]\n",
         "knots = [0, 1e5, 2e5]\ncoefficients = 'partition-of-unity'\ncontrol_points = [[0, 0], [1, 0], [2, 0]]\n",
     ],
 )
@@ -248,7 +248,7 @@ def patches(draw: st.DrawFn) -> Patch:
     number = st.one_of(
         st.integers(-9, 9).map(float),
         st.floats(-1e9, 1e9),
-        st.floats(-LARGEST, LARGEST),
+        st.floats(-MAX_SIZE, MAX_SIZE),
         st.sampled_from([-0.0, 0.1, 1 / 3, 1e15, 1e16, -1e22, 5e-324, 123456789.123456789]),
     )
     positive = st.one_of(st.just(1.0), st.floats(5e-324, 1.7e308))

@@ -11,7 +11,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.loading import load
-from gtb_cli.tessellation.attributes import SHOWN, filled, with_attributes
+from gtb_cli.tessellation.attributes import QUALITY_NAME, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
 from gtb_cli.theory.model import Model
@@ -346,12 +346,12 @@ def test_attributes_are_those_of_the_vertices():
     for parametrization in ("toric", "linear"):
         bare = tessellate(patch, 6, parametrization=parametrization)
         mesh, replaced = with_attributes(patch, bare, ["mean_curvature", "v", "u", "v"], parametrization)
-        assert list(mesh.attributes) == ["mean_curvature", "v", "u", SHOWN]
+        assert list(mesh.attributes) == ["mean_curvature", "v", "u", QUALITY_NAME]
         np.testing.assert_array_equal(mesh.attributes["u"], mesh.parameters[:, 0])
         np.testing.assert_array_equal(mesh.attributes["v"], mesh.parameters[:, 1])
         expected = curvature(patch, mesh.parameters, parametrization).mean
         np.testing.assert_array_equal(mesh.attributes["mean_curvature"], expected)
-        np.testing.assert_array_equal(mesh.attributes[SHOWN], expected)
+        np.testing.assert_array_equal(mesh.attributes[QUALITY_NAME], expected)
         assert replaced == 0
         assert mesh.vertices is bare.vertices
     assert with_attributes(patch, bare, []) == (bare, 0)

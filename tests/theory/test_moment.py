@@ -421,7 +421,7 @@ def test_no_points_give_no_locations():
 
 def test_what_cannot_be_reached_is_an_error(monkeypatch):
     patch = named("pentagon")
-    monkeypatch.setattr(moment, "ITERATIONS", 1)
+    monkeypatch.setattr(moment, "MAX_ITERATIONS", 1)
     with pytest.raises(moment.ToleranceError, match=r"linear parametrisation: residual .* after 1 steps, 1e-12 is"):
         linear_points(patch, np.array([[0.31, 0.77]]))
 
