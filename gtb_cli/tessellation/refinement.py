@@ -105,9 +105,8 @@ def refine(
 
     Notes
     -----
-    Segments are certified, see `gtb_cli.tessellation.certificate`. Triangles are verified at quarters of the sides and
-    in the middle of each; where these are not as a quadratic surface would have them, on a lattice of
-    `FINE_LATTICE_STEPS` steps; and at knots and between them. `SAMPLE_SHARE` is for what happens between samples.
+    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at quarters of their sides, in their
+    middles, and at and between knots; where a quadratic surface would differ, on `FINE_LATTICE_STEPS` steps.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
     while (marked := work.marks()).any():
