@@ -105,7 +105,7 @@ def refine(
 
     Notes
     -----
-    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at quarters of their sides, in their
+    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at quarters of sides, in their
     middles, and at and between knots; where a quadratic surface would differ, on `FINE_LATTICE_STEPS` steps.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
