@@ -108,7 +108,7 @@ def test_standard_output_is_for_one_of_them(tmp_path):
     assert len(json.loads(result.out)["files"]) == 2
     result = gtb("mesh", PENTAGON, "--manifest", "-")
     assert (result.status, result.out) == (2, b"")
-    assert "standard output already" in result.err
+    assert "meshes already go to standard output" in result.err
 
 
 def test_a_pipe_takes_it(tmp_path):

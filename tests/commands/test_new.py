@@ -285,4 +285,4 @@ def test_the_manual_page_has_every_command(tmp_path):
     assert [line[8:].replace("\\-", "-") for line in page.splitlines() if line.startswith(".SS ")] == list(COMMANDS)
     requests = {line.split()[0] for line in page.splitlines() if line.startswith((".", "'"))}
     assert requests == {".TH", ".SH", ".SS", ".nf", ".fi"}
-    assert "in place of \\-n" in page.lower()
+    assert "instead of \\-n" in page.lower()

@@ -202,7 +202,7 @@ def test_what_cannot_be_drawn_is_refused(case, tmp_path, monkeypatch):
 def test_options_of_a_limit_are_not_for_a_folder(tmp_path):
     result = gtb("plot", tmp_path, "--merge", "1:2", "-o", tmp_path / "x.png")
     assert (result.status, list(tmp_path.iterdir())) == (2, [])
-    assert "--merge is for a spec" in result.err
+    assert "--merge is for specs" in result.err
 
 
 @pytest.mark.parametrize(
