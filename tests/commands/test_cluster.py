@@ -152,7 +152,7 @@ def test_workers_of_other_versions_are_refused(cluster, tmp_path):
     cluster.worker(PYTHONPATH=f"{folder.parent}:{paths}")
     result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
     assert result.status == 2
-    assert f"has numpy 0.1, and this process {importlib.metadata.version('numpy')}" in result.err
+    assert f"has numpy 0.1, and this process has {importlib.metadata.version('numpy')}" in result.err
     assert not (tmp_path / "x.obj").exists()
 
 
