@@ -187,16 +187,13 @@ class _Refinement:
 
     def refuse_hopeless(self, marked: BoolArray) -> None:
         """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
-        edges, why, needed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0
-        foreseen = 0.0
+        edges, why, needed, foreseen, allowed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0, 0.0, float(self.max_cells)
         if len(self.mesh) > max(FORECAST_CELLS, 2 * self.estimated):
             self.estimated = len(self.mesh)
             needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
-            if (
-                needed > DOUBTFUL * self.max_cells >= DOUBTFUL * WORTH_TRIALS
-                and not self.tried
-                and self.mesh.is_surface
-            ):
+            allowed *= 1.0 if len(self.mesh) > FORECAST_SHARE * needed else FORECAST_FACTOR
+            doubtful = self.max_cells >= WORTH_TRIALS and DOUBTFUL * self.max_cells < needed <= allowed
+            if doubtful and not self.tried and self.mesh.is_surface:
                 self.tried = True
                 foreseen = cells_foreseen(self.count)
         # Each side that is split makes one cell more of the cell.
@@ -204,7 +201,7 @@ class _Refinement:
         kind = "faces" if self.mesh.is_surface else "segments"
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
-        elif needed > (1.0 if len(self.mesh) > FORECAST_SHARE * needed else FORECAST_FACTOR) * self.max_cells:
+        elif needed > allowed:
             why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
         elif foreseen > FORESEEN * self.max_cells:
             why = f"needs about {foreseen:.2g} {kind}, more than {self.max_cells}"
