@@ -187,7 +187,8 @@ class _Refinement:
 
     def refuse_hopeless(self, marked: BoolArray) -> None:
         """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
-        edges, why, needed, foreseen, allowed = self.mesh.edges[np.flatnonzero(marked)], "", 0.0, 0.0, float(self.max_cells)
+        edges, why = self.mesh.edges[np.flatnonzero(marked)], ""
+        needed, foreseen, allowed = 0.0, 0.0, float(self.max_cells)
         if len(self.mesh) > max(FORECAST_CELLS, 2 * self.estimated):
             self.estimated = len(self.mesh)
             needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
