@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,6 +89,11 @@ def unit(vectors: FloatArray) -> FloatArray:
     """(m, d) unit vectors along the given ones; 0 stays 0."""
     length = np.sqrt(dot(vectors, vectors))[:, None]
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
+def distinct(values: NDArray[Any]) -> NDArray[Any]:
+    """Return distinct rows, or numbers, sorted; without indices `numpy.unique` imports numpy.ma, which takes 8 ms."""
+    return np.asarray(np.unique(values, axis=0, return_index=True)[0])
 
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:

@@ -208,7 +208,7 @@ def test_import_gtb_cli_imports_nothing(tmp_path):
     assert "numpy" not in loaded_by("import gtb_cli", tmp_path)
 
 
-SLOW = {"scipy", "trimesh", "fractions", "tempfile", "concurrent.futures", "multiprocessing"}
+SLOW = {"scipy", "trimesh", "fractions", "tempfile", "concurrent.futures", "multiprocessing", "numpy.ma"}
 SLOW |= {"importlib.metadata", "decimal", "asyncio", "logging", "subprocess", "urllib.request", "unittest", "http"}
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, distinct
 
 GRIDS = 1024
 """Number of sets of knots remembered as grids or not."""
@@ -55,7 +55,7 @@ def grid_of(knots: FloatArray) -> Grid | None:
 def _grid(content: bytes) -> Grid | None:
     knots = np.frombuffer(content).reshape(-1, 2)
     order = np.lexsort(knots.T)
-    steps = tuple(np.unique(column) - column.min() for column in knots.T)
+    steps = tuple(distinct(column) - column.min() for column in knots.T)
     places = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 2) if len(steps[0]) * len(steps[1]) == len(knots) else 0
     if not np.array_equal(knots[order] - knots[order[0]], places):
         return None

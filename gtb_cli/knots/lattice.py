@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, read_only
+from gtb_cli.arrays import FloatArray, IntArray, distinct, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 
@@ -135,7 +135,7 @@ def _fault(domain: Domain, directions: tuple[Direction, ...]) -> str:
     # A row of e shares counts the points of its simplex: C(degree + e − 1, e − 1).
     expected = math.prod(math.comb(d.degree + len(d.steps), len(d.steps)) for d in directions)
     places = np.column_stack([direction.places for direction in directions])
-    if n != expected or len(np.unique(places, axis=0)) < n:
+    if n != expected or len(distinct(places)) < n:
         return f"each of {expected} lattice knots once, got {n} knots"
     return ""
 
