@@ -8,6 +8,7 @@ TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from gtb_cli.assembly.seams import joints
+    from gtb_cli.bezier.elevation import elevate
     from gtb_cli.checks.check import check
     from gtb_cli.design.filling import fill
     from gtb_cli.design.fit import fit
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.shape import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
-    from gtb_cli.theory.elevation import elevate
     from gtb_cli.theory.knot_limit import merge_knots, move_knots
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
@@ -81,7 +81,7 @@ _ROOMS = {
     "check": "checks.check",
     "degenerate": "theory.degeneration",
     "diff": "tessellation.comparison",
-    "elevate": "theory.elevation",
+    "elevate": "bezier.elevation",
     "fair": "fairing.fair",
     "fill": "design.filling",
     "fit": "design.fit",

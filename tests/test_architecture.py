@@ -16,12 +16,12 @@ REPOSITORY = PACKAGE.parent
 
 GROUND = "ground"
 WINGS = [
-    *(GROUND, "knots", "theory", "meshes", "spec", "formats", "assembly", "certificates", "tessellation", "sequences"),
-    *("fairing", "design", "pictures", "checks", "shell", "commands"),
+    *(GROUND, "knots", "theory", "bezier", "meshes", "spec", "imports", "formats", "assembly", "certificates"),
+    *("tessellation", "sequences", "fairing", "design", "pictures", "checks", "shell", "commands"),
 ]
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground."""
 
-APART = {"knots": {"meshes"}, "theory": {"meshes"}, "meshes": {"knots", "theory"}}
+APART = {"knots": {"meshes"}, "theory": {"meshes"}, "bezier": {"meshes"}, "meshes": {"knots", "theory", "bezier"}}
 """Floors that do not know each other."""
 
 DOORS = {"__init__", "__main__"}

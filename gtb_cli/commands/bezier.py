@@ -17,7 +17,7 @@ from gtb_cli.shell.options import (
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 DEFAULT_DEGREE = 25
-"""Default of --max-degree, the same as in `gtb_cli.theory.bezier_pieces`."""
+"""Default of --max-degree, the same as in `gtb_cli.bezier.pieces`."""
 
 MAX_PIECE_DEGREE = 1000
 """Highest degree that may be asked for: the binomial coefficients of higher degrees exceed the range of floats."""
@@ -58,8 +58,8 @@ def bezier(
     integers; otherwise the error says why not. The image is the same, all weights are positive, and if two patches
     share an edge, their pieces share it too.
     """
+    from gtb_cli.bezier.pieces import bezier_pieces, split_curve
     from gtb_cli.spec.writer import dump
-    from gtb_cli.theory.bezier_pieces import bezier_pieces, split_curve
     from gtb_cli.theory.model import Model
 
     if split is not None and len(split) != 1:

@@ -35,8 +35,8 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
     For Bézier curves, triangles and tensor product patches this is classical degree elevation. A lifting is left out.
     Each patch of a model is elevated.
     """
+    from gtb_cli.bezier.elevation import elevate as elevated
     from gtb_cli.spec.writer import dump
-    from gtb_cli.theory.elevation import elevate as elevated
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)

@@ -34,8 +34,8 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     .lop) are filled as gtb fill does.
     """
     from gtb_cli.design.fill import fill
-    from gtb_cli.design.imports import import_file
     from gtb_cli.design.loops import SUFFIXES, loop_from_text
+    from gtb_cli.imports.readers import import_file
     from gtb_cli.spec.document import MAX_BYTES
     from gtb_cli.spec.writer import dump
 

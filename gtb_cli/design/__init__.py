@@ -1,1 +1,1 @@
-"""Design: curves and surfaces through points, filled holes, and patches from files of other programs."""
+"""Design: curves and surfaces through points, and filled holes."""

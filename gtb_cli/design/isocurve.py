@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import torus_coordinates
-from gtb_cli.theory.elevation import product
 from gtb_cli.theory.patch import Patch
 
 AXES = ("u", "v")

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.bezier.pieces import bezier_charts
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.sheets import exact_sheets, homogeneous_points
 from gtb_cli.knots.lattice import Direction, lattice_of
-from gtb_cli.theory.bezier_pieces import bezier_charts
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from gtb_cli.assembly.openings import near_misses, obstacles, seam_remarks
+from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.elevation import elevate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

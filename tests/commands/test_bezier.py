@@ -1,4 +1,4 @@
-"""`gtb bezier` on the command line; the pieces themselves are tested in tests/theory/test_bezier_pieces.py."""
+"""`gtb bezier` on the command line; the pieces themselves are tested in tests/bezier/test_pieces.py."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.sheets import exact_sheets, sheets_of
@@ -19,7 +20,6 @@ from gtb_cli.meshes.measures import measure
 from gtb_cli.spec.loading import load
 from gtb_cli.spec.writer import save as write
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.bezier_pieces import bezier_pieces
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, UNITS

@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.vtu import CURVE, QUADRILATERAL, TRIANGLE, encode_vtu
 from gtb_cli.spec.loading import load
-from gtb_cli.theory.bezier_pieces import bezier_pieces
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon

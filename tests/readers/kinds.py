@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.formats.export import standing
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.formats.vtu import encode_vtu
@@ -20,7 +21,6 @@ from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.theory.bezier_pieces import bezier_pieces
 from gtb_cli.theory.model import Model
 from tests.readers.libraries import SAMPLES
 from tests.shell import SPECS

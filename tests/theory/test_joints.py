@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gtb_cli.bezier.elevation import elevate
 from gtb_cli.spec.loading import load
 from gtb_cli.theory import joints as room
-from gtb_cli.theory.elevation import elevate
 from gtb_cli.theory.joints import edge_points, find_joints
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS

@@ -9,13 +9,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gtb_cli.bezier.pieces import Chart, bezier_charts, bezier_degree, bezier_pieces, split_curve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import torus_coordinates
-from gtb_cli.theory.bezier_pieces import Chart, bezier_charts, bezier_degree, bezier_pieces, split_curve
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests import exact

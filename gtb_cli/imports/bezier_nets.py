@@ -7,8 +7,8 @@ the points row by row, the second index running fastest.
 
 from __future__ import annotations
 
-from gtb_cli.design.nets import MAX_DEGREE, rectangle
-from gtb_cli.design.words import Words
+from gtb_cli.imports.nets import MAX_DEGREE, rectangle
+from gtb_cli.imports.words import Words
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 

@@ -6,9 +6,9 @@ A file is a list of segments, each with a kind, degrees and control points; ``Gr
 from __future__ import annotations
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
-from gtb_cli.design.words import Words
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports.nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
+from gtb_cli.imports.words import Words
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch

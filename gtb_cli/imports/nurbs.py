@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.nets import MAX_DEGREE, curve, dehomogenized, rectangle
 from gtb_cli.errors import DomainError
+from gtb_cli.imports.nets import MAX_DEGREE, curve, dehomogenized, rectangle
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 

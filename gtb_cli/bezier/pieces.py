@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.hull import KNOT_TOLERANCE
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.theory.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design import rhino_process
-from gtb_cli.design.imports import Found
-from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
-from gtb_cli.design.words import LARGEST
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports import rhino_process
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.imports.readers import Found
+from gtb_cli.imports.words import LARGEST
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.imports import NUMBER_FORMATS, READERS, SUFFIXES, import_file
-from gtb_cli.design.nurbs import curve_spans, span_matrices
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports.nurbs import curve_spans, span_matrices
+from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.loading import load, parse
 from gtb_cli.theory.model import Model

@@ -113,7 +113,7 @@ def _with(format: str, data: bytes, path: str) -> Found:
     room, _, attribute = READERS[format].partition(":")
     read = cast(
         Callable[[bytes, str], "list[Patch] | Found"],
-        getattr(import_module(f"gtb_cli.design.{room}"), attribute),
+        getattr(import_module(f"gtb_cli.imports.{room}"), attribute),
     )
     found = read(data, path)
     return Found(found, []) if isinstance(found, list) else found

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design import rhino, rhino_process
-from gtb_cli.design.imports import import_file
-from gtb_cli.design.nurbs import MAX_CONTROL_POINTS
 from gtb_cli.errors import SpecError
+from gtb_cli.imports import rhino, rhino_process
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS
+from gtb_cli.imports.readers import import_file
 from gtb_cli.theory.model import Model
 from tests.foreign import rhino as small_file
 

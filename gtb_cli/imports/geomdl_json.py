@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.nets import MAX_DEGREE
-from gtb_cli.design.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
-from gtb_cli.design.words import LARGEST
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports.nets import MAX_DEGREE
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.imports.words import LARGEST
 from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.document import place, read, shown
 from gtb_cli.spec.scanner import Path

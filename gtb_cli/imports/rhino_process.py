@@ -31,7 +31,7 @@ MEMORY, MEMORY_PER_BYTE = 150_000_000, 10
 """Bytes of memory that any file may take beyond what the process already has, and more for each byte of the file."""
 
 MAX_CONTROL_POINTS = 100_000
-"""Largest number of control points of a form, as in `gtb_cli.design.nurbs`; larger forms have no rows."""
+"""Largest number of control points of a form, as in `gtb_cli.imports.nurbs`; larger forms have no rows."""
 
 
 def main() -> int:

@@ -1,0 +1,1 @@
+"""Patches as Bézier patches: of a higher degree, and in exact rational pieces."""
