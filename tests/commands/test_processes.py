@@ -31,7 +31,7 @@ def test_a_worker_that_says_nothing_for_long_is_an_error():
     start = time.monotonic()
     with pytest.raises(GtbError, match=r"a process has fallen silent .*-j 1 needs less"):
         list(in_processes(held, [0, 100, 0], 2))
-    assert time.monotonic() - start < 10
+    assert time.monotonic() - start < 60
 
 
 def test_a_worker_that_works_for_long_is_waited_for():

@@ -18,9 +18,7 @@ from tests.design.test_fill import CUP, HERE, TRIANGLE
 from tests.marks import mostly_long
 from tests.mutations import ODD_BYTES, ODD_NUMBERS
 from tests.shell import SPECS
-
-SECONDS = 1.0
-"""Longest that reading a damaged file may take."""
+from tests.specs import SECONDS
 
 
 def triangle() -> Model:
@@ -84,7 +82,7 @@ def test_damaged_files_are_refused_or_read(name, seed):
     source = TRIANGLE.encode() if name == "loop.toml" else (CUP.parent / name).read_bytes()
     for _ in range(50):
         text = damaged(rng, source)
-        start = time.perf_counter()
+        start = time.process_time()
         message = name
         try:
             found = loop_or_model(text, name) if name == "loop.toml" else loop_from_text(text, name)
@@ -95,4 +93,4 @@ def test_damaged_files_are_refused_or_read(name, seed):
         except GtbError:
             pass
         assert name in message
-        assert time.perf_counter() - start < SECONDS
+        assert time.process_time() - start < SECONDS
