@@ -32,7 +32,7 @@ from tests.shell import (
     shell,
 )
 
-SOON = 10.0
+SOON = 30.0
 """Seconds within which what should end at once has ended, on a busy machine."""
 
 LARGE = ["-n", "150", "-f", "stl", "--ascii", "-q"]

@@ -254,7 +254,7 @@ def test_what_a_graphics_card_forgets_is_drawn_again(browser, show):
     browser.run("window.card = gl.getExtension('WEBGL_lose_context'); card.loseContext()")
     browser.settle()
     browser.run("card.restoreContext()")
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while browser.run("return gl.isContextLost()"):
         assert time.monotonic() < end
     assert changed(image, browser.picture()) < 0.001
@@ -306,7 +306,7 @@ def test_watch_follows_an_edit_and_shows_an_error(browser, tmp_path):
 
 def within_a_second(browser: Browser, script: str) -> bool:
     """Whether a script says yes soon: a second on a machine that does nothing else, ten on one that does."""
-    end = time.monotonic() + 10
+    end = time.monotonic() + 60
     while time.monotonic() < end:
         if browser.run(script):
             return True
