@@ -8,6 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR, Faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,18 @@ class Triangulation:
     parameters: FloatArray
     cells: IntArray
     boundary: IntArray
+
+    def side(self, edge: int) -> IntArray:
+        """(N + 1,) vertices on an edge, both corners included; for d = 1 the end."""
+        following = self.boundary[(edge + 1) % len(self.boundary), : self.cells.shape[1] - 2]
+        return np.append(self.boundary[edge], following)
+
+    def faces(self, faces: Faces) -> IntArray:
+        """(m,) numbers of the faces of Δ in whose relative interior the vertices lie."""
+        face = np.full(len(self.parameters), INTERIOR)
+        face[self.boundary] = faces.edges[:, None]
+        face[self.boundary[:, 0]] = faces.corners
+        return face
 
     def with_cut_beside(self, corner: int) -> Triangulation:
         """Halve the side from the first vertex after a corner to the inner vertex of their cell."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.sequences.continuation import Continuation, Places
-from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.complex import Complex, Sampler, alone, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
 from gtb_cli.theory.basis import BLOCK_NUMBERS
@@ -321,18 +321,7 @@ def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
         sides = np.roll(v, -1, axis=0) - v
         share = _both_ways(np.arange(resolution) / resolution, steepness)
         u[part.boundary] = v[:, None] + share[None, :, None] * sides[:, None]
-    face = np.zeros(len(u), dtype=np.int64)
-    face[part.boundary] = shape.faces.edges[:, None]
-    face[part.boundary[:, 0]] = shape.faces.corners
-    return Complex(
-        patch=np.zeros_like(face),
-        parameters=u,
-        face=face,
-        cells=part.cells,
-        cell_patch=np.zeros(len(part.cells), dtype=np.int64),
-        own_corners=None,
-        collapsed=np.empty((0, 2), dtype=np.int64),
-    )
+    return alone(shape, replace(part, parameters=u))
 
 
 def _towards_edges(v: FloatArray, u: FloatArray, steepness: float) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
@@ -20,7 +21,7 @@ from gtb_cli.theory.parametrization import Locator, Parametrization
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
-    from gtb_cli.theory.joints import Joints
+    from gtb_cli.theory.joints import EdgeRef, Joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +119,7 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     """
     parts = [triangulation(patch.domain, resolution) for patch in patches]
     if joints is None:
-        return _alone(patches[0], parts[0])
+        return alone(patches[0].domain, parts[0])
     mosaic, confused = _joined(patches, joints, parts)
     tips = _tips(patches, joints)
     again = {*confused.tolist(), *(index for index, _ in tips)}
@@ -131,28 +132,19 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     return mosaic
 
 
-def _alone(patch: Patch, part: Triangulation) -> Complex:
+def alone(domain: Domain, part: Triangulation) -> Complex:
     """The complex of one patch that is joined with nothing."""
     count = len(part.parameters)
     return Complex(
         patch=np.zeros(count, dtype=np.int64),
         parameters=part.parameters,
-        face=_faces(patch, part),
+        face=part.faces(domain.faces),
         cells=part.cells,
         cell_patch=np.zeros(len(part.cells), dtype=np.int64),
         own_corners=None,
         collapsed=np.empty((0, 2), dtype=np.int64),
         sides=count + len(part.cells) - 1,
     )
-
-
-def _faces(patch: Patch, part: Triangulation) -> IntArray:
-    """(m,) numbers of the faces of Δ on which the vertices of its triangulation lie."""
-    faces = patch.domain.faces
-    face = np.full(len(part.parameters), INTERIOR)
-    face[part.boundary] = faces.edges[:, None]
-    face[part.boundary[:, 0]] = faces.corners
-    return face
 
 
 def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
@@ -169,50 +161,45 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
 
 def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
     """The complex of triangulated domains, and the patches with cells or sides that vertices do not tell apart."""
-    offsets = np.cumsum([0] + [len(part.parameters) for part in parts])
+    is_surface = patches[0].dimension == 2
+    offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
     owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
-    face = np.concatenate([_faces(patch, part) for patch, part in zip(patches, parts, strict=True)])
-    cells, corners, cell_patch = [], [], []
-    for index, part in enumerate(parts):
-        flip = patches[index].dimension == 2 and joints.flipped[index]
-        own = part.cells[:, [0, 2, 1]] if flip else part.cells
-        cells.append(own + offsets[index])
-        corners.append(part.parameters[own])
-        cell_patch.append(np.full(len(own), index))
-
-    def side(patch: int, edge: int) -> IntArray:
-        boundary = parts[patch].boundary
-        if patches[patch].dimension == 1:
-            return np.asarray(offsets[patch] + boundary[edge])
-        return np.asarray(offsets[patch] + np.append(boundary[edge], boundary[(edge + 1) % len(boundary), 0]))
-
-    pairs = [np.empty((0, 2), dtype=np.int64)]
-    collapsed = [np.empty((0, 2), dtype=np.int64)]
-    for joint in joints.shared:
-        first, second = side(*joint.first), side(*joint.second)
-        pairs.append(np.stack([first, second[::-1] if joint.opposite else second], axis=1))
-    for ref in joints.collapsed:
-        points = side(*ref)
-        collapsed.append(np.stack([points[:-1], points[1:]], axis=1))
-    label = merged(int(offsets[-1]), np.concatenate(pairs))
-    kept, index_of = np.unique(label, return_inverse=True)
-    # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
-    sides = sum(len(part.parameters) + len(part.cells) - 1 for part in parts) - sum(len(pair) - 1 for pair in pairs[1:])
+    face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
+    turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
+              for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
+    cells = np.concatenate([own + offset for own, offset in zip(turned, offsets[:-1], strict=True)])
+    shared, collapsed = _pairs(joints, parts, offsets)
+    kept, number = np.unique(merged(len(owner), shared), return_inverse=True)
     mosaic = Complex(
         patch=owner[kept],
         parameters=parameters[kept],
         face=face[kept],
-        cells=index_of[np.concatenate(cells)],
-        cell_patch=np.concatenate(cell_patch),
-        own_corners=np.concatenate(corners),
-        collapsed=index_of[np.concatenate(collapsed)],
-        sides=sides,
+        cells=number[cells],
+        cell_patch=owner[cells[:, 0]],
+        own_corners=parameters[cells],
+        collapsed=number[collapsed],
+        # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
+        sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
     )
-    if patches[0].dimension == 1:
+    if not is_surface:
         return mosaic, owner[:0]
-    label = merged(len(label), np.concatenate(pairs + collapsed))
-    return mosaic, np.unique(owner[_confused(np.concatenate(cells), face != INTERIOR, label)])
+    label = merged(len(owner), np.concatenate([shared, collapsed]))
+    return mosaic, np.unique(owner[_confused(cells, face != INTERIOR, label)])
+
+
+def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
+    """(c, 2) vertices that joints make one, and (q, 2) neighbours on edges that are one point."""
+
+    def side(ref: EdgeRef) -> IntArray:
+        patch, edge = ref
+        return np.asarray(offsets[patch] + parts[patch].side(edge))
+
+    none = np.empty((0, 2), dtype=np.int64)
+    shared = [np.column_stack([side(joint.first), side(joint.second)[:: -1 if joint.opposite else 1]])
+              for joint in joints.shared]  # fmt: skip
+    collapsed = [np.column_stack([side(ref)[:-1], side(ref)[1:]]) for ref in joints.collapsed]
+    return np.concatenate([none, *shared]), np.concatenate([none, *collapsed])
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, triangulation
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Sampler
@@ -59,13 +58,9 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
 
 def _places(patch: Patch, part: Triangulation, *, shared_edges: bool) -> FloatArray:
     """(m, d) points μ of the vertices of a toric mesh."""
-    faces = patch.domain.faces
-    face = np.full(len(part.parameters), INTERIOR)
-    face[part.boundary] = faces.edges[:, None]
-    face[part.boundary[:, 0]] = faces.corners
     sampler = Sampler((patch,), "toric", shared_edges)
-    locations = sampler.locations(0, part.parameters, face)
-    return patch.rational_basis.blend(patch.knots, locations, len(face))
+    locations = sampler.locations(0, part.parameters, part.faces(patch.domain.faces))
+    return patch.rational_basis.blend(patch.knots, locations, len(part.parameters))
 
 
 def _widest(patch: Patch, part: Triangulation, places: FloatArray) -> float:
@@ -74,8 +69,7 @@ def _widest(patch: Patch, part: Triangulation, places: FloatArray) -> float:
         return float(np.abs(np.diff(places[:, 0])).max() / patch.domain.size)
     edges = sides_of(part.cells).edges
     widest = np.linalg.norm(places[edges[:, 0]] - places[edges[:, 1]], axis=1).max() / patch.domain.size
-    for edge, start in zip(part.boundary, np.roll(part.boundary, -1, axis=0), strict=True):
-        border = places[np.append(edge, start[0])]
-        steps = np.linalg.norm(np.diff(border, axis=0), axis=1)
+    for edge in range(len(part.boundary)):
+        steps = np.linalg.norm(np.diff(places[part.side(edge)], axis=0), axis=1)
         widest = max(widest, steps.max() / steps.sum())
     return float(widest)

@@ -1,24 +1,25 @@
-"""Cells with their sides as arrays, and how cells are split whose sides are split in the middle."""
+"""Cells with their sides as arrays, and how cells are cut whose sides are split in the middle."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, dot
+from gtb_cli.arrays import FloatArray, IntArray, dot
+from gtb_cli.knots.face import INTERIOR
 
 TIE_RATIO = 1 + 1e-9
-"""Squares of diagonals whose ratio is less are equal: rounding, of which processors differ in, does not choose."""
+"""Squared diagonals with a smaller ratio count as equal: rounding, which depends on the processor, must not choose."""
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class Growth:
-    """Memory with room for more rows of some arrays, so that not all rows are copied whenever some are appended."""
+    """Memory with room to spare for arrays that grow: appending rows does not copy all rows each time."""
 
     def __init__(self) -> None:
         self._rooms: dict[str, NDArray[Any]] = {}
@@ -36,7 +37,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Sides of cells. `face` is that of the middle: where the edge lies on the boundary of its patch, that edge."""
+    """Sides of cells; `face` is the number of the face of Δ that holds the middle."""
 
     ends: IntArray
     patch: IntArray
@@ -53,12 +54,11 @@ class Edges:
 
     def followed_by(self, growth: Growth, *others: Edges) -> Edges:
         """Append others to these."""
-        return Edges(
-            growth.append("edges.ends", self.ends, *(edges.ends for edges in others)),
-            growth.append("edges.patch", self.patch, *(edges.patch for edges in others)),
-            growth.append("edges.parameters", self.parameters, *(edges.parameters for edges in others)),
-            growth.append("edges.face", self.face, *(edges.face for edges in others)),
-        )
+
+        def column(name: str) -> NDArray[Any]:
+            return growth.append(f"edges.{name}", getattr(self, name), *(getattr(edges, name) for edges in others))
+
+        return Edges(column("ends"), column("patch"), column("parameters"), column("face"))
 
     @property
     def middles(self) -> FloatArray:
@@ -74,7 +74,7 @@ class Edges:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Some cells with their sides: side i runs from vertex i to the next."""
+    """Cells with their sides: side i runs from vertex i to the next."""
 
     cells: IntArray
     sides: IntArray
@@ -90,7 +90,7 @@ class Cells:
         )
 
     def replaced(self, growth: Growth, rows: IntArray, pieces: Sequence[Cells]) -> Cells:
-        """Put pieces in the place of the given cells, and those for which there is none at the end."""
+        """Put pieces in the places of the given cells, and those that are left at the end."""
 
         def column(name: str) -> NDArray[Any]:
             new = np.concatenate([getattr(piece, name) for piece in pieces])
@@ -101,35 +101,33 @@ class Cells:
         return Cells(column("cells"), column("sides"), column("corners"), column("patch"))
 
 
-def divide_segments(
-    whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
-) -> tuple[list[Cells], list[Edges]]:
-    """Cut segments in two; arguments and results as of `divide_triangles`."""
-    cells, sides, corners, patch = whole.cells, whole.sides[:, 0], whole.corners, whole.patch
-    middle, center = vertex[sides], corners.mean(axis=1)
-    pieces = []
-    for end in (0, 1):
-        half = cells.copy()
-        half[:, 1 - end] = middle
-        ends = corners.copy()
-        ends[:, 1 - end] = center
-        pieces.append(Cells(half, half_at(edges, child, sides, cells[:, end])[:, None], ends, patch))
-    return pieces, []
+class _Cut(NamedTuple):
+    """How a cell is cut. Its k corners are 0 … k − 1, and k + i is the middle of side i."""
+
+    pieces: tuple[tuple[int, ...], ...]
+    lines: tuple[tuple[int, int], ...]  # new edges, inside the cell
 
 
-def divide_triangles(
+_SEGMENT = _Cut(((0, 2), (2, 1)), ())
+_SIDE_0 = _Cut(((0, 3, 2), (3, 1, 2)), ((3, 2),))
+_SIDES_0_1 = _Cut(((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4)))
+_SIDES_0_1_OTHER_DIAGONAL = _Cut(((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
+_ALL_SIDES = _Cut(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5)))
+
+
+def divide(
     whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
 ) -> tuple[list[Cells], list[Edges]]:
-    """Cut triangles with one, two or three split sides into two, three or four.
+    """Cut segments in two, and triangles with one, two or three split sides into two, three or four.
 
     Parameters
     ----------
     whole : Cells
-        Each with a split side at least.
+        Each with at least one split side.
     edges : Edges
-        With the halves of split ones.
+        Among them the halves of split ones.
     points : (v, 3) float
-        Places of the vertices: the shorter of two diagonals is taken.
+        Positions of the vertices: the shorter of two diagonals is taken.
     vertex : (e,) int
         The vertex in the middle of a split edge, −1 for others.
     child : (e, 2) int
@@ -141,66 +139,72 @@ def divide_triangles(
     made : list of Edges
         New ones inside cells, to be numbered after `edges`.
     """
-    marks = vertex.take(whole.sides) >= 0
     pieces: list[Cells] = []
     made: list[Edges] = []
-    count = marks.sum(axis=1)
     next_edge = len(edges.ends)
-    for number in (1, 2, 3):
-        rows = np.flatnonzero(count == number)
-        # Turned so that the marked sides come first.
-        turn = marks[rows].argmax(axis=1)
-        if number == 2:
-            turn = (np.argmin(marks[rows], axis=1) + 1) % 3
-        order = 3 * rows[:, None] + (np.arange(3) + turn[:, None]) % 3
-        v, e = whole.cells.ravel().take(order), whole.sides.ravel().take(order)
-        patterns: list[tuple[slice | BoolArray, _Pattern]] = [(slice(None), _PATTERNS[number])]
-        if number == 2:
-            start, end = points.take(v, axis=0), points.take(vertex.take(e[:, :2]), axis=0)
-            across = [end[:, 1] - start[:, 0], end[:, 0] - start[:, 2]]
-            other = dot(across[0], across[0]) > TIE_RATIO * dot(across[1], across[1])
-            patterns = [(~other, _PATTERNS[2]), (other, _OTHER_DIAGONAL)]
-        for chosen, (triangles, lines) in patterns:
-            own, corner, side = order[chosen], v[chosen], e[chosen]
-            if not len(own):
-                continue
-            # Columns 0 … 2 are the corners, 3 … 5 the middles of the sides, where these are marked.
-            around = np.concatenate([corner, vertex.take(side)], axis=1)
-            p = whole.corners.reshape(-1, 2).take(own, axis=0)
-            places = np.concatenate([p, (p + p.take((1, 2, 0), axis=1)) / 2], axis=1)
-            patch = whole.patch.take(own[:, 0] // 3)
-            edge_of: dict[tuple[int, int], IntArray] = {}
-            for line in lines:
-                edge_of[line] = edge_of[line[::-1]] = next_edge + np.arange(len(own))
-                next_edge += len(own)
-                inner = np.zeros(len(own), dtype=np.int64)
-                made.append(Edges(around.take(line, axis=1), patch, places.take(line, axis=1), inner))
-            for near, far in ((0, 1), (1, 2), (2, 0)):
-                edge_of[near, far] = side[:, near]
-                for end in (near, far) if near < number else ():
-                    half = half_at(edges, child, side[:, near], corner[:, end])
-                    edge_of[end, 3 + near] = edge_of[3 + near, end] = half
-            for triangle in triangles:
-                sides = [edge_of[triangle[i], triangle[(i + 1) % 3]] for i in range(3)]
-                cells, corners = around.take(triangle, axis=1), places.take(triangle, axis=1)
-                pieces.append(Cells(cells, np.stack(sides, axis=1), corners, patch))
+    for cells, cut in _cuts(whole, points, vertex) if whole.cells.shape[1] == 3 else [(whole, _SEGMENT)]:
+        around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
+        corners = cells.corners
+        places = np.concatenate([corners, (corners + np.roll(corners, -1, axis=1)) / 2], axis=1)
+        inner: dict[frozenset[int], IntArray] = {}
+        for line in cut.lines:
+            inner[frozenset(line)] = next_edge + np.arange(len(around))
+            face = np.full(len(around), INTERIOR)
+            made.append(Edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
+            next_edge += len(around)
+        for piece in cut.pieces:
+            sides = _sides(piece, inner, cells, edges, child)
+            pieces.append(Cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
     return pieces, made
 
 
-_Pattern = tuple[tuple[tuple[int, int, int], ...], tuple[tuple[int, int], ...]]
+def _cuts(whole: Cells, points: FloatArray, vertex: IntArray) -> list[tuple[Cells, _Cut]]:
+    """Triangles turned so that their split sides come first, and how each of them is cut."""
+    marks = vertex.take(whole.sides) >= 0
+    count = marks.sum(axis=1)
+    one, two, three = (np.flatnonzero(count == number) for number in (1, 2, 3))
+    pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
+    corner, middle = points.take(pair.cells, axis=0), points.take(vertex.take(pair.sides[:, :2]), axis=0)
+    usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
+    is_longer = dot(usual, usual) > TIE_RATIO * dot(other, other)
+    return [
+        (_turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0),
+        (pair[np.flatnonzero(~is_longer)], _SIDES_0_1),
+        (pair[np.flatnonzero(is_longer)], _SIDES_0_1_OTHER_DIAGONAL),
+        (whole[three], _ALL_SIDES),
+    ]
 
-_PATTERNS: dict[int, _Pattern] = {
-    1: (((0, 3, 2), (3, 1, 2)), ((3, 2),)),
-    2: (((3, 1, 4), (0, 3, 4), (0, 4, 2)), ((3, 4), (0, 4))),
-    3: (((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4), (4, 5))),
-}
-"""Triangles and new edges by number of marked sides; corners are 0 … 2, the middle of side i is 3 + i."""
 
-_OTHER_DIAGONAL: _Pattern = (((3, 1, 4), (0, 3, 2), (3, 4, 2)), ((3, 4), (3, 2)))
-"""For two marked sides, the quadrilateral that remains cut the other way."""
+def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
+    """Some triangles, each from the given corner on."""
+    order = 3 * rows[:, None] + (first[:, None] + np.arange(3)) % 3
+    return Cells(
+        whole.cells.ravel().take(order),
+        whole.sides.ravel().take(order),
+        whole.corners.reshape(-1, 2).take(order, axis=0),
+        whole.patch.take(rows),
+    )
 
 
-def half_at(edges: Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
+def _sides(
+    piece: tuple[int, ...], inner: dict[frozenset[int], IntArray], cells: Cells, edges: Edges, child: IntArray
+) -> IntArray:
+    """The edges around a piece of each cell: new ones inside it, sides of it and halves of these."""
+    columns = []
+    for i in range(cells.sides.shape[1]):
+        start, end = piece[i], piece[(i + 1) % len(piece)]
+        low, high = sorted((start, end))
+        side = high - cells.cells.shape[1]
+        if frozenset((start, end)) in inner:
+            columns.append(inner[frozenset((start, end))])
+        elif side < 0:
+            columns.append(cells.sides[:, start])
+        else:
+            columns.append(_half_at(edges, child, cells.sides[:, side], cells.cells[:, low]))
+    return np.stack(columns, axis=1)
+
+
+def _half_at(edges: Edges, child: IntArray, split: IntArray, vertex: IntArray) -> IntArray:
     """The half of each split edge that ends at the given vertex."""
     second = edges.ends.ravel().take(2 * split) != vertex
     return np.asarray(child.ravel().take(2 * split + second))

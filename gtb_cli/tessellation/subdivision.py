@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide_segments, divide_triangles
+from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
 from gtb_cli.theory.patch import Patch
 
 MAX_ASPECT_RATIO = 12.0
@@ -119,7 +119,6 @@ class Subdivision:
         ]
         self.edges = self.edges.followed_by(self.growth, *halves)
         rows = np.flatnonzero(self.has_mark(vertex >= 0))
-        divide = divide_triangles if self.is_surface else divide_segments
         pieces, made = divide(self.cells[rows], self.edges, self.points, vertex, child)
         if made:
             self.edges = self.edges.followed_by(self.growth, *made)
