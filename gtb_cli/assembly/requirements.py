@@ -119,7 +119,7 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     from gtb_cli.theory.joints import edge_name, find_joints
     from gtb_cli.theory.model import Model
 
-    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    patches = spec.patches
     joints = spec.joints if isinstance(spec, Model) else find_joints(patches)
     lines = obstacles(joints, patches)
     if not isinstance(spec, Model):

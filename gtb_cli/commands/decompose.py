@@ -78,8 +78,7 @@ def decompose(
             parts = [_decomposition(loaded, lifting, "", net)]
             found = _data(parts[0])
         if net:
-            patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
-            mesh = _net(patches, parts, loaded.name)
+            mesh = _net(loaded.patches, parts, loaded.name)
             write_blocks(output, options.encoded(mesh, kind))
             return console.report(output, summary(mesh), options.warnings(mesh, kind))
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))

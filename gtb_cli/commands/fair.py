@@ -46,7 +46,7 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)
-    patches = loaded.patches if isinstance(loaded, Model) else (loaded,)
+    patches = loaded.patches
     with about(shown_input(spec)):
         found = [made_fair(patch, energy, keep) for patch in patches]
         model = isinstance(loaded, Model)

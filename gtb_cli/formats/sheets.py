@@ -108,7 +108,7 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     ToleranceError
         Even the largest of `FIT_SPANS` does not reach the tolerance.
     """
-    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    patches = spec.patches
     if patches[0].dimension == 1:
         raise DomainError("is a curve, and CAD files are made of surfaces")
     exact: dict[int, list[Sheet]] = {}

@@ -76,7 +76,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     DomainError
         The error of `cells_of`, with the name of the patch.
     """
-    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    patches = spec.patches
     cells: list[tuple[int, Cell]] = []
     for index, patch in enumerate(patches):
         try:

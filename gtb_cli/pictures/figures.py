@@ -116,8 +116,7 @@ def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: st
 
 def default_picture(shape: Patch | Model) -> str:
     """Return what is drawn by default: a curve or a surface."""
-    first = shape.patches[0] if isinstance(shape, Model) else shape
-    return "curve" if first.dimension == 1 else "surface"
+    return "curve" if shape.dimension == 1 else "surface"
 
 
 def decomposition_of(patch: Patch, lifting: ArrayLike | None) -> RegularDecomposition:
@@ -131,11 +130,10 @@ def decomposition_of(patch: Patch, lifting: ArrayLike | None) -> RegularDecompos
 
 
 def _patches_of(shape: Patch | Model, what: str) -> Sequence[Patch]:
-    patches = shape.patches if isinstance(shape, Model) else (shape,)
     kind = default_picture(shape)
     if kind != what:
         raise DomainError(f"is a {kind}, and has no picture as a {what}: expected --what {kind}")
-    return patches
+    return shape.patches
 
 
 def _single(shape: Patch | Model, what: str) -> Patch:
@@ -145,5 +143,4 @@ def _single(shape: Patch | Model, what: str) -> Patch:
 
 
 def _is_plane(shape: Patch | Model) -> bool:
-    patches = shape.patches if isinstance(shape, Model) else (shape,)
-    return patches[0].dimension == 1 and is_flat([patch.control_points for patch in patches])
+    return shape.dimension == 1 and is_flat([patch.control_points for patch in shape.patches])

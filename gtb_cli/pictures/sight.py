@@ -86,7 +86,7 @@ class Sight:
 
 def sight_of(shape: Patch | Model, resolution: int | None = None, name: str | None = None) -> Sight:
     """See a spec: its mesh with exact normals, control net, knots and curvature."""
-    patches = shape.patches if isinstance(shape, Model) else (shape,)
+    patches = shape.patches
     surface = patches[0].dimension == 2
     fine = (FINE if len(patches) <= FULL_DETAIL_PATCHES else FINE_MODEL) if surface else FINE_CURVE
     mesh = tessellate(shape, resolution or fine, parametrization="linear")

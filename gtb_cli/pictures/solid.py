@@ -47,7 +47,7 @@ PARAMETER_LINES = "#1F3A52"
 
 def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     """Draw a surface, or the patches of a model, shaded by its exact normals."""
-    patches = shape.patches if isinstance(shape, Model) else (shape,)
+    patches = shape.patches
     fine = look.resolution or (FINE_MODEL if len(patches) > 4 else FINE)
     mesh = tessellate(shape, fine, parametrization="linear")
     surface = surface_of(mesh, len(patches))

@@ -92,13 +92,9 @@ def parse_loop(
     if spec.dimension == 2:
         return spec, (None,) * (1 if isinstance(spec, Patch) else len(spec))
     moved = _Files(source, second_row=True).whole(text, format)
-    pairs = zip(_patches(spec), _patches(moved), strict=True)
+    pairs = zip(spec.patches, moved.patches, strict=True)
     rows = ((first.control_points, second.control_points) for first, second in pairs)
     return spec, tuple(None if np.array_equal(curve, row) else row for curve, row in rows)
-
-
-def _patches(spec: Patch | Model) -> tuple[Patch, ...]:
-    return spec.patches if isinstance(spec, Model) else (spec,)
 
 
 def from_dict(data: Mapping[str, Any]) -> Patch | Model:
@@ -174,7 +170,7 @@ class _Files:
         def include(name: str) -> tuple[Patch, ...]:
             path, data = self._library.taken(name, readers)
             found = self.spec(data, path, _format_of(path), (*readers, path))
-            return () if found is None else _patches(found)
+            return () if found is None else found.patches
 
         reader = ModelReader(Values(faults, self._budget), include, self._second_row)
         return reader.spec(document.data, _stem(source))

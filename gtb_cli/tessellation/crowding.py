@@ -35,7 +35,7 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     Places are compared in the linear parametrisation, by ``μ = Σ_i T_i a_i``, in which a mesh is even: one more
     evaluation of the patch, with its knots in place of the control points.
     """
-    patches = spec.patches if isinstance(spec, Model) else (spec,)
+    patches = spec.patches
     widest, lost, count = 0.0, 0, 0
     for patch in patches:
         part = triangulation(patch.domain, resolution)

@@ -242,12 +242,9 @@ class Recipe:
 
         The middle line of a tube is certified, its surface is not.
         """
-        from gtb_cli.theory.model import Model
-
         if self.tolerance is None:
             return None
-        patches = spec.patches if isinstance(spec, Model) else (spec,)
-        certain = self.certify or (patches[0].dimension == 1 and self.radius is None)
+        certain = self.certify or (spec.dimension == 1 and self.radius is None)
         return "certified" if certain else "sampled"
 
     def leaves_open(self, spec: Patch | Model) -> bool:
@@ -262,16 +259,14 @@ class Recipe:
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
         from gtb_cli.knots.triangulation import cell_count
-        from gtb_cli.theory.model import Model
 
-        patches = spec.patches if isinstance(spec, Model) else (spec,)
-        cells = sum(cell_count(patch.domain, self.resolution) for patch in patches)
+        cells = sum(cell_count(patch.domain, self.resolution) for patch in spec.patches)
         if self.radius is not None:
             from gtb_cli.meshes.tube import RING_SIDES
 
             return 2 * RING_SIDES * cells
         if self.thickness is not None:
-            rim = sum(len(patch.domain.vertices) for patch in patches) * self.resolution
+            rim = sum(len(patch.domain.vertices) for patch in spec.patches) * self.resolution
             return 2 * (cells + rim)
         return cells
 

@@ -78,7 +78,7 @@ def tessellate(
         raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
     if tolerance is not None and not (np.isfinite(tolerance) and tolerance > 0):
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
-    patches = shape.patches if isinstance(shape, Model) else (shape,)
+    patches = shape.patches
     if isinstance(shape, Model) and joints is None:
         joints = shape.joints
     if tolerance is not None and parametrization == "toric":

@@ -179,6 +179,11 @@ class Patch:
         return self.domain.dimension
 
     @property
+    def patches(self) -> tuple[Patch]:
+        """The patch alone, where several may be meant, as in a `Model`."""
+        return (self,)
+
+    @property
     def domain(self) -> Domain:
         """Δ with its edge functions."""
         return self.made.rational_basis.domain
