@@ -17,6 +17,9 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 EPS = float(np.finfo(np.float64).eps)
 """Distance from 1 to the next float."""
 
+MAX_PASSES = 8
+"""Largest number of groups for which an array is searched once for each, which is faster than sorting it."""
+
 
 def read_only(values: ArrayLike) -> FloatArray:
     """Return `values` as a new C-contiguous float64 array that cannot be written to."""
@@ -98,5 +101,11 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Each number that occurs among (m,) small numbers from 0, ascending, and its places."""
-    for number in np.flatnonzero(np.bincount(numbers)).tolist():
-        yield number, np.flatnonzero(numbers == number)
+    counts = np.bincount(numbers)
+    present = np.flatnonzero(counts)
+    if len(present) <= MAX_PASSES:
+        for number in present.tolist():
+            yield number, np.flatnonzero(numbers == number)
+        return
+    places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present])[:-1])
+    yield from zip(present.tolist(), places, strict=True)

@@ -15,14 +15,17 @@ from gtb_cli.theory.joints import (
     Joints,
     diagonal_of,
     edge_curve,
+    edge_curves,
     edge_name,
     edge_points,
+    meeting,
+    touching,
 )
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MOST_COMPARED = 2000
-"""Largest number of open edges that are compared with each other."""
+MAX_RINGS = 1000
+"""Largest number of open rings that have a line each."""
 
 MOST_SHOWN = 8
 """Most numbers of an edge, edges of a ring, or nearly closed seams that a message shows."""
@@ -60,7 +63,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     if patches[0].dimension == 1:
         return []
     tolerance = CURVE_TOLERANCE * diagonal_of(patches)
-    curves = {ref: edge_curve(patches[ref[0]], ref[1]) for ref in joints.open}
+    curves = dict(zip(joints.open, edge_curves(patches, joints.open), strict=True))
     found: list[tuple[EdgeRef, EdgeRef, str]] = []
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
@@ -68,23 +71,16 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         meets = len(found) < MOST_LIKENED and _meet(curves[first], curves[second], tolerance)
         found.append((first, second, (_likeness(patches, first, second) if meets else None) or str(reason)))
         told |= {first, second}
-    left = [ref for ref in joints.open if ref not in told][:MOST_COMPARED]
-    ends = np.array([curves[ref].ends for ref in left]).reshape(-1, 2, 3)
-    for row, first in enumerate(left):
-        if first in told:
+    left = [ref for ref in joints.open if ref not in told]
+    for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance)):
+        first, second = left[one], left[other]
+        if first in told or second in told:
             continue
-        later = ends[row + 1 :]
-        apart = np.minimum(*(np.abs(later - way).max(axis=(1, 2), initial=0) for way in (ends[row], ends[row, ::-1])))
-        for k in np.flatnonzero(apart <= tolerance).tolist():
-            second = left[row + 1 + k]
-            if second in told:
-                continue
-            reason = _likeness(patches, first, second) if len(found) < MOST_LIKENED else None
-            reason = reason or _difference(curves[first], curves[second], tolerance, None)
-            if reason is not None:
-                found.append((first, second, reason))
-                told |= {first, second}
-                break
+        likeness = _likeness(patches, first, second) if len(found) < MOST_LIKENED else None
+        difference = likeness or _difference(curves[first], curves[second], tolerance, None)
+        if difference is not None:
+            found.append((first, second, difference))
+            told |= {first, second}
     return sorted(found)
 
 
@@ -149,35 +145,23 @@ def _row(values: FloatArray) -> str:
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     """One line for each connected component of the open edges."""
-    ends = {ref: _ends(patches, ref) for ref in refs}
-    tolerance = CURVE_TOLERANCE * diagonal_of(patches)
-    left, lines = dict.fromkeys(refs[:MOST_COMPARED]), []
-    while left:
-        first = next(iter(left))
-        ring = [first]
-        del left[first]
-        for ref in ring:
-            near = [
-                other
-                for other in left
-                if (np.abs(ends[ref][:, None] - ends[other][None]).max(axis=2) <= tolerance).any()
-            ]
-            ring += near
-            for other in near:
-                del left[other]
-        names = [edge_name(patches, ref) for ref in ring[:MOST_SHOWN]]
+    near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
+    seen, lines = [False] * len(refs), []
+    for first in range(len(refs)):
+        if seen[first]:
+            continue
+        ring, seen[first] = [first], True
+        for row in ring:
+            new = [other for other in near[row] if not seen[other]]
+            ring += new
+            for other in new:
+                seen[other] = True
+        names = [edge_name(patches, refs[row]) for row in ring[:MOST_SHOWN]]
         rest = f" and {len(ring) - MOST_SHOWN} more" if len(ring) > MOST_SHOWN else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
-    if len(refs) > MOST_COMPARED:
-        lines.append(f"{len(refs) - MOST_COMPARED} more edges are open")
+    if len(lines) > MAX_RINGS:
+        lines[MAX_RINGS:] = [f"{len(lines) - MAX_RINGS} more rings of edges are open"]
     return lines
-
-
-def _ends(patches: Sequence[Patch], ref: EdgeRef) -> FloatArray:
-    """(2, 3) ends of an edge; for a curve, its end twice."""
-    patch, edge = patches[ref[0]], ref[1]
-    corners = patch.domain.vertices
-    return patch.evaluate(corners[[edge, edge if patch.dimension == 1 else (edge + 1) % len(corners)]])
 
 
 def seam_remarks(model: Model) -> list[str]:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray
+from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvature_at
 from gtb_cli.theory.joints import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
 SEAM_PLACES = 49
@@ -19,6 +23,29 @@ SEAM_PLACES = 49
 
 MAX_CREASE_DEGREES = 1.0
 """Angle in degrees up to which curvatures across a seam are compared; a seam with a larger one is a crease."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One of two patches at places along a seam."""
+
+    patch: Patch
+    places: Sequence[Location]
+    is_flipped: bool
+
+    def points(self) -> FloatArray:
+        """(m, 3) places in space."""
+        return self.patch.points_at(self.places, SEAM_PLACES)
+
+    def normals(self) -> FloatArray:
+        """(m, 3) unit normals."""
+        normals = self.patch.normals_at(self.places, SEAM_PLACES)
+        return -normals if self.is_flipped else normals
+
+    def mean_curvatures(self) -> FloatArray:
+        """(m,) mean curvatures."""
+        mean = curvature_at(self.patch, self.places, SEAM_PLACES).mean
+        return -mean if self.is_flipped else mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,16 +59,27 @@ class Seam:
         Largest angle between the normals of the two patches, in degrees; NaN if one patch has no normals.
     place : (3,) float
         The point with this angle.
-    bend : float
-        Largest difference of the normal curvatures across the seam, in units of 1 / length, over the places where both
-        are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is no such place.
     """
 
     first: EdgeRef
     second: EdgeRef
     angle: float
     place: FloatArray
-    bend: float
+    _smooth: BoolArray = field(repr=False)
+    _sides: tuple[_Side, _Side] = field(repr=False)
+
+    @cached_property
+    def bend(self) -> float:
+        """Largest difference of the normal curvatures across the seam, in units of 1 / length.
+
+        Over the places where both are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is no such
+        place. It is computed when asked for, which takes longer than the angle.
+        """
+        if not self._smooth.any():
+            return math.nan
+        ours, theirs = (side.mean_curvatures() for side in self._sides)
+        across = 2 * np.abs(ours - theirs)[self._smooth]
+        return float(across[np.isfinite(across)].max()) if np.isfinite(across).any() else math.nan
 
     def name(self, model: Model) -> str:
         """The names of both edges, for messages."""
@@ -66,30 +104,31 @@ def joints(model: Model) -> tuple[Seam, ...]:
         raise DomainError(f"joints: expected a Model, got {type(model).__name__}")
     if model.dimension == 1:
         return ()
-    flipped = model.joints.flipped
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
+    places: dict[tuple[RationalBasis, int, bool], list[Location]] = {}
+
+    def side(ref: EdgeRef, reverse: bool) -> _Side:
+        patch = model.patches[ref[0]]
+        key = (patch.rational_basis, ref[1], reverse)  # patches with the same basis share the places
+        if key not in places:
+            places[key] = _places(patch, ref[1], 1 - t if reverse else t)
+        return _Side(patch, places[key], model.joints.flipped[ref[0]])
+
     found = []
     for joint in model.joints.shared:
-        (p, e), (q, f) = joint.first, joint.second
-        ours = _beside(model.patches[p], e, t, flipped[p])
-        theirs = _beside(model.patches[q], f, 1 - t if joint.opposite else t, flipped[q])
-        sine = np.linalg.norm(np.cross(ours[1], theirs[1]), axis=1)
-        angles = np.degrees(np.arctan2(sine, (ours[1] * theirs[1]).sum(axis=1)))
-        known: BoolArray = np.isfinite(angles)
-        worst = int(np.where(known, angles, -1.0).argmax())
-        across = 2 * np.abs(ours[2] - theirs[2])[known & (angles <= MAX_CREASE_DEGREES)]
-        across = across[np.isfinite(across)]
-        bend = float(across.max()) if len(across) else math.nan
-        found.append(Seam(joint.first, joint.second, float(angles[worst]), ours[0][worst], bend))
+        sides = side(joint.first, False), side(joint.second, joint.opposite)
+        ours, theirs = (one.normals() for one in sides)
+        sine = np.linalg.norm(cross(ours, theirs), axis=1)
+        angles = np.degrees(np.arctan2(sine, (ours * theirs).sum(axis=1)))
+        worst = int(np.where(np.isfinite(angles), angles, -1.0).argmax())
+        smooth = angles <= MAX_CREASE_DEGREES
+        found.append(Seam(joint.first, joint.second, float(angles[worst]), sides[0].points()[worst], smooth, sides))
     return tuple(found)
 
 
-def _beside(patch: Patch, edge: int, t: FloatArray, flipped: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points, normals and mean curvatures of a patch at fractions of an edge."""
+def _places(patch: Patch, edge: int, t: FloatArray) -> list[Location]:
+    """Locations at fractions of an edge."""
     v = patch.domain.vertices
     faces = np.full(len(t), patch.domain.faces.edge(edge).number)
     p = v[edge] + t[:, None] * (v[(edge + 1) % len(v)] - v[edge])
-    where = list(patch.rational_basis.locations(p, "linear", faces))
-    sign = -1.0 if flipped else 1.0
-    normals = sign * patch.normals_at(where, len(t))
-    return patch.points_at(where, len(t)), normals, sign * curvature_at(patch, where, len(t)).mean
+    return list(patch.rational_basis.locations(p, "linear", faces))

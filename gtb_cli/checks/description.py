@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -13,6 +14,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import EdgeNormals, domain
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
 Kind: TypeAlias = Literal[
@@ -92,10 +94,26 @@ def description(patch: Patch) -> Description:
         degree=degree,
         edges=tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices))),
         edge_normals=_edge_normals(patch),
-        bounding_box=np.stack([patch.control_points.min(axis=0), patch.control_points.max(axis=0)]),
+        bounding_box=_box(patch),
         linear_precision_error=_linear_precision_error(patch),
         repeated_knots=_repeated_knots(patch.knots),
     )
+
+
+def descriptions(patches: Iterable[Patch]) -> list[Description]:
+    """Describe patches; those with the same basis differ only in their bounding boxes."""
+    known: dict[tuple[RationalBasis, EdgeNormals], Description] = {}
+    found = []
+    for patch in patches:
+        key = (patch.rational_basis, patch.edge_normals)
+        if key not in known:
+            known[key] = description(patch)
+        found.append(replace(known[key], bounding_box=_box(patch)))
+    return found
+
+
+def _box(patch: Patch) -> FloatArray:
+    return np.stack([patch.control_points.min(axis=0), patch.control_points.max(axis=0)])
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:

@@ -22,6 +22,7 @@ from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
+    from gtb_cli.checks.description import Description
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -30,6 +31,9 @@ MAX_PATCHES_SHOWN = 4
 
 MAX_JOINTS_SHOWN = 6
 """Number of joints that are listed for a larger model: those with the largest angles."""
+
+MAX_EDGES_SHOWN = 100
+"""Largest number of open or collapsed edges that are listed without --long."""
 
 
 @click.command
@@ -60,7 +64,9 @@ def info(
     a spec cannot be read, a message says so and the exit status is 2.
     """
     several = len(specs) > 1 or os.path.isdir(specs[0])
-    rows, errors = reports_on(inputs_of(specs, output), lambda spec: _found(spec, spec_format, weld))
+    rows, errors = reports_on(
+        inputs_of(specs, output), lambda spec: _found(spec, spec_format, weld, as_json or in_full)
+    )
     if as_json:
         text = json_of(rows, several)
     elif several and not in_full:
@@ -88,8 +94,9 @@ def _kind(found: dict[str, Any]) -> str:
     return str(found["kind"]) + (" of degree " + " × ".join(map(str, degree)) if degree else "")
 
 
-def _found(spec: str, spec_format: str | None, weld: float | str | None) -> dict[str, Any]:
-    """Return everything that is reported about a spec."""
+def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full: bool) -> dict[str, Any]:
+    """Return everything that is reported about a spec; unless in full, only the joints that are listed."""
+    from gtb_cli.checks.description import descriptions
     from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
@@ -97,24 +104,27 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None) -> dict
     with about(shown_input(spec)):
         loaded = welded(loaded, weld)
     if isinstance(loaded, Model):
-        patches = [_report(patch) for patch in loaded.patches]
+        patches = [_report(*pair) for pair in zip(loaded.patches, descriptions(loaded.patches), strict=True)]
         return {
             "name": loaded.name,
             "kind": "model",
             "dimension": patches[0]["dimension"],
             "bounding_box": _union([patch["bounding_box"] for patch in patches]),
-            **_joints(loaded),
+            **_joints(loaded, in_full or len(patches) <= MAX_PATCHES_SHOWN),
             "patches": patches,
         }
-    return _report(loaded)
+    return _report(loaded, *descriptions([loaded]))
 
 
-def _joints(model: Model) -> dict[str, Any]:
+def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.assembly.openings import near_misses
     from gtb_cli.assembly.seams import joints as seams_of
     from gtb_cli.theory.joints import edge_name
 
-    joints = model.joints
+    joints, seams = model.joints, seams_of(model)
+    if not in_full:
+        seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0)))
+        seams = seams[:MAX_JOINTS_SHOWN]
     return {
         "closed": joints.closed,
         "shared_edges": len(joints.shared),
@@ -139,15 +149,12 @@ def _joints(model: Model) -> dict[str, Any]:
                 "place": seam.place.tolist(),
                 "curvature_difference": seam.bend if math.isfinite(seam.bend) else None,
             }
-            for seam in seams_of(model)
+            for seam in seams
         ],
     }
 
 
-def _report(patch: Patch) -> dict[str, Any]:
-    from gtb_cli.checks.description import description
-
-    found = description(patch)
+def _report(patch: Patch, found: Description) -> dict[str, Any]:
     return {
         "name": patch.name,
         "kind": found.kind,
@@ -170,27 +177,28 @@ def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
 
 def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
     """Write a report as a table of two columns; unless in full, only as many patches and joints as fit on a screen."""
-    patches, joints = found.get("patches", []), found.get("joints", [])
+    patches = found.get("patches", [])
     if not in_full and len(patches) > MAX_PATCHES_SHOWN:
-        patches, joints = [], sorted(joints, key=lambda joint: -(joint["angle"] or 0.0))[:MAX_JOINTS_SHOWN]
+        patches = []
     lines = [("name", found["name"] or "(none)"), ("kind", _kind(found))]
     if "patches" in found:
         lines += [
             ("patches", str(len(found["patches"]))),
             ("closed", "yes" if found["closed"] else "no" + ", and one-sided" * found["one_sided"]),
             ("shared edges", str(found["shared_edges"])),
-            ("open edges", "; ".join(found["open_edges"]) or "none"),
+            ("open edges", _listed(found["open_edges"], in_full) or "none"),
         ]
         if found["collapsed_edges"]:
-            lines.append(("collapsed edges", "; ".join(found["collapsed_edges"])))
+            lines.append(("collapsed edges", _listed(found["collapsed_edges"], in_full)))
         lines += [("not joined", reason) for reason in found["not_joined"]]
         if found["welded_edges"]:
             lines.append(("welded edges", f"{found['welded_edges']}, up to {found['welded_distance']:.3g} apart"))
         for crowded in found["crowded_edges"]:
             lines.append(("crowded edge", "; ".join(crowded)))
-        lines += [("joint", _joint_text(joint)) for joint in joints]
-        if len(joints) < len(found["joints"]) or not patches:
-            lines.append(("and more", f"{len(found['joints'])} joints in all, and each patch: with --long"))
+        lines += [("joint", _joint_text(joint)) for joint in found["joints"]]
+        if not patches:
+            count = found["shared_edges"] if found["dimension"] == 2 else 0
+            lines.append(("and more", f"{count} joints in all, and each patch: with --long"))
     else:
         error = found["linear_precision_error"]
         corners, edges = found["hull_vertices"], found["edges"]
@@ -208,6 +216,12 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
     lines += [("lowest", _row(found["bounding_box"][0])), ("highest", _row(found["bounding_box"][1]))]
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
+
+
+def _listed(names: list[str], in_full: bool) -> str:
+    """Names in a row; unless in full, only some of very many."""
+    more = 0 if in_full else max(0, len(names) - MAX_EDGES_SHOWN)
+    return "; ".join(names[: len(names) - more]) + (f" and {more} more, with --long" if more else "")
 
 
 def _joint_text(joint: dict[str, Any]) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
@@ -22,6 +22,9 @@ from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import EdgeRef, Joints
+
+MAX_SHARED_LOCATIONS = 4096
+"""Largest number of parameters of a patch whose locations are kept for others: more take long to evaluate anyway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,8 +287,24 @@ class Sampler:
     def _edge_locators(self) -> list[Locator]:
         return [patch.rational_basis.locator("linear") for patch in self.evaluated]
 
-    def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
-        """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
+    def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterable[Location]:
+        """Locate (m, d) parameters of one patch, known to lie on given faces of its domain.
+
+        Patches with the same basis share the locations of uniform meshes: finding them takes most of the time of a
+        coarse mesh.
+        """
+        if not self.resolution or len(u) > MAX_SHARED_LOCATIONS:
+            return self._located(index, u, face, within)
+        key = (self.evaluated[index].rational_basis, u.tobytes(), face.tobytes(), within)
+        if key not in self._shared:
+            self._shared[key] = list(self._located(index, u, face, within))
+        return self._shared[key]
+
+    @cached_property
+    def _shared(self) -> dict[tuple[object, ...], list[Location]]:
+        return {}
+
+    def _located(self, index: int, u: FloatArray, face: IntArray, within: float) -> Iterator[Location]:
         yield from self._locators[index](u, face, within, self.resolution)
         if self.parametrization == "toric" and self.shared_edges and face.any():
             rows = np.flatnonzero(face)
@@ -295,6 +314,5 @@ class Sampler:
 
 def _groups(patch: IntArray) -> Iterator[tuple[int, slice | IntArray]]:
     """Rows of each patch; all rows as a slice where there is one patch only."""
-    present = np.flatnonzero(np.bincount(patch)) if len(patch) else np.empty(0, dtype=np.int64)
-    for index in present.tolist():
-        yield index, slice(None) if len(present) == 1 else np.flatnonzero(patch == index)
+    for index, rows in groups(patch):
+        yield index, slice(None) if len(rows) == len(patch) else rows

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, groups
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, cross_of_columns, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.frame import PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
 from gtb_cli.knots.layers import LAYER_TOLERANCE
@@ -186,7 +186,7 @@ class _CurvatureField:
             deltas.T @ x - p * x.sum(axis=0)
             for x in (_weighted(e, layers.xi, e_one, xi), _weighted(e, layers.eta, e_other, eta))
         )
-        cross = np.cross(first, second, axis=0)
+        cross = cross_of_columns(first, second)
         lengths = [np.sqrt((v**2).sum(axis=0)) for v in (first, second, cross)]
         regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
         d = self._depths(deltas, p, np.where(regular, cross / lengths[2] * turn, np.nan))

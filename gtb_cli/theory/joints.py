@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
 EdgeRef = tuple[int, int]
@@ -116,7 +117,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     points = np.concatenate([patch.control_points for patch in patches])
     tolerance = CURVE_TOLERANCE * (float(np.ptp(points, axis=0).max()) or 1.0)
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
-    curves = [edge_curve(patches[p], e) for p, e in refs]
+    curves = edge_curves(patches, refs)
     reach = max(tolerance, weld or 0.0)
     collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= reach]
     followers = _same_data(curves, collapsed, tolerance)
@@ -204,24 +205,56 @@ class Curve:
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
     """Return the data that determine the curve of an edge."""
-    members = patch.domain.edge_knots(edge)
-    weights, points = patch.log_products[members], patch.control_points[members]
-    if patch.dimension == 1:
+    return _EdgeBasis.of(patch.rational_basis, edge).curve(patch)
+
+
+def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve]:
+    """Return the curves of edges; patches with the same basis share all but the points."""
+    bases: dict[tuple[RationalBasis, int], _EdgeBasis] = {}
+    curves = []
+    for index, edge in refs:
+        key = (patches[index].rational_basis, edge)
+        if key not in bases:
+            bases[key] = _EdgeBasis.of(*key)
+        curves.append(bases[key].curve(patches[index]))
+    return curves
+
+
+@dataclass(frozen=True, eq=False)
+class _EdgeBasis:
+    """Knots and log weights of an edge's curve, and the control points with their shares in the curve's points."""
+
+    knots: FloatArray
+    log_weights: FloatArray
+    members: IntArray
+    first: IntArray
+    shares: FloatArray | None
+
+    @staticmethod
+    def of(basis: RationalBasis, edge: int) -> _EdgeBasis:
+        shape = basis.domain
+        members = shape.edge_knots(edge)
+        weights = basis.log_weights[members]
         knots = np.zeros(len(members))
-    else:
-        knots = patch.domain.along(edge, patch.knots[members])
-        knots = knots / knots[-1]
-    # Copies of a knot act as one (Thm 4.1).
-    first = np.flatnonzero(np.diff(knots, prepend=-1.0) > CURVE_TOLERANCE)
-    if len(first) < len(knots):
-        share = np.exp(
-            weights
-            - np.maximum.reduceat(weights, first)[np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))]
-        )
-        total = np.add.reduceat(share, first)
-        points = np.add.reduceat(share[:, None] * points, first) / total[:, None]
-        weights, knots = np.maximum.reduceat(weights, first) + np.log(total), knots[first]
-    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
+        if shape.dimension == 2:
+            knots = shape.along(edge, shape.knots[members])
+            knots = knots / knots[-1]
+        # Copies of a knot act as one (Thm 4.1).
+        first, shares = np.flatnonzero(np.diff(knots, prepend=-1.0) > CURVE_TOLERANCE), None
+        if len(first) < len(knots):
+            copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
+            shares = np.exp(weights - np.maximum.reduceat(weights, first)[copies])
+            total = np.add.reduceat(shares, first)
+            shares, weights = shares / total[copies], np.maximum.reduceat(weights, first) + np.log(total)
+            knots = knots[first]
+        return _EdgeBasis(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], members, first, shares)
+
+    def curve(self, patch: Patch) -> Curve:
+        """The curve of a patch with this basis."""
+        points = patch.control_points[self.members]
+        if self.shares is not None:
+            points = np.add.reduceat(self.shares[:, None] * points, self.first)
+        return Curve(self.knots, self.log_weights, points)
 
 
 def _same_data(
@@ -259,25 +292,47 @@ def _near_curves(
         patch, edge = refs[i]
         return edge_points(patches[patch], edge, EDGE_SAMPLES)
 
-    heads = np.array(list(followers), dtype=np.int64)
-    ends = np.array([curves[i].ends for i in heads])
+    heads = list(followers)
     reach = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), least_reach)
-    heights = _heights([curves[i] for i in heads])
-    order = np.argsort(heights, kind="stable")
-    beyond = np.searchsorted(heights[order], (heights + 2 * SORTING_DIRECTION.sum() * reach)[order], side="right")
     found = []
-    for k, row in enumerate(order.tolist()):
-        others = order[k + 1 : beyond[k]]
+    for one, other in touching([curves[i] for i in heads], reach):
+        i, j = heads[one], heads[other]
+        if followers[i] and followers[j]:
+            continue
+        gaps = [float(np.linalg.norm(sampled(i) - side, axis=1).max()) for side in (sampled(j), sampled(j)[::-1])]
+        if min(gaps) <= min(reach[one], reach[other]):
+            found.append((i, j, min(gaps), gaps[1] < gaps[0]))
+    return found
+
+
+def touching(curves: Sequence[Curve], reach: FloatArray) -> list[tuple[int, int]]:
+    """Pairs i < j of curves whose ends, in either order, differ by at most the smaller of their (n,) reaches."""
+    ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
+    pairs = []
+    for row, others in _within(_heights(curves), 2 * reach):
         straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
-        least = np.minimum(reach[others], reach[row])
-        for other in others[np.minimum(straight, crossed) <= least].tolist():
-            i, j = sorted((int(heads[row]), int(heads[other])))
-            if followers[i] and followers[j]:
-                continue
-            gaps = [float(np.linalg.norm(sampled(i) - side, axis=1).max()) for side in (sampled(j), sampled(j)[::-1])]
-            if min(gaps) <= min(reach[row], reach[other]):
-                found.append((i, j, min(gaps), gaps[1] < gaps[0]))
-    return sorted(found)
+        near = np.minimum(straight, crossed) <= np.minimum(reach[others], reach[row])
+        pairs += [(min(row, other), max(row, other)) for other in others[near].tolist()]
+    return sorted(pairs)
+
+
+def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
+    """For each curve those, ascending, of which an end is within a distance along each axis of one of its ends."""
+    places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
+    pairs: list[set[int]] = [set() for _ in curves]
+    for row, others in _within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
+        for other in (others[np.abs(places[others] - places[row]).max(axis=1) <= reach] // 2).tolist():
+            pairs[row // 2].add(other)
+            pairs[other].add(row // 2)
+    return [sorted(others - {row}) for row, others in enumerate(pairs)]
+
+
+def _within(heights: FloatArray, reach: FloatArray) -> Iterator[tuple[int, IntArray]]:
+    """Each row and those after it, by (n,) heights of places, that may be within its reach along each axis."""
+    order = np.argsort(heights, kind="stable")
+    beyond = np.searchsorted(heights[order], (heights + SORTING_DIRECTION.sum() * reach)[order], side="right")
+    for k in np.flatnonzero(beyond > np.arange(len(order)) + 1).tolist():
+        yield int(order[k]), order[k + 1 : beyond[k]]
 
 
 def _heights(curves: Sequence[Curve]) -> FloatArray:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, cross_of_columns, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
@@ -206,7 +206,7 @@ class NormalField:
         near = near[deltas[near].any(axis=1)]
         j, k = near[np.array(np.triu_indices(len(near), 1))]
         lengths = np.sqrt((deltas**2).sum(axis=1))
-        crosses = np.cross(deltas[j], deltas[k])
+        crosses = cross(deltas[j], deltas[k])
         kept = np.abs(crosses).max(axis=1) > PARALLEL_SINE * lengths[j] * lengths[k]
         return j[kept], k[kept], crosses[kept]
 
@@ -284,7 +284,7 @@ def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Floa
     """(m, 3) unit cross products of (3, m) vectors, NaN if they are parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (_unit(_unit_size(v)) for v in (first, second))
-        normal = np.cross(first, second, axis=0)
+        normal = cross_of_columns(first, second)
         sine = np.sqrt((normal**2).sum(axis=0))
         return np.where(sine > PARALLEL_SINE, normal / sine, np.nan).T, sine
 

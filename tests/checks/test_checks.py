@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.check import check, check_model, check_patch
+from gtb_cli.checks.description import description, descriptions
 from gtb_cli.checks.lattice import bernstein
 from gtb_cli.checks.probe import Probe, evenly
 from gtb_cli.checks.properties import PROPERTIES
@@ -583,3 +584,10 @@ def test_patches_without_common_edges():
     report = check_model(model)
     assert report.joints[0].status == "not applicable"
     assert report.joints[1].value == 10
+
+
+def test_descriptions_of_patches_with_one_basis_are_those_of_each():
+    one = load(SPECS / "pentagon.toml")
+    patches = [one, one.replace(control_points=2 * one.control_points), one.replace(edge_normals="unit")]
+    for found, patch in zip(descriptions(patches), patches, strict=True):
+        assert repr(found) == repr(description(patch))

@@ -85,3 +85,21 @@ def test_a_large_model_fits_on_a_screen_and_long_says_all():
     teapot = PENTAGON.replace("pentagon", "teapot") if isinstance(PENTAGON, str) else PENTAGON.with_name("teapot.toml")
     assert len(gtb("info", teapot).text.splitlines()) <= 24
     assert gtb("info", teapot, "--long").text.count("linear precision") == 32
+
+
+def test_a_large_model_is_described_in_few_words(tmp_path):
+    """Only the joints with the largest angles, and the first open edges, unless all are asked for."""
+    knots, corners = [[0, 0], [1, 0], [0, 1], [1, 1]], [(0, 0), (1, 0), (0, 1), (1, 1)]
+    patches = [
+        {"knots": knots, "control_points": [[x + k, y, (x + k) ** 2 / 200] for x, y in corners]} for k in range(60)
+    ]
+    spec = tmp_path / "row.json"
+    spec.write_text(json.dumps({"patches": patches}))
+    text = gtb("info", spec).text
+    assert text.count("\njoint ") == 6
+    assert "and 22 more, with --long\n" in text
+    assert "and more          59 joints in all, and each patch: with --long\n" in text
+    in_full = gtb("info", spec, "--long").text
+    assert in_full.count("\njoint ") == 59
+    assert "more, with --long" not in in_full
+    assert len(json.loads(gtb("info", spec, "--json").text)["joints"]) == 59

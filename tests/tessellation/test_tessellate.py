@@ -11,6 +11,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 
@@ -242,3 +243,18 @@ def test_missing_normals_are_the_mean_of_adjacent_faces():
     assert filled[0].tolist() == [0, 0, 1]
     assert filled[1:4].tolist() == normals[1:4].tolist()
     assert np.isfinite(filled).all()
+
+
+def test_patches_with_one_basis_are_located_once(monkeypatch):
+    """A row of 20 has the parameters of its first patch, and those of the others, which lack one shared edge."""
+    located = []
+    inverse = MomentMap.inverse
+    monkeypatch.setattr(MomentMap, "inverse", lambda *args: located.append(args) or inverse(*args))
+    first = Patch(SQUARE, [[x, y, x * y] for x, y in SQUARE], [1, 2, 1, 1, 3, 1, 1, 2, 1])
+    step = np.array([2.0, 0.0, 0.0])
+    row = Model(tuple(first.replace(control_points=first.control_points + k * step) for k in range(20)))
+    mesh = tessellate(row, 6)
+    assert len(located) < 30  # edges, and charts inside, of two patches
+    alone = tessellate(first, 6).vertices
+    ours = mesh.vertices[np.unique(mesh.faces[mesh.groups[7][1] : mesh.groups[7][2]])] - 7 * step
+    assert np.abs(ours[:, None] - alone).max(axis=2).min(axis=1).max() < 1e-12

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.bezier.elevation import elevate
+from gtb_cli.knots.domain import Domain
 from gtb_cli.spec.loading import load
 from gtb_cli.theory import joints as room
 from gtb_cli.theory.joints import edge_points, find_joints
@@ -68,3 +69,34 @@ def test_edges_are_evaluated_for_those_with_near_ends_only(monkeypatch):
     patches = [*squares(60, 1.0), Patch(SQUARE, SQUARE + np.array([0.0, 1.001]))]
     assert len(find_joints(patches).almost) == 1
     assert len(counted) == 2
+
+
+def random_curves(rng: np.random.Generator, count: int) -> list[room.Curve]:
+    """Segments between a few places, some of them moved by less than a hundredth."""
+    places = rng.random((count, 3))
+    ends = places[rng.integers(count, size=(count, 2))] + rng.choice([0.0, 0.004, 0.05], size=(count, 2, 3))
+    return [room.Curve(np.array([0.0, 1.0]), np.zeros(2), pair) for pair in ends]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_curves_that_touch_and_meet_are_those_that_all_pairs_show(seed):
+    rng = np.random.default_rng(seed)
+    curves, reach = random_curves(rng, 40), 10 ** rng.uniform(-3, -1, 40)
+    ends = np.array([curve.ends for curve in curves])
+    pairs = [(i, j) for i in range(40) for j in range(i + 1, 40)]
+    same = {(i, j): min(np.abs(ends[i] - way).max() for way in (ends[j], ends[j, ::-1])) for i, j in pairs}
+    assert room.touching(curves, reach) == [pair for pair in pairs if same[pair] <= min(reach[list(pair)])]
+    near = [np.abs(ends[i][:, None] - ends[j]).max(axis=2).min() <= 0.01 for i, j in pairs]
+    met = [(i, j) for i, others in enumerate(room.meeting(curves, 0.01)) for j in others]
+    assert [(i, j) for i, j in met if i < j] == [pair for pair, is_near in zip(pairs, near, strict=True) if is_near]
+    assert sorted((j, i) for i, j in met) == met
+
+
+def test_patches_with_one_basis_share_their_edges_knots(monkeypatch):
+    made = []
+    edge_knots = Domain.edge_knots
+    monkeypatch.setattr(Domain, "edge_knots", lambda *args: made.append(args) or edge_knots(*args))
+    first = Patch(SQUARE, SQUARE)
+    row = [first.replace(control_points=first.control_points + np.array([k, 0.0, 0.0])) for k in range(20)]
+    assert len(find_joints(row).shared) == 19
+    assert len(made) == 4
