@@ -162,12 +162,11 @@ def _read(source: Source) -> Side:
 def _diff_folders(
     a: str, b: str, source: Source, tolerance: float | str | None, as_json: bool, output: str, console: Console
 ) -> None:
-    found_pairs = pairs(a, b)
+    found_pairs, errors = pairs(a, b)
     refuse_overwriting((path for pair in found_pairs for path in pair[1:] if path is not None), [output])
     results: list[tuple[str, tuple[str, str], Difference]] = []
     missing: list[str] = []
     extra: list[str] = []
-    errors: dict[str, str] = {}
     for name, first, second in found_pairs:
         if first is None or second is None:
             (missing if second is None else extra).append(name)

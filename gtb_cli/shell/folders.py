@@ -46,25 +46,44 @@ def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def pairs(a: str, b: str) -> list[Pair]:
-    """Match the files of two folders by name; a spec and a mesh, by name without suffix."""
-    first, second = _files(a), _files(b)
-    if not first:
+def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
+    """Match the files of two folders by name; a spec and a mesh, by name without suffix.
+
+    Also return what cannot be read, such as links to nothing, by name, with a message for each.
+    """
+    unreadable: dict[str, str] = {}
+    first, second = _files(a, unreadable), _files(b, unreadable)
+    if not first and not unreadable:
         raise GtbError(f"{a}: has no meshes and no specs to compare with")
     if _hold_specs(first) != _hold_specs(second) and second:
         first, second = _by_stem(first), _by_stem(second)
-    return [Pair(name, first.get(name), second.get(name)) for name in sorted({*first, *second})]
+        unreadable = {os.path.splitext(name)[0]: message for name, message in unreadable.items()}
+    names = [name for name in sorted({*first, *second}) if not any(part in unreadable for part in _parts(name))]
+    return [Pair(name, first.get(name), second.get(name)) for name in names], unreadable
 
 
-def _files(folder: str) -> dict[str, str]:
+def _parts(name: str) -> Iterator[str]:
+    """A path and those of the folders above it."""
+    while name:
+        yield name
+        name = os.path.dirname(name)
+
+
+def _files(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
     """Return the paths of the meshes in a folder and its subfolders, by name; if it has no meshes, of the specs."""
-    found = {name: os.path.join(folder, name) for name in _names(folder)}
+    found = {name: os.path.join(folder, name) for name in _names(folder, unreadable)}
     meshes = {name: path for name, path in found.items() if suffix_of(name) in FORMATS}
-    return meshes or {name: path for name, path in found.items() if suffix_of(name) in SPEC_FORMATS}
+    files = meshes or {name: path for name, path in found.items() if suffix_of(name) in SPEC_FORMATS}
+    for name, path in files.items():
+        try:
+            os.stat(path)
+        except OSError as error:
+            unreadable[name] = f"{path}: {error.strerror}"
+    return files
 
 
-def _names(folder: str) -> Iterator[str]:
-    """Yield the names of all files below a folder that are not hidden, following links."""
+def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
+    """Yield the names of all files below a folder that are not hidden, following links; note folders not readable."""
     waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
     count = 0
     while waiting:
@@ -79,9 +98,13 @@ def _names(folder: str) -> Iterator[str]:
             if count > MAX_FOLDERS:
                 raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
             with os.scandir(path) as entries:
-                listed = sorted((entry.name, entry.is_dir()) for entry in entries)
+                listed = sorted((entry.name, _is_folder(entry)) for entry in entries)
         except OSError as error:
-            raise GtbError(f"{error.filename}: {error.strerror}") from None
+            message = f"{error.filename}: {error.strerror}"
+            if not place:
+                raise GtbError(message) from None
+            unreadable[place] = message
+            continue
         for name, is_folder in listed:
             inner = os.path.join(place, name)
             if name.startswith("."):
@@ -90,6 +113,14 @@ def _names(folder: str) -> Iterator[str]:
                 waiting.append((inner, above | {here}))
             else:
                 yield inner
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    """Whether an entry must be read as a folder; a link in a circle without the suffix of a file may be one."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return suffix_of(entry.name) not in (*FORMATS, *SPEC_FORMATS)
 
 
 def suffix_of(name: str) -> str:

@@ -46,9 +46,16 @@ def rows() -> Iterator[Row]:
         yield from growth(
             "gtb mesh -n 2", "patches", PATCHES, lambda n: ["mesh", patches(n), "-n", 2, "-o", place / "x.obj"]
         )
-        yield from growth("gtb info", "patches", PATCHES, lambda n: ["info", patches(n)])
+        yield from growth(
+            "gtb degenerate -x 5 -n 1",
+            "knots",
+            KNOTS,
+            lambda n: ["degenerate", knots(n), "-x", 5, "-n", 1, "-o", place / f"x-{n}"],
+        )
+        for name in ("info", "check"):
+            yield from growth(f"gtb {name}", "patches", PATCHES, lambda n, name=name: [name, patches(n)])  # type: ignore[misc]
         pentagon = REPOSITORY / "specs" / "pentagon.toml"
-        for kind in ("obj", "ply", "stl"):
+        for kind in ("obj", "ply", "stl", "glb"):
             yield from growth(
                 f"gtb mesh -f {kind}",
                 "faces",

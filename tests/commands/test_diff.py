@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import subprocess
 import threading
 import tracemalloc
@@ -228,6 +229,27 @@ def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
     result = gtb("diff", one, two)
     assert (result.status, result.text) == (2, "1 same, 0 different, 0 missing, 0 extra, 1 unreadable\n")
     assert result.err.count(str(two / "a.obj")) == 1
+
+
+@pytest.mark.parametrize("name", ["a.obj", "z.obj", "inner", "z"])
+@pytest.mark.parametrize("target", ["nothing", "itself"])
+def test_a_link_that_leads_nowhere_does_not_hide_the_rest(folders, name, target):
+    """Other links to nothing, such as z, could be any file, and are passed over; those to themselves, a folder."""
+    one, two = folders
+    link = one / name
+    if link.is_dir():
+        shutil.rmtree(link)
+    link.unlink(missing_ok=True)
+    link.symlink_to(name if target == "itself" else target)
+    result = gtb("diff", one, two)
+    if target == "nothing" and "." not in name:
+        assert result.status == (1 if name == "inner" else 0)
+        return
+    same = 2 if name.startswith("z") else 1
+    counts = f"{same} same, 0 different, 0 missing, 0 extra, 1 unreadable"
+    assert (result.status, result.text.splitlines()[-1]) == (2, counts)
+    assert result.err.count(str(link)) == 1
+    assert json.loads(gtb("diff", one, two, "--json").out)["errors"].keys() == {name}
 
 
 def test_linked_folders_are_compared_too(folders):
