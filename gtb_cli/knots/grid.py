@@ -1,9 +1,10 @@
-"""Grids of knots, on which exponentials are products of a few."""
+"""Grids of knots, on which exponentials are products of a few, and grids of parameters, on which sums are nested."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,27 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray, distinct
 
 GRIDS = 1024
 """Number of sets of knots remembered as grids or not."""
+
+FEWEST_PAIRS = 64
+"""Fewest parameters worth a look for a grid among them."""
+
+WIDEST_ROW = 1 << 15
+"""Largest number of parameters in a row of a grid: a block of one row has to fit in the cache."""
+
+
+class Raster(NamedTuple):
+    """All pairs of some first and some second coordinates, row by row.
+
+    Attributes
+    ----------
+    axis : int
+        The coordinate that changes along a row; the other one is the same all along it.
+    width : int
+        Number of pairs in a row.
+    """
+
+    axis: int
+    width: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +49,15 @@ class Grid:
         Coordinates of the columns and of the rows, relative to `first`.
     are_equal : pair of bool
         Whether all steps are equal, to rounding.
+    is_worth_it : bool
+        Whether products take at most half as many exponentials as there are knots.
     """
 
     order: IntArray
     first: FloatArray
     steps: tuple[FloatArray, ...]
     are_equal: tuple[bool, ...]
+    is_worth_it: bool
 
     def exponentials(self, s: FloatArray) -> FloatArray:
         """(n, m) numbers e^<a − first, s> at (2, m) torus coordinates, with the knots in `order`.
@@ -44,6 +69,19 @@ class Grid:
         """
         columns, rows = map(_exponentials, self.steps, self.are_equal, s)
         return np.asarray((rows[:, None] * columns).reshape(-1, s.shape[1]))
+
+    def sums(self, values: FloatArray, s: FloatArray, raster: Raster) -> FloatArray:
+        """(k, m) sums of (k, n) values, those of the knots in `order`, times `exponentials` at a raster of (2, m) s.
+
+        First over the knots in one direction, for each row, then over those in the other: two small matrix products.
+        """
+        axis, other = raster.axis, 1 - raster.axis
+        places = s.reshape(2, -1, raster.width)
+        along = _exponentials(self.steps[axis], self.are_equal[axis], places[axis, 0])
+        across = _exponentials(self.steps[other], self.are_equal[other], places[other, :, 0])
+        table = values.reshape(len(values), len(self.steps[1]), len(self.steps[0]))
+        rows = across.T @ (table.transpose(0, 2, 1) if axis else table)
+        return np.asarray((rows.reshape(-1, len(along)) @ along).reshape(len(values), -1))
 
 
 def grid_of(knots: FloatArray) -> Grid | None:
@@ -61,7 +99,20 @@ def _grid(content: bytes) -> Grid | None:
         return None
     are_equal = tuple(bool(np.abs(x - np.linspace(0, x[-1], len(x))).max() <= EPS * x[-1]) for x in steps)
     exponentials = sum(1 if equal else len(x) for x, equal in zip(steps, are_equal, strict=True))
-    return Grid(order, knots[order[0]], steps, are_equal) if exponentials <= len(knots) / 2 else None
+    return Grid(order, knots[order[0]], steps, are_equal, exponentials <= len(knots) / 2)
+
+
+def raster_of(u: FloatArray) -> Raster | None:
+    """Return how (m, 2) parameters form a grid along the axes, exactly, or None."""
+    if len(u) < FEWEST_PAIRS:
+        return None
+    axis = int(u[0, 0] == u[1, 0])
+    along, across = u[:, axis], u[:, 1 - axis]
+    width = int((across[: WIDEST_ROW + 1] != across[0]).argmax())
+    if width < 2 or len(u) % width:
+        return None
+    along, across = along.reshape(-1, width), across.reshape(-1, width)
+    return Raster(axis, width) if (along == along[0]).all() and (across == across[:, :1]).all() else None
 
 
 def _exponentials(steps: FloatArray, are_equal: bool, t: FloatArray) -> FloatArray:

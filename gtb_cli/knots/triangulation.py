@@ -70,17 +70,20 @@ def triangulation(domain: Domain, resolution: int) -> Triangulation:
 
     A segment is cut into N; a triangle into N² similar triangles; a quadrilateral into an N × N grid of cells, all with
     the same diagonal; any other polygon into triangles around the centroid of the corners, with N² similar triangles in
-    each. Vertices on the boundary lie on it to rounding, corners exactly.
+    each. Vertices on the boundary lie on it to rounding, corners exactly; those of a rectangle along the axes are
+    exactly a grid.
     """
-    n = resolution
+    n, v = resolution, domain.vertices
     if domain.dimension == 1:
-        start, end = domain.vertices[0, 0], domain.vertices[1, 0]
+        start, end = v[0, 0], v[1, 0]
         u = start + (end - start) * (np.arange(n + 1) / n)
         u[-1] = end
         steps = np.arange(n)
         return Triangulation(u[:, None], np.stack([steps, steps + 1], axis=1), np.array([[0], [n]]))
-    make = {3: _triangle, 4: _quadrilateral}.get(len(domain.vertices), _sectors)
-    return _with_exact_boundary(domain, *make(domain.vertices, n))
+    if len(v) == 4 and (v[1] == [v[2, 0], v[0, 1]]).all() and (v[3] == [v[0, 0], v[2, 1]]).all():
+        return Triangulation(_rectangle(v, n), *_squares(n))
+    make = {3: _triangle, 4: _quadrilateral}.get(len(v), _sectors)
+    return _with_exact_boundary(domain, *make(v, n))
 
 
 def central_triangulation(domain: Domain, resolution: int) -> Triangulation:
@@ -116,11 +119,22 @@ def _triangle(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     return u, cells, np.stack([side, first[side] + n - side, first[n - side]])
 
 
+def _rectangle(v: FloatArray, n: int) -> FloatArray:
+    """Rows from edge 0 to edge 2, n + 1 vertices each, all with the same first coordinates."""
+    lines = v[0] + (v[2] - v[0]) * (np.arange(n + 1) / n)[:, None]
+    lines[-1] = v[2]
+    return np.stack(np.meshgrid(*lines.T), axis=-1).reshape(-1, 2)
+
+
 def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Rows from edge 0 to edge 2, n + 1 vertices each."""
     steps = (np.arange(n + 1) / n)[:, None]
     low, high = (1 - steps) * v[0] + steps * v[1], (1 - steps) * v[3] + steps * v[2]
-    u = (1 - steps[:, :, None]) * low + steps[:, :, None] * high
+    return ((1 - steps[:, :, None]) * low + steps[:, :, None] * high).reshape(-1, 2), *_squares(n)
+
+
+def _squares(n: int) -> tuple[IntArray, IntArray]:
+    """The cells and the boundary of n rows of n squares."""
     number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     cells = np.empty((n, n, 6), dtype=np.int64)
@@ -128,7 +142,7 @@ def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArra
         cells[:, :, column] = corner
     side = np.arange(n)
     boundary = np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
-    return u.reshape(-1, 2), cells.reshape(-1, 3), boundary
+    return cells.reshape(-1, 3), boundary
 
 
 def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:

@@ -17,7 +17,7 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
-from gtb_cli.knots.grid import grid_of
+from gtb_cli.knots.grid import Raster, grid_of
 
 BLOCK_NUMBERS = 1 << 18
 """Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
@@ -49,7 +49,9 @@ class Location(NamedTuple):
     s : (e, B) float
         Torus coordinates, dual to those of the knots.
     heights : (r, B) float or None
-        Edge functions at the parameters; None for linear ones where they were not needed: Σ T_i h_j(a_i).
+        Edge functions at the parameters; None where they were not needed. For linear ones they are Σ T_i h_j(a_i).
+    raster : Raster, optional
+        How s is a grid, where the parameters are known to be one.
     """
 
     rows: slice | IntArray
@@ -57,6 +59,7 @@ class Location(NamedTuple):
     knots: FloatArray
     s: FloatArray
     heights: FloatArray | None
+    raster: Raster | None = None
 
 
 def block_length(knots: int) -> int:
@@ -138,13 +141,16 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
     return np.where(vanishes, 0.0, beta)
 
 
-def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
+def weighted_sums(
+    knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray, raster: Raster | None = None
+) -> FloatArray:
     """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
     factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
-    if grid is not None and _are_safe(knots, log_weights, s):
-        return np.asarray((factors * np.exp(log_weights))[:, grid.order] @ grid.exponentials(s))
+    if grid is not None and (raster or grid.is_worth_it) and _are_safe(knots, log_weights, s):
+        factors = (factors * np.exp(log_weights))[:, grid.order]
+        return grid.sums(factors, s, raster) if raster else np.asarray(factors @ grid.exponentials(s))
     return np.asarray(factors @ exponentials(knots, log_weights, s))
 
 

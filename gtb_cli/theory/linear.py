@@ -12,14 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.arrays import EPS, FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
-from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.grid import grid_of
 from gtb_cli.knots.sheets import sheets
 from gtb_cli.newton import put
 from gtb_cli.theory.basis import Location, block_length, face_knots
 from gtb_cli.theory.moment import MomentMap
+from gtb_cli.theory.rectangle import is_rectangle, with_rasters
 from gtb_cli.threads import in_threads
 
 WORTH_THREADS = 20_000
@@ -33,6 +35,10 @@ HOPELESS = 0.5
 
 LAST_CORNER = 1e-6
 """Distance, as a fraction of the hull's size, within which a point has coordinates from its edge's last corner."""
+
+
+PRODUCT_ULPS = 8
+"""Units in the last place of log(c_i ω_i) within which weights count as products."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +67,20 @@ class LinearParametrization:
 
         See `gtb_cli.theory.parametrization.RationalBasis.locations`.
         """
+        factors = self._factors
+        if not factors:
+            yield from self._locations(p, faces, within, resolution)
+            return
+
+        def line(axis: int, coordinates: FloatArray) -> FloatArray:
+            return factors[axis]._torus_coordinates(coordinates, within)
+
+        yield from with_rasters(self.shape, p, faces, line, lambda p, faces: self._locations(p, faces, within, 0))
+
+    def _locations(self, p: FloatArray, faces: IntArray | None, within: float, resolution: int) -> Iterator[Location]:
         if resolution and faces is not None and self.shape.dimension == 2:
             rest = yield from self._even(p, faces, resolution)
-            for location in self.locations(p[rest], faces[rest], within):
+            for location in self._locations(p[rest], faces[rest], within, 0):
                 yield location._replace(rows=rest[location.rows])
             return
         shape = self.shape
@@ -86,6 +103,13 @@ class LinearParametrization:
         # Each chart has its own moment map, which learns only from its own points.
         parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
         yield from in_threads(located, parts, worth=len(inside) > WORTH_THREADS)
+
+    def _torus_coordinates(self, t: FloatArray, within: float) -> FloatArray:
+        """(m,) torus coordinates of (m,) points inside an interval."""
+        s = np.empty(len(t))
+        for location in self._locations(t[:, None], None, within, 0):
+            s[location.rows] = location.s[0]
+        return s
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
         """Locate the inner vertices of `triangulation`, and return the rows of all others and of those not found.
@@ -152,6 +176,22 @@ class LinearParametrization:
         if number not in self._made:
             self._made[number] = _Chart(self.shape, self.log_weights, *divmod(number, 2))
         return self._made[number]
+
+    @cached_property
+    def _factors(self) -> tuple[LinearParametrization, ...]:
+        """The parametrisations of two sides of a rectangle if the weights are products of theirs; otherwise none."""
+        grid = grid_of(self.shape.knots) if is_rectangle(self.shape) else None
+        if grid is None:
+            return ()
+        table = self.log_weights[grid.order].reshape(len(grid.steps[1]), len(grid.steps[0]))
+        sides = table[0], table[:, 0]
+        if np.abs(sides[1][:, None] + sides[0] - table[0, 0] - table).max() > PRODUCT_ULPS * EPS * (
+            1 + np.abs(table).max()
+        ):
+            return ()
+        knots = self.shape.knots[grid.order].reshape(*table.shape, 2)
+        columns = knots[0, :, 0], knots[:, 0, 1]
+        return tuple(LinearParametrization(domain(x), w) for x, w in zip(columns, sides, strict=True))
 
     @cached_property
     def _edges(self) -> dict[int, MomentMap]:

@@ -236,7 +236,9 @@ class MomentMap:
     def _on_grid(self) -> tuple[Grid, FloatArray] | None:
         """The grid of the knots, if they form one, and the values summed under its exponentials."""
         grid = grid_of(self._unit_knots)
-        return None if grid is None else (grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order])
+        if grid is None or not grid.is_worth_it:
+            return None
+        return grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order]
 
     @cached_property
     def _cells(self) -> tuple[tuple[CellStarts, FloatArray], ...]:

@@ -27,6 +27,7 @@ from gtb_cli.theory.basis import (
     torus_coordinates,
     weighted_sums,
 )
+from gtb_cli.theory.rectangle import with_rasters
 
 if TYPE_CHECKING:
     from gtb_cli.theory.linear import LinearParametrization
@@ -102,7 +103,7 @@ class RationalBasis:
     def values(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, n) values T_i at the locations of `count` parameters; exact zeros off the face of a location."""
         result = np.zeros((count, len(self.domain.knots)))
-        for rows, face, knots, s, _ in locations:
+        for rows, face, knots, s, *_ in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
             e /= e.sum(axis=0)
             e[e <= CUT_OFF_SHARE] = 0.0
@@ -121,8 +122,8 @@ class RationalBasis:
         The cost is n exps and r logs per parameter and two small matrix products, in blocks that fit in the cache.
         """
         result = np.empty((count, values.shape[1]))
-        for rows, face, knots, s, _ in locations:
-            sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s)
+        for rows, face, knots, s, _, raster in locations:
+            sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s, raster)
             if isinstance(rows, slice):
                 np.divide(sums[1:], sums[0], out=result[rows].T)
             else:
@@ -133,6 +134,16 @@ class RationalBasis:
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
     """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
+
+    def line(axis: int, coordinates: FloatArray) -> FloatArray:
+        points = np.tile(domain.center, (len(coordinates), 1))
+        points[:, axis] = coordinates
+        return np.asarray(torus_coordinates(domain, domain.heights_of_columns(points))[axis])
+
+    yield from with_rasters(domain, u, faces, line, lambda u, faces: _toric_locations(domain, u, faces))
+
+
+def _toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None) -> Iterator[Location]:
     centred = domain.knots - domain.center
     for rows, number, heights in _blocks(domain, u, faces):
         face = domain.faces[number]

@@ -250,11 +250,14 @@ class Patch:
         u, grid = self.domain.grid(u)
         result = np.empty((len(u), 3, self.dimension))
         points = self.control_points - self._middle
-        for where, face, knots, s, heights in self.rational_basis.locations(u):
-            if not face.is_interior or heights is None:
+        for where, face, knots, s, heights, _ in self.rational_basis.locations(u):
+            if not face.is_interior:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)
+            if heights is None:
+                heights = self.domain.heights_of_columns(u[where])
+                heights[heights == 0] = 1.0  # refused later
             # If h_j(u) is small, so are all T_i except those with h_j(a_i) = 0 exactly: digits are kept up to the
             # edges.
             mean = points.T @ t
