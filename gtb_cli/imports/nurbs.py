@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.imports.nets import MAX_DEGREE, curve, dehomogenized, rectangle
 from gtb_cli.spec.copies import MAX_PATCHES
@@ -82,6 +82,27 @@ def surface_spans(
     return patches
 
 
+def span_numbers(degree: int, knots: FloatArray, count: int) -> IntArray:
+    """Numbers k of the spans [t_k, t_{k+1}] of a B-spline basis that are not empty; refuse what is no basis."""
+    if not 1 <= degree <= MAX_DEGREE:
+        raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
+    if not degree < count <= MAX_CONTROL_POINTS:
+        raise DomainError(f"control points: expected {degree + 1} to {MAX_CONTROL_POINTS} for degree {degree}")
+    if len(knots) != count + degree + 1:
+        raise DomainError(f"knots: expected {count + degree + 1}, control points plus order, got {len(knots)}")
+    steps = np.diff(knots)
+    if not (steps >= 0).all():
+        k = int(np.argmin(steps >= 0))
+        raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
+    low, high = knots[degree], knots[count]
+    spans = degree + np.flatnonzero(steps[degree:count] > MIN_SPAN * (high - low))
+    if not high > low or not len(spans):
+        raise DomainError("knots: all spans are empty")
+    if len(spans) > MAX_PATCHES:
+        raise DomainError(f"has {len(spans)} spans, a model has at most {MAX_PATCHES} patches")
+    return spans
+
+
 def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int, FloatArray]]:
     """Find, for each span of a B-spline basis, its first control point and the matrix that gives its Bézier points.
 
@@ -97,23 +118,7 @@ def span_matrices(degree: int, knots: FloatArray, count: int) -> list[tuple[int,
     list of (int, (degree + 1, degree + 1) float)
         Rows of a matrix are nonnegative and add up to 1: no accuracy is lost, and positive weights stay positive.
     """
-    if not 1 <= degree <= MAX_DEGREE:
-        raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
-    if not degree < count <= MAX_CONTROL_POINTS:
-        raise DomainError(f"control points: expected {degree + 1} to {MAX_CONTROL_POINTS} for degree {degree}")
-    if len(knots) != count + degree + 1:
-        raise DomainError(f"knots: expected {count + degree + 1}, control points plus order, got {len(knots)}")
-    steps = np.diff(knots)
-    if not (steps >= 0).all():
-        k = int(np.argmin(steps >= 0))
-        raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
-    low, high = knots[degree], knots[count]
-    spans = [k for k in range(degree, count) if steps[k] > MIN_SPAN * (high - low)]
-    if not high > low or not spans:
-        raise DomainError("knots: all spans are empty")
-    if len(spans) > MAX_PATCHES:
-        raise DomainError(f"has {len(spans)} spans, a model has at most {MAX_PATCHES} patches")
-    return [(k - degree, _bezier_points(degree, knots, k)) for k in spans]
+    return [(k - degree, _bezier_points(degree, knots, k)) for k in span_numbers(degree, knots, count).tolist()]
 
 
 def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:

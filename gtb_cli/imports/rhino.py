@@ -6,8 +6,12 @@ McNeel's own library, which is an extra of this package, reads the format in a s
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +19,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports import rhino_process
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, span_numbers, surface_spans
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import LARGEST
 from gtb_cli.spec.copies import MAX_PATCHES
@@ -35,21 +39,25 @@ def read_3dm(data: bytes, source: str) -> Found:
         The extra is missing, or the file is not valid.
     """
     *objects, last = _objects(data, source)
-    patches: list[Patch] = []
-    others = trimmed = 0
+    nets: list[tuple[int, str | None, _Net]] = []
+    count = others = trimmed = 0
+    # All spans are counted before one is made a patch, which takes far longer.
     for index, entry in enumerate(objects):
         name, forms = entry["name"] or None, entry["forms"]
         name = None if name is None or name_fault(name) else name
         others += not forms
         trimmed += entry["trimmed"]
-        for face, form in enumerate(forms):
-            label = name if len(forms) == 1 or name is None else f"{name}-{face}"
-            try:
-                patches += _spans(form, label)
-            except DomainError as error:
-                raise SpecError(f"{source}: objects[{index}]: {error}") from None
-            if len(patches) > MAX_PATCHES:
-                raise SpecError(f"{source}: objects[{index}]: here the model has more than {MAX_PATCHES} patches")
+        with _about(source, index):
+            for face, form in enumerate(forms):
+                net = _Net.of(form)
+                nets.append((index, name if len(forms) == 1 or name is None else f"{name}-{face}", net))
+                count += net.span_count
+        if count > MAX_PATCHES:
+            raise SpecError(f"{source}: objects[{index}]: here the model has more than {MAX_PATCHES} patches")
+    patches: list[Patch] = []
+    for index, label, net in nets:
+        with _about(source, index):
+            patches += net.spans(label)
     remarks = [f"its unit of length is {last['unit']}"]
     if others:
         remarks.append(f"{others} objects that are neither curves nor surfaces are left out")
@@ -82,19 +90,48 @@ def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def _spans(form: dict[str, Any], name: str | None) -> list[Patch]:
-    counts = form["counts"]
-    if not form["rows"]:
-        raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
-    rows = np.array(form["rows"])
-    knots = [_knots(row) for row in form["knots"]]
-    for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
-        if not (np.abs(values) <= LARGEST).all():
-            raise DomainError(f"{what}: expected numbers up to {LARGEST:g}")
-    if len(counts) == 1:
-        return curve_spans(form["degrees"][0], knots[0], rows, name)
-    first, second = form["degrees"]
-    return surface_spans((first, second), (knots[0], knots[1]), rows.reshape(*counts, 4), name)
+@contextmanager
+def _about(source: str, index: int) -> Iterator[None]:
+    """Say in errors which object of the file is meant."""
+    try:
+        yield
+    except DomainError as error:
+        raise SpecError(f"{source}: objects[{index}]: {error}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class _Net:
+    """A NURBS curve, or surface, with one or two degrees, rows of knots and counts of control points."""
+
+    degrees: list[int]
+    knots: list[FloatArray]
+    counts: list[int]
+    rows: FloatArray
+
+    @staticmethod
+    def of(form: dict[str, Any]) -> _Net:
+        """The net that the process has printed."""
+        counts = form["counts"]
+        if not form["rows"]:
+            raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
+        rows = np.array(form["rows"])
+        knots = [_knots(row) for row in form["knots"]]
+        for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
+            if not (np.abs(values) <= LARGEST).all():
+                raise DomainError(f"{what}: expected numbers up to {LARGEST:g}")
+        return _Net(form["degrees"], knots, counts, rows)
+
+    @property
+    def span_count(self) -> int:
+        """The number of patches."""
+        return math.prod(map(len, map(span_numbers, self.degrees, self.knots, self.counts)))
+
+    def spans(self, name: str | None) -> list[Patch]:
+        """The Bézier patches."""
+        if len(self.counts) == 1:
+            return curve_spans(self.degrees[0], self.knots[0], self.rows, name)
+        (p, q), (first, second) = self.degrees, self.knots
+        return surface_spans((p, q), (first, second), self.rows.reshape(*self.counts, 4), name)
 
 
 def _knots(values: list[float]) -> FloatArray:

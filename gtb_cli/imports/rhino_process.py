@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from itertools import product
+from math import prod
 from typing import Any
 
 MISSING = 3
@@ -96,7 +97,7 @@ def _plain(form: Any) -> dict[str, object]:
         counts, knots, degrees = [len(points)], [form.Knots], [form.Degree]
         places = iter(range(counts[0]))
     rows = []
-    if 0 < counts[0] * counts[-1] <= MAX_CONTROL_POINTS:
+    if 0 < prod(counts) <= MAX_CONTROL_POINTS:
         # This library keeps points as x w, y w, z w, w.
         rows = [[point.X, point.Y, point.Z, point.W] for point in map(points.__getitem__, places)]
     return {

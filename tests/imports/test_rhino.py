@@ -99,3 +99,22 @@ def test_what_is_wrong_with_a_form_is_said(
 
 def test_the_limits_of_both_processes_are_one() -> None:
     assert rhino_process.MAX_CONTROL_POINTS == MAX_CONTROL_POINTS
+
+
+def test_too_many_spans_are_counted_before_one_is_made_a_patch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    form = {"degrees": [1], "counts": [8001], "knots": [list(range(8001))], "rows": [[k, 0, 0, 1] for k in range(8001)]}
+    line = f"line = {json.dumps({'name': '', 'trimmed': False, 'forms': [form]})!r}"
+    process(tmp_path, monkeypatch, run=f"{line}; print(line); print(line); print(line); print('{{}}')")
+    monkeypatch.setattr(rhino, "curve_spans", None)
+    with pytest.raises(SpecError, match=r"^x\.3dm: objects\[2\]: here the model has more than 20000 patches"):
+        import_file("x.3dm", small_file())
+
+
+def test_a_curve_of_many_control_points_is_read(tmp_path: Path) -> None:
+    """Their number was squared, and 317 were too many."""
+    rhino3dm = pytest.importorskip("rhino3dm")
+    file, path = rhino3dm.File3dm(), tmp_path / "x.3dm"
+    places = [rhino3dm.Point3d(k, k * k % 3, 0) for k in range(400)]
+    file.Objects.Add(rhino3dm.NurbsCurve.Create(False, 3, places))
+    file.Write(str(path), 7)
+    assert len(import_file("x.3dm", path.read_bytes()).shape) == 397
