@@ -6,14 +6,7 @@ import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import (
-    WholeNumber,
-    console_option,
-    numbers_of,
-    output_option,
-    spec_argument,
-    spec_format_option,
-)
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 DEFAULT_DEGREE = 25
@@ -38,9 +31,7 @@ MAX_PIECE_DEGREE = 1000
     default=DEFAULT_DEGREE,
     help=f"Highest degree of a piece; {DEFAULT_DEGREE} without this option.",
 )
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def bezier(
     spec: str,
     split: tuple[float, ...] | None,

@@ -10,15 +10,7 @@ import click
 
 from gtb_cli.errors import GtbError, RequirementError
 from gtb_cli.shell.console import Console, printable
-from gtb_cli.shell.options import (
-    console_option,
-    json_option,
-    output_option,
-    requirements_of,
-    spec_format_option,
-    specs_argument,
-    weld_option,
-)
+from gtb_cli.shell.options import json_option, require_option, specs_argument, text_options, weld_option
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
 
@@ -42,17 +34,8 @@ FIGURES_WIDTH = 20
 @json_option
 @long_option
 @weld_option
-@click.option(
-    "--require",
-    callback=requirements_of,
-    metavar="WHAT",
-    multiple=True,
-    help="Exit with status 1, naming edges, unless the mesh is watertight, no patch turns back on itself (unfolded), "
-    "or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
-)
-@output_option
-@spec_format_option
-@console_option
+@require_option("Exit with status 1")
+@text_options
 def check(
     specs: tuple[str, ...],
     as_json: bool,

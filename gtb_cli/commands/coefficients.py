@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import (
-    console_option,
-    numbers_of,
-    output_option,
-    spec_argument,
-    spec_format_option,
-)
-from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
+from gtb_cli.shell.options import numbers_of, spec_argument, spec_from_spec
+from gtb_cli.shell.streams import single
+
+if TYPE_CHECKING:
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 
 @click.command
@@ -24,12 +23,8 @@ from gtb_cli.shell.streams import about, read_patch, shown_input, write_text
     metavar="T,…",
     help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
 )
-@output_option
-@spec_format_option
-@console_option
-def coefficients(
-    spec: str, at: tuple[float, ...] | None, output: str, spec_format: str | None, console: Console
-) -> None:
+@spec_from_spec
+def coefficients(spec: Patch | Model, at: tuple[float, ...] | None) -> Patch:
     """\b
     Example: gtb coefficients specs/bicubic.toml
 
@@ -41,17 +36,11 @@ def coefficients(
     """
     import numpy as np
 
-    from gtb_cli.spec.writer import dump
     from gtb_cli.theory.basis import partition_of_unity_coefficients
 
-    loaded = read_patch(spec, spec_format)
-    with about(shown_input(spec)):
-        if at is not None and len(at) != loaded.knots.size:
-            raise SpecError(
-                f"--at: expected {loaded.knots.size} numbers, {len(loaded.knots)} parameters, got {len(at)}"
-            )
-        places = None if at is None else np.array(at).reshape(loaded.knots.shape)
-        with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
-            c = partition_of_unity_coefficients(loaded.domain, places)
-        text = dump(loaded.replace(coefficients=c))
-    write_text(output, text)
+    patch = single(spec)
+    if at is not None and len(at) != patch.knots.size:
+        raise SpecError(f"--at: expected {patch.knots.size} numbers, {len(patch.knots)} parameters, got {len(at)}")
+    places = None if at is None else np.array(at).reshape(patch.knots.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # the solution is judged afterwards
+        return patch.replace(coefficients=partition_of_unity_coefficients(patch.domain, places))

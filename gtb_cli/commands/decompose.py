@@ -8,22 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import (
-    console_option,
-    json_option,
-    lifting_option,
-    output_option,
-    spec_argument,
-    spec_format_option,
-)
+from gtb_cli.shell.options import json_option, lifting_option, spec_argument, text_options
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_blocks, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.knots.decomposition import RegularDecomposition
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.patch import Patch
@@ -34,9 +25,7 @@ if TYPE_CHECKING:
 @lifting_option
 @json_option
 @click.option("--net", is_flag=True, help="Write the control net that the lifting induces, as lines of a mesh.")
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def decompose(
     spec: str,
     lifting: tuple[float, ...] | None,
@@ -72,10 +61,13 @@ def decompose(
         if isinstance(loaded, Model):
             if lifting is not None:
                 raise click.UsageError("--lifting is for a single patch, and this is a model")
-            parts = [_decomposition(patch, None, f"patches[{i}]: ", net) for i, patch in enumerate(loaded.patches)]
+            parts = []
+            for index, patch in enumerate(loaded):
+                with about(f"patches[{index}]"):
+                    parts.append(_decomposition(patch, None, net))
             found: dict[str, Any] = {"patches": [_data(part) for part in parts]}
         else:
-            parts = [_decomposition(loaded, lifting, "", net)]
+            parts = [_decomposition(loaded, lifting, net)]
             found = _data(parts[0])
         if net:
             mesh = _net(loaded.patches, parts, loaded.name)
@@ -84,19 +76,17 @@ def decompose(
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
 
-def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, place: str, net: bool) -> RegularDecomposition:
+def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -> RegularDecomposition:
     """Return the decomposition by a lifting, or the spec's own; for the usual net of a Bézier patch without one."""
     from gtb_cli.knots.decomposition import regular_decomposition
     from gtb_cli.knots.lattice import lattice_of
+    from gtb_cli.pictures.nets import bowl
+    from gtb_cli.theory.degeneration import lifting_of
 
-    values: FloatArray | tuple[float, ...] | None = patch.lifting if lifting is None else lifting
-    if values is None and net and (patch.dimension == 1 or lattice_of(patch.domain) is not None):
-        from gtb_cli.pictures.nets import bowl
-
-        values = bowl(patch.domain)
-    if values is None:
-        raise SpecError(f"{place}has no lifting: write one into the spec, or give --lifting")
-    return regular_decomposition(patch.knots, values)
+    has_usual_net = patch.dimension == 1 or lattice_of(patch.domain) is not None
+    if net and lifting is None and patch.lifting is None and has_usual_net:
+        return regular_decomposition(patch.knots, bowl(patch.domain))
+    return regular_decomposition(patch.knots, lifting_of(patch, lifting))
 
 
 def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: str | None) -> Mesh:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import DomainError
-from gtb_cli.shell.limits import lifting_of, lifting_values, x_of
+from gtb_cli.shell.limits import heights_of, lifting_of, x_of
 from gtb_cli.shell.options import WholeNumber, spec_argument
 from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
 from gtb_cli.shell.streams import about, read_patch, shown_input
@@ -77,27 +76,21 @@ def degenerate(
     with about(shown_input(spec)):
         from gtb_cli.sequences.sequence import degeneration_sequence
 
-        exponents = _values(patch, lifting)
-        sequence = out.made(degeneration_sequence, patch, xs, exponents)
-        text = _spec(patch, xs[0], exponents) if out.emits_spec else ""
+        heights = heights_of(patch, lifting)
+        sequence = out.made(degeneration_sequence, patch, xs, heights)
+        text = _spec(patch, xs[0], heights) if out.emits_spec else ""
     # A file that cannot be written is not the spec's fault.
     out.write(sequence, "x", shown_input(spec), text)
 
 
-def _spec(patch: Patch, x: float, exponents: FloatArray | tuple[float, ...] | None) -> str:
+def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
     """Return the spec of the patch with the weights x^λ ω, or of its limit."""
     from gtb_cli.spec.writer import dump
-    from gtb_cli.theory.degeneration import degenerate, lifting_of, regular_control_surface
+    from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 
     if 0 < x < math.inf:
-        return dump(degenerate(patch, x, exponents))
-    return dump(regular_control_surface(patch, lifting_of(patch, exponents) * (1 if x else -1)))
-
-
-def _values(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray | tuple[float, ...] | None:
-    if lifting is None and patch.lifting is None:
-        raise DomainError("has no lifting: write one into the spec, or give --lifting")
-    return lifting_values(patch, lifting)
+        return dump(degenerate(patch, x, heights))
+    return dump(regular_control_surface(patch, heights if x else -heights))
 
 
 def _sweep(first: float | None, last: float | None, count: int | None) -> list[float]:

@@ -14,13 +14,11 @@ from gtb_cli.shell.differences import record, say_limits, text_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
-    console_option,
     json_option,
     max_faces_option,
-    output_option,
     parametrization_option,
     resolution_option,
-    spec_format_option,
+    text_options,
     tolerance_of,
 )
 from gtb_cli.shell.streams import is_regular, opened, refuse_overwriting, shown_input, write_text
@@ -69,9 +67,7 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
 @parametrization_option
 @max_faces_option
 @json_option
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def diff(
     a: str,
     b: str,

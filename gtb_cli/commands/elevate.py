@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import WholeNumber, console_option, output_option, spec_argument, spec_format_option
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.options import WholeNumber, spec_argument, spec_from_spec
 
-MAX_TIMES = 1000
+if TYPE_CHECKING:
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
+
+MAX_ELEVATIONS = 1000
 """Largest number of elevations."""
 
 
@@ -18,15 +20,13 @@ MAX_TIMES = 1000
 @spec_argument
 @click.option(
     "--by",
-    type=WholeNumber(0, MAX_TIMES),
+    type=WholeNumber(0, MAX_ELEVATIONS),
     metavar="D",
     default=1,
     help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",
 )
-@output_option
-@spec_format_option
-@console_option
-def elevate(spec: str, by: int, output: str, spec_format: str | None, console: Console) -> None:
+@spec_from_spec
+def elevate(spec: Patch | Model, by: int) -> Patch | Model:
     """\b
     Example: gtb elevate specs/cubic-bezier.toml | gtb info -
 
@@ -36,13 +36,8 @@ def elevate(spec: str, by: int, output: str, spec_format: str | None, console: C
     Each patch of a model is elevated.
     """
     from gtb_cli.bezier.elevation import elevate as elevated
-    from gtb_cli.spec.writer import dump
     from gtb_cli.theory.model import Model
 
-    loaded = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
-        if isinstance(loaded, Model):
-            text = dump(replace(loaded, patches=tuple(elevated(patch, by) for patch in loaded.patches)))
-        else:
-            text = dump(elevated(loaded, by))
-    write_text(output, text)
+    if isinstance(spec, Model):
+        return spec.replace(patches=tuple(elevated(patch, by) for patch in spec))
+    return elevated(spec, by)

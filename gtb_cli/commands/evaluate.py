@@ -13,15 +13,7 @@ import click
 
 from gtb_cli.errors import DomainError, GtbError, SpecError, ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import (
-    INPUT,
-    WholeNumber,
-    console_option,
-    json_option,
-    output_option,
-    spec_argument,
-    spec_format_option,
-)
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, spec_argument, text_options
 from gtb_cli.shell.streams import opened, read_patch, shown_input, write_blocks
 from gtb_cli.vocabulary import MAX_FACES, PARAMETRIZATIONS
 
@@ -63,9 +55,7 @@ MAX_LINE_BYTES = 10_000
     "the patch has linear precision, as in gtb mesh.",
 )
 @json_option
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def evaluate(
     spec: str,
     params: str,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import console_option, output_option, spec_argument, spec_format_option
+from gtb_cli.shell.options import spec_argument, text_options
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
 if TYPE_CHECKING:
@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     default="boundary",
     help="What stays: the boundary, the default, or also the tangent planes along it.",
 )
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | None, console: Console) -> None:
     """\b
     Example: gtb fair specs/hexagon.toml --keep tangents | gtb mesh - -o fair.obj

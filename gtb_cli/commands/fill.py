@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import (
-    INPUT,
-    WholeNumber,
-    console_option,
-    length_of,
-    output_option,
-    spec_format_option,
-)
+from gtb_cli.shell.options import INPUT, WholeNumber, length_of, text_options
 from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
 
 if TYPE_CHECKING:
@@ -49,9 +42,7 @@ CORNER_ANGLE = 0.1
     metavar="D",
     help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
 )
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def fill(
     loop: str,
     hole: str | None,

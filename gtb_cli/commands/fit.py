@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.options import INPUT, console_option, numbers_of, output_option, spec_format_option
+from gtb_cli.shell.options import INPUT, numbers_of, text_options
 from gtb_cli.shell.streams import about, file_stem, read_bytes, read_patch, shown_input, write_text
 
 if TYPE_CHECKING:
@@ -28,9 +28,7 @@ MAX_POINT_FILE_BYTES = 10_000_000
     help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
 )
 @click.option("--patch", metavar="SPEC", type=INPUT, help="Fit a surface with this one's knots and weights.")
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def fit(
     points: str,
     knots: tuple[float, ...] | None,

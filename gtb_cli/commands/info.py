@@ -10,14 +10,7 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.console import Console, printable
-from gtb_cli.shell.options import (
-    console_option,
-    json_option,
-    output_option,
-    spec_format_option,
-    specs_argument,
-    weld_option,
-)
+from gtb_cli.shell.options import json_option, specs_argument, text_options, weld_option
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
@@ -41,9 +34,7 @@ MAX_EDGES_SHOWN = 100
 @json_option
 @long_option
 @weld_option
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def info(
     specs: tuple[str, ...],
     as_json: bool,

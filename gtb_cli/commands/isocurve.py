@@ -5,14 +5,7 @@ from __future__ import annotations
 import click
 
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.options import (
-    WholeNumber,
-    console_option,
-    numbers_of,
-    output_option,
-    spec_argument,
-    spec_format_option,
-)
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
 from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
 
 MAX_SEGMENTS = 1_000_000
@@ -29,9 +22,7 @@ MAX_SEGMENTS = 1_000_000
     metavar="N",
     help="Print N segments as OBJ instead of a spec, on any surface; their parameters are evenly spread.",
 )
-@output_option
-@spec_format_option
-@console_option
+@text_options
 def isocurve(
     spec: str,
     u: tuple[float, ...] | None,

@@ -15,13 +15,13 @@ from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.shell.console import STANDARD, Console, lines_about
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import (
-    INPUT,
     OUTPUT,
     check_outputs,
     console_option,
-    mesh_options_of,
+    mesh_options,
     output_option,
     spec_format_option,
+    specs_argument,
 )
 from gtb_cli.shell.several import inputs_of
 from gtb_cli.shell.solids import surface_format, write_surfaces
@@ -50,9 +50,9 @@ MAX_TERMINAL_LINES = 1000
 
 
 @click.command
-@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=INPUT)
+@specs_argument
 @output_option
-@mesh_options_of((*FORMATS, *CAD_FORMATS, *CELL_FORMATS))
+@mesh_options(*CAD_FORMATS, *CELL_FORMATS)
 @workers_option
 @click.option(
     "--manifest",

@@ -10,9 +10,9 @@ import click
 
 from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.limits import LimitRequest, lifting_values, limit_options, refuse_limit
+from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
-from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, write_blocks
+from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, single, write_blocks
 from gtb_cli.vocabulary import COLOUR_MAPS
 
 if TYPE_CHECKING:
@@ -276,7 +276,9 @@ def _of_spec(
         far = what == "distance"
         xs, steps = (DISTANCE_X, DISTANCE_STEPS) if far else (DEFAULT_X, DEFAULT_STEPS)
         return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=far), what, look)
-    return figure_of(shape, what, look, lifting=lifting_values(shape, limit.lifting))
+    return figure_of(
+        shape, what, look, lifting=None if limit.lifting is None else heights_of(single(shape), limit.lifting)
+    )
 
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
@@ -288,7 +290,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     for value in vary.values:
         numbers = getattr(patch, vary.key).copy()
         if vary.knot >= len(numbers) or patch.dimension == 2:
-            raise DomainError(f"--vary {vary.key}[{vary.knot}]: expected an index below {len(numbers)} of a curve")
+            raise DomainError(f"--vary {vary.key}[{vary.knot}]: expected a curve, and an index below {len(numbers)}")
         numbers[vary.knot] = value
         variants.append(replace(patch, **{vary.key: numbers}))
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from gtb_cli.knots.decomposition import RegularDecomposition
-
 
 def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> Figure:
     """Draw a spec.
@@ -87,7 +85,10 @@ def draw_on(ax: Axes, shape: Patch | Model, what: str, look: Look, *, lifting: A
     elif what == "domain":
         draw_domain(ax, patch, look)
     else:
-        found = decomposition_of(patch, lifting)
+        from gtb_cli.knots.decomposition import regular_decomposition
+        from gtb_cli.theory.degeneration import lifting_of
+
+        found = regular_decomposition(patch.knots, lifting_of(patch, lifting))
         if look.lifted and patch.dimension == 2:
             from gtb_cli.pictures.solid import draw_lifted
 
@@ -117,16 +118,6 @@ def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: st
 def default_picture(shape: Patch | Model) -> str:
     """Return what is drawn by default: a curve or a surface."""
     return "curve" if shape.dimension == 1 else "surface"
-
-
-def decomposition_of(patch: Patch, lifting: ArrayLike | None) -> RegularDecomposition:
-    """Return the regular decomposition under a lifting, or under the patch's own."""
-    from gtb_cli.knots.decomposition import regular_decomposition
-
-    values = patch.lifting if lifting is None else lifting
-    if values is None:
-        raise DomainError("has no lifting: write one into the spec, or give --lifting")
-    return regular_decomposition(patch.knots, values)
 
 
 def _patches_of(shape: Patch | Model, what: str) -> Sequence[Patch]:

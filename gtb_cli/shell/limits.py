@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.errors import SpecError
 from gtb_cli.shell.options import Function, numbers_of
+from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-KNOT = "knot:"
+KNOT_PREFIX = "knot:"
 """Prefix of a knot's index, which stands for the lifting that is 1 at this knot and 0 at all others."""
 
 INDEX_DIGITS = 6
 """Largest number of digits of a knot's index; patches have fewer knots than that."""
 
-MOVE = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
+MOVE_PATTERN = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
 
 
 def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
@@ -50,9 +51,9 @@ def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...
 def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
     """Read lifting values, or the index of a knot."""
     text = (value or "").strip()
-    if not text.startswith(KNOT):
+    if not text.startswith(KNOT_PREFIX):
         return numbers_of(ctx, param, value)
-    index = text.removeprefix(KNOT)
+    index = text.removeprefix(KNOT_PREFIX)
     if not index.isdecimal() or not index.isascii():
         raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
     return int(index[:INDEX_DIGITS])
@@ -62,7 +63,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     """Read pairs K:Q."""
     moves: dict[int, int] = {}
     for text in value:
-        match = MOVE.fullmatch(text)
+        match = MOVE_PATTERN.fullmatch(text)
         if not match:
             raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
         k, q = int(match[1]), int(match[2])
@@ -71,18 +72,18 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
     return moves
 
 
-def lifting_values(
-    shape: Patch | Model, lifting: tuple[float, ...] | int | None
-) -> FloatArray | tuple[float, ...] | None:
-    """Return lifting values as the library takes them; an index gives 1 at that knot and 0 at all others."""
-    from gtb_cli.theory.patch import Patch
+def heights_of(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray:
+    """Return (n,) lifting values: those given; 1 at the knot with this index and 0 at all others; or the patch's own.
 
-    if isinstance(lifting, int) and isinstance(shape, Patch):
-        from gtb_cli.knots.decomposition import lifting_of_knot
+    Raises
+    ------
+    DomainError
+        There are none, or their number is not that of the knots.
+    """
+    from gtb_cli.knots.decomposition import lifting_of_knot
+    from gtb_cli.theory.degeneration import lifting_of
 
-        return lifting_of_knot(len(shape.knots), lifting)
-    assert not isinstance(lifting, int)
-    return lifting
+    return lifting_of(patch, lifting_of_knot(len(patch.knots), lifting) if isinstance(lifting, int) else lifting)
 
 
 @dataclass(frozen=True)
@@ -126,10 +127,8 @@ class LimitRequest:
         from gtb_cli.pictures.nets import net_of
         from gtb_cli.pictures.sequences import Frames
         from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
-        from gtb_cli.theory.patch import Patch
 
-        if not isinstance(shape, Patch):
-            raise SpecError(f"expected a single patch, this is a model of {len(shape.patches)}")
+        limit = patch = single(shape)
         if self.moves and (self.xs or self.lifting is not None):
             raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
         if self.steps is not None and not self.moves:
@@ -137,21 +136,13 @@ class LimitRequest:
         if self.moves:
             from gtb_cli.theory.knot_limit import knot_limit
 
-            limit = knot_limit(shape, self.moves).merged
-            found = knot_sequence(shape, self.moves, self.steps or steps, resolution, distances=distances)
+            limit = knot_limit(patch, self.moves).merged
+            found = knot_sequence(patch, self.moves, self.steps or steps, resolution, distances=distances)
             net = net_of(limit)
         else:
-            from gtb_cli.theory.degeneration import lifting_of as lifting_of_patch
-
-            limit = shape
-            values = lifting_values(shape, self.lifting)
-            if values is None and shape.lifting is None:
-                raise DomainError(
-                    "has no lifting: write one into the spec, or give --lifting; or --merge for a knot limit"
-                )
-            found = degeneration_sequence(shape, self.xs or xs, values, resolution, distances=distances)
-            heights = lifting_of_patch(shape, values)
-            net = net_of(shape, heights if found.values[-1] else -heights)
+            heights = heights_of(patch, self.lifting)
+            found = degeneration_sequence(patch, self.xs or xs, heights, resolution, distances=distances)
+            net = net_of(patch, heights if found.values[-1] else -heights)
         used = sorted({i for pair in net for i in pair})
         place = {i: k for k, i in enumerate(used)}
         return Frames(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
@@ -12,14 +13,15 @@ import click
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.streams import refuse_overwriting
+from gtb_cli.shell.streams import about, read_spec, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP, Up
+from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from gtb_cli.theory.parametrization import Parametrization
+    from gtb_cli.theory.model import Model
+    from gtb_cli.theory.patch import Patch
 
 Function: TypeAlias = Callable[..., object]
 
@@ -214,6 +216,18 @@ lifting_option = click.option(
 )
 
 
+def require_option(consequence: str) -> Callable[[Function], Function]:
+    """Add ``--require``, whose help begins with what happens unless the mesh is as required."""
+    return click.option(
+        "--require",
+        callback=requirements_of,
+        metavar="WHAT",
+        multiple=True,
+        help=f"{consequence}, naming edges, unless the mesh is watertight, no patch turns back on itself (unfolded), "
+        "or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
+    )
+
+
 def console_option(function: Function) -> Function:
     """Add ``-q/--quiet``; the command gets a `console`, and is not called if it would overwrite what it reads."""
 
@@ -226,123 +240,102 @@ def console_option(function: Function) -> Function:
     return command
 
 
-def mesh_options(function: Function) -> Function:
-    """Add the options of a mesh; the command gets them as `options`, a `MeshOptions`."""
-    return mesh_options_of(tuple(FORMATS))(function)
+def text_options(function: Function) -> Function:
+    """Add ``-o``, ``--spec-format`` and ``-q``, as every command has that makes text of a spec."""
+    return output_option(spec_format_option(console_option(function)))
 
 
-def mesh_options_of(formats: tuple[str, ...]) -> Callable[[Function], Function]:
-    """Add the options of a mesh in one of these formats."""
-    return functools.partial(_mesh_options, formats=formats)
+def spec_from_spec(function: Callable[..., Patch | Model]) -> Function:
+    """Turn a function of a patch or model, and of options, into a command that reads one spec and prints another."""
 
-
-def _mesh_options(function: Function, formats: tuple[str, ...]) -> Function:
-    @resolution_option
-    @click.option(
-        "--tolerance",
-        callback=tolerance_of,
-        metavar="T",
-        help="Instead of -n: the largest distance between mesh and surface, in model units or such as 1% of the size.",
-    )
-    @click.option(
-        "--certify",
-        is_flag=True,
-        help="Make --tolerance certain for surfaces, too, everywhere and not at samples only, or refuse. Takes longer.",
-    )
-    @parametrization_option
-    @threads_option
-    @click.option(
-        "-f",
-        "--format",
-        type=click.Choice(formats, case_sensitive=False),
-        help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
-    )
-    @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
-    @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
-    @click.option(
-        "--up",
-        type=click.Choice(UP),
-        help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
-        "prescribes, and z in all others.",
-    )
-    @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
-    @max_faces_option
-    @click.option(
-        "--radius",
-        callback=length_of,
-        metavar="R",
-        help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
-    )
-    @click.option(
-        "--thickness",
-        callback=length_of,
-        metavar="D",
-        help="Make a solid of this thickness, in model units, on the side of the normals, or the other if negative. "
-        "A message reports folds, and distant parts that meet.",
-    )
-    @click.option(
-        "--attribute",
-        "attributes",
-        type=AttributeName(ATTRIBUTES),
-        metavar="NAME",
-        multiple=True,
-        help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and 1/length), or "
-        f"{BASIS}I, the basis function T_I of a patch. May be repeated.",
-    )
-    @weld_option
-    @click.option(
-        "--require",
-        callback=requirements_of,
-        metavar="WHAT",
-        multiple=True,
-        help="Write nothing and exit with status 1, naming edges, unless the mesh is watertight, no patch turns back "
-        "on itself (unfolded), or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
-    )
+    @text_options
     @functools.wraps(function)
-    def command(
-        *args: Any,
-        resolution: int | None,
-        tolerance: float | str | None,
-        certify: bool,
-        parametrization: Parametrization,
-        format: str | None,
-        normals: bool,
-        uv: bool,
-        up: Up | None,
-        ascii: bool,
-        max_faces: int,
-        radius: float | None,
-        thickness: float | None,
-        attributes: tuple[str, ...],
-        weld: float | str | None,
-        require: tuple[str, ...],
-        **values: Any,
-    ) -> object:
-        if resolution is not None and tolerance is not None:
-            raise click.UsageError("-n and --tolerance exclude each other")
-        if certify and (tolerance is None or radius is not None or thickness is not None):
-            raise click.UsageError(
-                "--certify: makes --tolerance certain, of a surface or curve and not a tube or solid"
-            )
-        if radius is not None and thickness is not None:
-            raise click.UsageError("--radius is for curves and --thickness is for surfaces: they exclude each other")
-        if radius is not None and radius < 0:
-            raise click.UsageError(f"--radius must be positive, got {radius:g}")
-        if radius is not None and uv:
-            raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
-        recipe = Recipe(
-            resolution or RESOLUTION,
-            tolerance,
-            parametrization,
-            normals,
-            radius,
-            thickness,
-            attributes,
-            require,
-            max_faces,
-            weld,
-            certify,
-        )
-        return function(*args, options=MeshOptions(recipe, format, uv, ascii, up), **values)
+    def command(*, spec: str, output: str, spec_format: str | None, console: Console, **values: Any) -> None:
+        from gtb_cli.spec.writer import dump
+
+        loaded = read_spec(spec, spec_format)
+        with about(shown_input(spec)):
+            text = dump(function(loaded, **values))
+        write_text(output, text)
 
     return command
+
+
+def mesh_options(*more: str) -> Callable[[Function], Function]:
+    """Add the options of a mesh in a mesh format, or one of `more`; the command gets them as `options`."""
+
+    def decorator(function: Function) -> Function:
+        @resolution_option
+        @click.option(
+            "--tolerance",
+            callback=tolerance_of,
+            metavar="T",
+            help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
+        )
+        @click.option(
+            "--certify",
+            is_flag=True,
+            help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, or refuse. Slower.",
+        )
+        @parametrization_option
+        @threads_option
+        @click.option(
+            "-f",
+            "--format",
+            type=click.Choice((*FORMATS, *more), case_sensitive=False),
+            help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
+        )
+        @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
+        @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
+        @click.option(
+            "--up",
+            type=click.Choice(UP),
+            help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
+            "prescribes, and z in all others.",
+        )
+        @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
+        @max_faces_option
+        @click.option(
+            "--radius",
+            callback=length_of,
+            metavar="R",
+            help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not "
+            "checked.",
+        )
+        @click.option(
+            "--thickness",
+            callback=length_of,
+            metavar="D",
+            help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
+            "negative. A message reports folds, and distant parts that meet.",
+        )
+        @click.option(
+            "--attribute",
+            "attributes",
+            type=AttributeName(ATTRIBUTES),
+            metavar="NAME",
+            multiple=True,
+            help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and "
+            f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
+        )
+        @weld_option
+        @require_option("Write nothing and exit with status 1")
+        @functools.wraps(function)
+        def command(*args: Any, resolution: int | None, **values: Any) -> object:
+            if resolution is not None and values["tolerance"] is not None:
+                raise click.UsageError("-n and --tolerance exclude each other")
+            if values["radius"] is not None and values["uv"]:
+                raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
+            of_mesh, of_file = (
+                {field.name: values.pop(field.name) for field in fields(kind) if field.name in values}
+                for kind in (Recipe, MeshOptions)
+            )
+            try:
+                recipe = Recipe(resolution or RESOLUTION, **of_mesh)
+            except DomainError as error:
+                raise click.UsageError(f"--{error}") from None
+            return function(*args, options=MeshOptions(recipe, **of_file), **values)
+
+        return command
+
+    return decorator

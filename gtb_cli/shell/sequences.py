@@ -111,7 +111,7 @@ def sequence_options(spec_help: str) -> Callable[[Function], Function]:
             type=OUTPUT,
             help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
         )
-        @mesh_options
+        @mesh_options()
         @spec_format_option
         @console_option
         @functools.wraps(function)

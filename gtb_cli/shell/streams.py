@@ -48,11 +48,17 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
 
 def read_patch(path: str, spec_format: str | None = None) -> Patch:
     """Read a spec of a single patch, as `read_spec` does."""
+    spec = read_spec(path, spec_format)
+    with about(shown_input(path)):
+        return single(spec)
+
+
+def single(spec: Patch | Model) -> Patch:
+    """Return a patch, or refuse a model."""
     from gtb_cli.theory.patch import Patch
 
-    spec = read_spec(path, spec_format)
     if not isinstance(spec, Patch):
-        raise SpecError(f"{shown_input(path)}: expected a single patch, this is a model of {len(spec.patches)}")
+        raise SpecError(f"expected a single patch, this is a model of {len(spec.patches)}")
     return spec
 
 

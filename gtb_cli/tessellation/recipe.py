@@ -86,11 +86,11 @@ class Recipe:
         if self.tolerance is not None and self.resolution != RESOLUTION:
             raise DomainError("resolution: excludes a tolerance, give one of them")
         if self.tolerance is not None and self.parametrization == "toric":
-            raise DomainError("--tolerance chooses the parameters itself: leave out --parametrization toric")
+            raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out toric")
         if self.certify and (self.tolerance is None or self.radius is not None or self.thickness is not None):
-            raise DomainError("certify: needs a tolerance, of a surface or curve itself and not of a tube or solid")
+            raise DomainError("certify: needs a tolerance, and a surface or curve: tubes and solids are not certified")
         if self.radius is not None and self.thickness is not None:
-            raise DomainError("radius: makes a tube of a curve, and thickness a solid of a surface, not both")
+            raise DomainError("radius: excludes thickness, as a curve becomes a tube and a surface a solid")
         require = self.require
         words = (require,) if isinstance(require, str) else () if require is None else tuple(require)
         object.__setattr__(self, "require", words)

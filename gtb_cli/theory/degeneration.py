@@ -95,7 +95,7 @@ def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
     """(n,) the given lifting or, by default, the patch's own; refuses a missing lifting, and one of wrong length."""
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
-        raise DomainError("lifting: the patch has none, and none is given")
+        raise DomainError("has no lifting: write one into the spec, or give --lifting")
     if values.shape != (len(patch.knots),):
         raise DomainError(f"lifting: expected {len(patch.knots)} values, one per knot, got shape {values.shape}")
     return values

@@ -490,9 +490,9 @@ def test_the_radius_may_be_an_expression_and_the_bend_is_warned_of():
     [
         ((PENTAGON, "--radius", 1), "expected a curve; a surface takes a thickness instead"),
         ((CURVE, "--radius", 0), "'0' is zero"),
-        ((CURVE, "--radius", -1), "--radius must be positive, got -1"),
+        ((CURVE, "--radius", -1), "--radius: must be positive, got -1"),
         ((CURVE, "--radius", "wide"), "unknown name 'wide'"),
-        ((CURVE, "--radius", 1, "--thickness", 1), "exclude each other"),
+        ((CURVE, "--radius", 1, "--thickness", 1), "--radius: excludes thickness"),
         ((CURVE, "--radius", 1, "--uv"), "a tube, which has no parameters for --uv"),
         ((CURVE, "--radius", 1, "--tolerance", 1e-7), "faces around each segment"),
         ((CURVE, "--radius", 1, "-n", 1000000), "more than 5000000"),

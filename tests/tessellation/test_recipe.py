@@ -78,7 +78,7 @@ def test_what_makes_no_sense_is_refused(options):
 
 
 def test_a_tolerance_in_toric_parameters_is_refused_with_the_way_out(tmp_path):
-    message = "--tolerance chooses the parameters itself: leave out --parametrization toric"
+    message = "parametrization: a tolerance chooses the parameters itself: leave out toric"
     with pytest.raises(DomainError, match=message):
         Recipe(tolerance="1%", parametrization="toric")
     target = tmp_path / "out.obj"
