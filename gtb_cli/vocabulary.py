@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from typing import Literal, NamedTuple, TypeAlias
+
+
+def suffix_of(name: str) -> str:
+    """Return the suffix of a file's name in lower case, without the dot."""
+    return os.path.splitext(name)[1][1:].lower()
+
 
 COMPLETION_VARIABLE = "_GTB_COMPLETE"
 """Environment variable with which a shell asks `gtb` for completions."""

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import INPUT, WholeNumber, length_of, text_options
-from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
+from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
     from gtb_cli.design.sides import Side
+    from gtb_cli.spec.scanner import Format
 
 CORNER_ANGLE = 0.1
 """Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so."""
@@ -50,7 +51,7 @@ def fill(
     fullness: float | None,
     raises: int | None,
     output: str,
-    spec_format: str | None,
+    spec_format: Format | None,
     console: Console,
 ) -> None:
     """\b
@@ -67,20 +68,15 @@ def fill(
     from gtb_cli.design.fill import fill as filled
     from gtb_cli.design.holes import fill_hole
     from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
-    from gtb_cli.spec.document import MAX_BYTES
-    from gtb_cli.spec.scanner import Format
+    from gtb_cli.spec.document import MAX_BYTES, spec_format_of
     from gtb_cli.spec.writer import dump
     from gtb_cli.theory.model import Model
 
-    suffix = os.path.splitext(loop)[1].lower()
     source = shown_input(loop)
-    if suffix in SUFFIXES and spec_format is None:
+    if spec_format is None and os.path.splitext(loop)[1].lower() in SUFFIXES:
         found: list[Side] | Model = loop_from_text(read_bytes(loop, MAX_LOOP_BYTES + 1), source)
     else:
-        kind: Format | None = "json" if spec_format == "json" else "toml" if spec_format == "toml" else None
-        if kind is None and suffix in (".toml", ".json"):
-            kind = "json" if suffix == ".json" else "toml"
-        found = loop_or_model(read_bytes(loop, MAX_BYTES + 1), source, kind)
+        found = loop_or_model(read_bytes(loop, MAX_BYTES + 1), source, spec_format or spec_format_of(loop))
     with about(source):
         if isinstance(found, Model):
             model, filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
@@ -88,8 +84,7 @@ def fill(
         elif hole is not None:
             raise click.UsageError("--hole names an edge of a model of surfaces, and this is a loop of curves")
         else:
-            name = None if loop == STANDARD else file_stem(os.path.splitext(os.path.basename(loop))[0])
-            filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=name)
+            filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=stem_of(loop))
             text = dump(filling.patch)
     write_text(output, text)
     _report(filling, console)

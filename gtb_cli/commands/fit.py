@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import TYPE_CHECKING
 
 import click
@@ -10,7 +9,7 @@ import click
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, numbers_of, text_options
-from gtb_cli.shell.streams import about, file_stem, read_bytes, read_patch, shown_input, write_text
+from gtb_cli.shell.streams import about, read_bytes, read_patch, shown_input, stem_of, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,8 +62,7 @@ def fit(
     with about(shown_input(points)):
         parameters = [row[:2] for row in rows] if len(rows[0]) == 5 else None
         found = fitted([row[-3:] for row in rows], knots, patch=surface, parameters=parameters)
-    name = None if points == STANDARD else file_stem(os.path.splitext(os.path.basename(points))[0])
-    write_text(output, dump(found.patch.replace(name=name) if surface is None else found.patch))
+    write_text(output, dump(found.patch.replace(name=stem_of(points)) if surface is None else found.patch))
     is_met = len(rows) == len(found.patch.knots)
     left = "left" if is_met else f"from the farthest point, root mean square {found.mean:.3g}"
     console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} {left}")

@@ -8,7 +8,7 @@ import click
 
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, console_option, output_option
-from gtb_cli.shell.streams import about, file_stem, read_bytes, shown_input, write_text
+from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write_text
 from gtb_cli.vocabulary import IMPORTS
 
 
@@ -44,7 +44,7 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         sides = loop_from_text(data, source)
         with about(source):
-            filling = fill(sides, name=file_stem(os.path.splitext(os.path.basename(source))[0]))
+            filling = fill(sides, name=stem_of(file))
             text = dump(filling.patch)
         remarks = (
             *filling.remarks,

@@ -32,11 +32,12 @@ from gtb_cli.shell.streams import (
     is_terminal,
     read_spec,
     shown_input,
+    stem_of,
     write_blocks,
     write_text,
 )
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS
+from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.measures import Measures
@@ -116,7 +117,7 @@ def mesh(
     if len(specs) > 1 and not into_folder:
         if output == STANDARD:
             raise click.UsageError(f"{len(specs)} specs need a folder for their meshes: -o FOLDER")
-        if os.path.splitext(output)[1][1:].lower() in FORMATS:
+        if suffix_of(output) in FORMATS:
             raise click.UsageError(f"{len(specs)} specs need a folder for their meshes, and {output} names a file")
         into_folder = True
     if deps is not None and (output == STANDARD or STANDARD in specs):
@@ -359,7 +360,7 @@ def _fault(path: str, error: Exception) -> GtbError:
 
 def _file_name(path: str, kind: str) -> str:
     """Name a file after the spec file."""
-    return f"{file_stem(os.path.splitext(os.path.basename(path))[0])}.{kind}"
+    return f"{stem_of(path)}.{kind}"
 
 
 def _file_names(planned: list[Task | Kept], kind: str) -> list[str]:

@@ -13,7 +13,7 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
 from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, single, write_blocks
-from gtb_cli.vocabulary import COLOUR_MAPS
+from gtb_cli.vocabulary import COLOUR_MAPS, suffix_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -219,7 +219,7 @@ def plot(
 
 
 def _format_for(output: str, format: str | None) -> str:
-    suffix = os.path.splitext(output)[1][1:].lower()
+    suffix = suffix_of(output)
     if format is None and output != STANDARD and not is_device(output) and suffix not in FIGURE_FORMATS:
         known = ", ".join(f".{name}" for name in FIGURE_FORMATS)
         raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}, or -f FORMAT")

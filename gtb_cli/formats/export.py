@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
 from gtb_cli.formats.content import plain_name
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS, UP, Up
+from gtb_cli.vocabulary import FORMATS, UP, Up, suffix_of
 
 VISIBLE_SHIFT = 1e-5
 """Fraction of the model's diagonal; shading shows facets if vertices are shifted by more."""
@@ -189,7 +189,7 @@ def _known(format: str) -> str:
 
 
 def _format_of(path: str) -> str:
-    suffix = os.path.splitext(path)[1][1:].lower()
+    suffix = suffix_of(path)
     if suffix not in FORMATS:
         expected = ", ".join(f".{name}" for name in FORMATS)
         raise ExportError(f"cannot tell the format of {path}: expected a name that ends in {expected}, or a format")

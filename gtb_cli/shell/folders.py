@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from gtb_cli.errors import GtbError, SpecError
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS
+from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
 MAX_FOLDERS = 10_000
 """Largest number of subfolders that are read: twenty that link to each other have a million paths through them."""
@@ -121,11 +121,6 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return entry.is_dir()
     except OSError:
         return suffix_of(entry.name) not in (*FORMATS, *SPEC_FORMATS)
-
-
-def suffix_of(name: str) -> str:
-    """Return the suffix of a file's name in lower case, without the dot."""
-    return os.path.splitext(name)[1][1:].lower()
 
 
 def _hold_specs(files: dict[str, str]) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, is_folder, is_terminal
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import FORMATS, Up
+from gtb_cli.vocabulary import FORMATS, Up, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -90,7 +89,7 @@ class MeshOptions:
         """
         kind = self.format
         if kind is None:
-            kind = os.path.splitext(output)[1][1:].lower()
+            kind = suffix_of(output)
             if kind not in FORMATS:
                 if output != STANDARD and not is_folder(output) and not is_device(output):
                     known = ", ".join(f".{name}" for name in FORMATS)

@@ -16,7 +16,7 @@ from gtb_cli.shell.console import STANDARD, Console, Progress
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import OUTPUT, Function, check_outputs, console_option, mesh_options, spec_format_option
 from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
-from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
@@ -161,7 +161,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
 
 
 def _is_animated_file(options: MeshOptions, output: str) -> bool:
-    suffix = os.path.splitext(output)[1][1:].lower()
+    suffix = suffix_of(output)
     if output == STANDARD or is_device(output):
         if options.format != ANIMATED:
             raise click.UsageError(

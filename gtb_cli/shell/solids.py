@@ -12,7 +12,7 @@ from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import about, is_folder, read_spec, shown_input, write_blocks
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
@@ -25,7 +25,7 @@ def surface_format(format: str | None, output: str) -> str | None:
     """Return the surface format that -f or the suffix of the output names; None for meshes."""
     if format is not None:
         return format if format in (*CAD_FORMATS, *CELL_FORMATS) else None
-    return EXACT_SUFFIXES.get(os.path.splitext(output)[1][1:].lower())
+    return EXACT_SUFFIXES.get(suffix_of(output))
 
 
 def _short(reason: str) -> str:

@@ -192,3 +192,8 @@ def file_stem(name: str | None) -> str:
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
     return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore") or "patch"
+
+
+def stem_of(path: str) -> str | None:
+    """Return the stem of an input's file name, as `file_stem` does; None for standard input."""
+    return None if path == STANDARD else file_stem(os.path.splitext(os.path.basename(path))[0])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.scanner import Format, Path, Scanner, TooMuch
-from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER
+from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 Repeated: TypeAlias = tuple[Path, int, int]
 
@@ -138,6 +138,12 @@ def shown(value: object) -> str:
             return "a table"
         case _:
             return "a date or time"
+
+
+def spec_format_of(path: str) -> Format | None:
+    """Return the format that a file's suffix names, if any."""
+    suffix = suffix_of(path)
+    return cast(Format, suffix) if suffix in SPEC_FORMATS else None
 
 
 def read(data: bytes | str, source: str, format: Format | None = None) -> Document:

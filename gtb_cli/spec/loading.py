@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.document import MAX_BYTES, Document, Faults, read
+from gtb_cli.spec.document import MAX_BYTES, Document, Faults, read, spec_format_of
 from gtb_cli.spec.includes import Library
 from gtb_cli.spec.models import ModelReader
 from gtb_cli.spec.scanner import Format
@@ -46,7 +46,7 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
         raise SpecError(f"{source or repr(source)}: {error.strerror or error}") from None
     except ValueError as error:  # a null character in the path
         raise SpecError(f"{source!r}: {error}") from None
-    return parse(data, source, _format_of(source))
+    return parse(data, source, spec_format_of(source))
 
 
 def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:
@@ -169,7 +169,7 @@ class _Files:
 
         def include(name: str) -> tuple[Patch, ...]:
             path, data = self._library.taken(name, readers)
-            found = self.spec(data, path, _format_of(path), (*readers, path))
+            found = self.spec(data, path, spec_format_of(path), (*readers, path))
             return () if found is None else found.patches
 
         reader = ModelReader(Values(faults, self._budget), include, self._second_row)
@@ -185,11 +185,6 @@ class _Files:
         if len(self._faults) == 1 or len(lines) <= Faults.SHOWN:
             return "\n".join(lines)
         return "\n".join([*lines[: Faults.SHOWN], f"... and {max(self.count, len(lines)) - Faults.SHOWN} more"])
-
-
-def _format_of(path: str) -> Format | None:
-    suffix = os.path.splitext(path)[1].lower()
-    return cast(Format, suffix[1:]) if suffix in (".toml", ".json") else None
 
 
 def _stem(source: str) -> str | None:

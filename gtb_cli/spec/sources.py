@@ -6,7 +6,7 @@ import os
 import stat
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.document import MAX_BYTES, read
+from gtb_cli.spec.document import MAX_BYTES, read, spec_format_of
 from gtb_cli.spec.scanner import Format
 
 MAX_FILES = 100
@@ -42,16 +42,13 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
 
 def _included(path: str, format: Format | None) -> list[str]:
     """The names of the files that the text of a file includes."""
-    suffix = os.path.splitext(path)[1].lower()
-    if format is None and suffix in (".toml", ".json"):
-        format = "json" if suffix == ".json" else "toml"
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for
             return []
         with open(path, "rb") as file:
             text = file.read(MAX_BYTES + 1)
         # Most specs include nothing, and need not be parsed to show that.
-        data = read(text, path, format).data if b"include" in text else None
+        data = read(text, path, format or spec_format_of(path)).data if b"include" in text else None
     except (OSError, ValueError, SpecError):
         return []
     names = data.get("include") if isinstance(data, dict) else None

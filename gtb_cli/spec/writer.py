@@ -15,7 +15,7 @@ from gtb_cli.spec.loading import parse
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS
+from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS, suffix_of
 
 
 def to_dict(spec: Patch | Model) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
     """
     data = to_dict(spec)
     target = os.fspath(path)
-    suffix = os.path.splitext(target)[1][1:].lower()
+    suffix = suffix_of(target)
     if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
         raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
     is_json = suffix == "json"

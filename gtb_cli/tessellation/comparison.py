@@ -12,13 +12,14 @@ from gtb_cli.meshes.difference import Difference, difference
 from gtb_cli.meshes.known import KnownMesh, known_exactly
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
+from gtb_cli.spec.document import spec_format_of
 from gtb_cli.spec.loading import parse
 from gtb_cli.spec.scanner import Format
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS
+from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
 BEGINNING_BYTES = 1 << 16
 """Bytes by which a mesh is told from a spec."""
@@ -90,7 +91,7 @@ def _side(what: Comparable, recipe: Recipe) -> Side:
 
 def bytes_at_most(name: str, start: bytes) -> int:
     """How many bytes are read of a file with this name and beginning."""
-    return MAX_SPEC_BYTES if _suffix(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+    return MAX_SPEC_BYTES if suffix_of(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
 
 
 def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None = None) -> Side:
@@ -101,21 +102,17 @@ def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None =
     GtbError
         It is neither, or is damaged; the message has the name.
     """
-    suffix = _suffix(name)
+    suffix = suffix_of(name)
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
         return Side(decode_mesh(data, name, kind))
     if b"\0" in data[:BEGINNING_BYTES] and not spec_format:
         raise GtbError(f"{name}: is neither a mesh nor a spec")
-    spec = parse(data, name, spec_format or (suffix if suffix in SPEC_FORMATS else None))  # type: ignore[arg-type]
+    spec = parse(data, name, spec_format or spec_format_of(name))
     try:
         return Side(known_exactly(recipe.mesh(spec)[0]), spec)
     except GtbError as error:
         raise type(error)("\n".join(f"{name}: {line}" for line in str(error).split("\n"))) from error
-
-
-def _suffix(name: str) -> str:
-    return os.path.splitext(name)[1][1:].lower()
 
 
 def made_with(a: Side, b: Side) -> int | None:
