@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.bezier.elevation import elevate
 from gtb_cli.theory.joints import (
     CURVE_TOLERANCE,
     EDGE_SAMPLES,
@@ -104,8 +105,23 @@ def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str 
     if apart > SAME_CURVE * size or np.diff(places).max() > FINE_SAMPLES / 4:
         return None
     ours, theirs = (len(edge_curve(patches[p], e).points) for p, e in (first, second))
-    way_out = "gtb elevate may make them equal" if ours != theirs else "knots and weights must be the same"
+    way_out = "knots and weights must be the same"
+    if ours != theirs:
+        lower, higher = (first, second) if ours < theirs else (second, first)
+        least, by = min(ours, theirs), abs(ours - theirs)
+        elevates = _is_elevated(patches, lower, higher, by, SAME_CURVE * size)
+        way_out = f"gtb elevate --by {by} of the one with {least} makes" if elevates else "no gtb elevate makes"
+        way_out += " them equal"
     return f"the same curve as {{}}, but at other parameters ({ours} control points against {theirs}): {way_out}"
+
+
+def _is_elevated(patches: Sequence[Patch], lower: EdgeRef, higher: EdgeRef, by: int, tolerance: float) -> bool:
+    """Whether an edge, elevated, has its points where another has them."""
+    curve = elevate(patches[lower[0]].boundary(lower[1]), by)
+    fractions = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
+    ours = curve.evaluate(curve.knots.min() + fractions * np.ptp(curve.knots), "linear")
+    theirs = edge_points(patches[higher[0]], higher[1], EDGE_SAMPLES)
+    return min(float(np.abs(ours - way).max()) for way in (theirs, theirs[::-1])) <= tolerance
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.bezier.elevation import elevate
 from gtb_cli.design.fill import Filling, fill
 from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations
 from gtb_cli.errors import DomainError
@@ -15,11 +14,6 @@ from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.joints import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-
-FAIRER = 0.8
-"""Ratio of energies below which a model's hole is filled with a patch of a higher degree, and all others are elevated.
-Seen in zebra stripes: at the corner of a rounded cube, with a ratio of 0.58, and at `specs/box-corner.toml`, with 0.61,
-they wave without."""
 
 
 @dataclass(frozen=True)
@@ -169,15 +163,14 @@ def fill_hole(
     inner, fullness
         See `gtb_cli.design.fill.fill`.
     raises : int, optional
-        Smallest number of times that degrees are raised. Default: 0, if the patch is then exact, does not fold and
-        would not be much fairer with a higher degree (see `FAIRER`).
+        Smallest number of times that the degree of the edges is raised; see `gtb_cli.design.fill.fill`.
     name : str
         Name of the patch.
 
     Returns
     -------
     tuple of (Model, Filling)
-        The model with the patch. If degrees of edges are raised, so are those of all patches; their images stay.
+        The model with the patch; the others stay as they are.
 
     Raises
     ------
@@ -188,27 +181,12 @@ def fill_hole(
     taken = {patch.name for patch in model.patches}
     names = (name, *(f"{name}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill(sides, inner=inner, fullness=fullness, raises=raises or 0, name=unique)
-    if raises is None:
-        other = fill(sides, inner=inner, fullness=fullness, name=unique)
-        is_better = other.is_sound and (not filling.is_sound or other.energy < FAIRER * filling.energy)
-        filling = other if is_better or other.folds < filling.folds else filling
-    times = max(filling.raises)
-    remarks = list(filling.remarks)
-    if min(filling.raises) < times:
-        filling = fill(sides, inner=inner, fullness=fullness, raises=times, name=unique)
+    filling = fill(sides, inner=inner, fullness=fullness, raises=raises, name=unique)
     whole = model.replace(patches=(*model.patches, filling.patch))
-    loose = _loose(whole)
-    if times and loose:
-        raised = whole.replace(patches=(*(elevate(patch, times) for patch in model.patches), filling.patch))
-        if len(still := _loose(raised)) < len(loose):
-            whole, loose = raised, still
-            remarks.append(f"all patches are elevated by {times}, so that edges have the same degree")
-    if loose:
-        remarks.append(
-            f"{', '.join(loose)}: the neighbour's curve, but of a higher degree, so that they are not joined"
-        )
-    return whole, replace(filling, remarks=tuple(remarks))
+    remarks = filling.remarks
+    if loose := _loose(whole):
+        remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
+    return whole, replace(filling, remarks=remarks)
 
 
 def _loose(model: Model) -> list[str]:

@@ -36,25 +36,31 @@ def row_fields(
     times: list[int] = []
     for side, normal in zip(sides, normals, strict=True):
         if normal is None:
-            count = max(least, 2 - side.degree)
-            edge, field = raised(side.curve, count), None
+            edge, field = raised(side.curve, _multiplications(side, least).start, side.multiplier), None
         else:
-            count, edge, field = _touching(side, normal, max(least, 2 - side.degree))
+            edge, field = _touching(side, normal, _multiplications(side, least))
         edges.append(edge)
         fields.append(field)
-        times.append(count)
+        times.append(len(edge) - len(side.curve))
     return edges, fields, times
 
 
-def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatArray, list[FloatArray]]:
+def _multiplications(side: Side, least: int) -> range:
+    """Return how often a side may be multiplied, so that its degree is raised by at least `least`."""
+    step = len(side.multiplier) - 1
+    first = -(-max(least, 2 - side.degree) // step)
+    return range(first, max(first, (least + MAX_RAISES) // step) + 1)
+
+
+def _touching(side: Side, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
     """Return fields tangent to the planes: exact ones with the fewest raises, or approximate ones if none is exact."""
     t = stations()
     _, tangents = points_and_tangents(side.curve, t)
     inward = np.cross(normals, tangents)
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    nearly: tuple[float, int, FloatArray, list[FloatArray]] | None = None
-    for count in range(least, least + MAX_RAISES + 1):
-        edge = raised(side.curve, count)
+    nearly: tuple[float, FloatArray, list[FloatArray]] | None = None
+    for count in counts:
+        edge = raised(side.curve, count, side.multiplier)
         degree = len(edge) - 2
         values = bernstein(degree, t)
         matrix = (values[:, :, None] * normals[:, None]).reshape(len(t), -1)
@@ -65,9 +71,9 @@ def _touching(side: Side, normals: FloatArray, least: int) -> tuple[int, FloatAr
             field = [row.reshape(-1, 3) for row in basis[singular <= bound]]
             if _crosses(field, values, inward):
                 if bound == EXACT_RESIDUAL:
-                    return count, edge, field
+                    return edge, field
                 if nearly is None or bound < nearly[0] / 2:
-                    nearly = bound, count, edge, field
+                    nearly = bound, edge, field
                 break
     if nearly is None:
         raise DomainError(f"{side.name}: no polynomial field of degree up to {degree} follows its tangent planes")

@@ -25,6 +25,9 @@ STEP_TOLERANCE = 1e-9
 MAX_GAP = 1e-5
 """Largest gap between neighbouring sides, as a fraction of the loop's size: files with six decimals count as closed."""
 
+POLYNOMIAL_SPREAD = 1e-12
+"""Spread of a side's weights, as a fraction of the largest, up to which it is polynomial: rounding."""
+
 POINT_SIZE = 1e-9
 """Extent of a side, as a fraction of the loop's size, up to which it is a point."""
 
@@ -61,6 +64,16 @@ class Side:
         """(2, 3) first and last point."""
         return np.asarray(self.curve[[0, -1], :3] / self.curve[[0, -1], 3:])
 
+    @property
+    def multiplier(self) -> FloatArray:
+        """(k + 1,) Bernstein coefficients of the polynomial by which the curve is multiplied when its degree is raised.
+
+        A rational curve is multiplied by its own weights: its points stay at the same fractions of the linear
+        parametrisation, so that it is joined with the edges of patches that have it. Others keep these anyway.
+        """
+        weights = self.curve[:, 3]
+        return weights if np.ptp(weights) > POLYNOMIAL_SPREAD * weights.max() else np.ones(2)
+
     def reversed(self) -> Side:
         """Run through the side from its other end; the hole stays on the same side of it."""
         return replace(self, curve=self.curve[::-1], across=None if self.across is None else self.across[::-1])
@@ -78,12 +91,18 @@ def bernstein(degree: int, t: FloatArray) -> FloatArray:
     return np.asarray(binomials * t[:, None] ** j * (1 - t[:, None]) ** (degree - j))
 
 
-def raised(points: FloatArray, times: int) -> FloatArray:
-    """Return the Bézier points of the same polynomial with its degree raised."""
+def raised(points: FloatArray, times: int, multiplier: FloatArray | None = None) -> FloatArray:
+    """Return the Bézier points of a polynomial times a power of another; by default of 1, which raises the degree."""
+    factor = np.ones(2) if multiplier is None else multiplier
     for _ in range(times):
-        j = np.arange(len(points) + 1)[:, None] / len(points)
-        low, high = np.vstack([points[:1] * 0, points]), np.vstack([points, points[:1] * 0])
-        points = j * low + (1 - j) * high
+        i, j = np.arange(len(factor)), np.arange(len(points))
+        total = len(i) + len(j) - 2
+        shares = np.array([[math.comb(len(i) - 1, a) * math.comb(len(j) - 1, b) for b in j] for a in i]) / np.array(
+            [[math.comb(total, a + b) for b in j] for a in i]
+        )
+        found = np.zeros((total + 1, points.shape[1]))
+        np.add.at(found, i[:, None] + j, (shares * factor[:, None])[:, :, None] * points)
+        points = found
     return points
 
 

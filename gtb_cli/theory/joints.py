@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
@@ -20,6 +20,10 @@ CURVE_TOLERANCE = 1e-9
 """Largest difference between edges that carry the same curve: of points, relative to the model's size; of knots,
 relative to the edge's length; and of logarithms of weights. It allows for data typed or computed twice, and is far
 below anything visible."""
+
+FAR_ROUNDING = 16 * EPS
+"""The same of points, relative to the largest coordinate: far away, control points that were computed in two ways are
+rounded in each, and so are the points of their curves."""
 
 SEAM_GAP = 1e-2
 """Different edges are reported if their ends and curves are nearer than this fraction of the smaller edge's size."""
@@ -116,6 +120,7 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     surfaces = dimensions == {2}
     points = np.concatenate([patch.control_points for patch in patches])
     tolerance = CURVE_TOLERANCE * (float(np.ptp(points, axis=0).max()) or 1.0)
+    tolerance = max(tolerance, FAR_ROUNDING * float(np.abs(points).max()))
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
     curves = edge_curves(patches, refs)
     reach = max(tolerance, weld or 0.0)
