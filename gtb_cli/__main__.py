@@ -42,7 +42,9 @@ def main() -> None:
             if stream is not None and hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")
         from gtb_cli.commands.cli import run
+        from gtb_cli.forks import allow_forks
 
+        allow_forks()  # the only other thread draws the progress
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)

@@ -124,7 +124,7 @@ class Sheets:
     def blocks(self, length: int) -> list[tuple[slice, slice]]:
         """Ranges of rows with about `length` vertices, and the ranges of these vertices."""
         ends = np.concatenate([[0], np.cumsum(self.counts)])
-        cuts = np.unique(np.append(np.searchsorted(ends, np.arange(0, ends[-1], length)), len(ends) - 1)).tolist()
+        cuts = dict.fromkeys([*np.searchsorted(ends, np.arange(0, ends[-1], length)).tolist(), len(ends) - 1])
         return [(slice(a, b), slice(int(ends[a]), int(ends[b]))) for a, b in itertools.pairwise(cuts)]
 
     def values(self, lines: FloatArray, rows: slice) -> FloatArray:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
+from gtb_cli.forks import SIGNALS, signals_later
 from gtb_cli.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ HEARTBEAT_SECONDS = 1.0
 MISSED_HEARTBEATS = 60
 """Signs of life that a worker may miss while its result is awaited. If there is too little memory to import them, some
 libraries try for ever and let no other thread run meanwhile."""
-
-SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
 
 def processors() -> int:
@@ -109,25 +108,12 @@ def _awaited(result: Future[R], life: Connection) -> R:
 
 def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: T) -> Future[R]:
     try:
-        with _signals_later():  # this may start processes
+        with signals_later():  # this may start processes
             return executor.submit(function, task)
     except (OSError, RuntimeError) as error:
         if "process pool" in str(error):  # a worker was killed
             raise
         raise GtbError(f"cannot start a process: {error} (-j 1 needs none)") from None
-
-
-@contextmanager
-def _signals_later() -> Iterator[None]:
-    """Delay the signals that stop this process, here and in the processes started meanwhile."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _start_worker(sign: Connection) -> None:

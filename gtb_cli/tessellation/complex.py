@@ -17,11 +17,12 @@ from gtb_cli.knots.triangulation import Triangulation, central_triangulation, tr
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.parametrization import Locator, Parametrization
+from gtb_cli.theory.parametrization import Parametrization, toric_locations
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import EdgeRef, Joints
+    from gtb_cli.theory.linear import LinearParametrization
 
 MAX_SHARED_LOCATIONS = 4096
 """Largest number of parameters of a patch whose locations are kept for others: more take long to evaluate anyway."""
@@ -257,12 +258,19 @@ class Sampler:
         result = np.empty((len(patch), 3))
         face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
-            where = self.locations(index, parameters[rows], face[rows], within)
-            points = self.evaluated[index].points_at(where, len(parameters[rows]))
+            points = self._points(index, parameters[rows], face[rows], within)
             if isinstance(rows, slice):
                 return points
             result[rows] = points
         return result
+
+    def _points(self, index: int, u: FloatArray, face: IntArray, within: float) -> FloatArray:
+        """(m, 3) positions on one patch."""
+        patch = self.evaluated[index]
+        if self.resolution and self.parametrization == "linear" and len(u) > MAX_SHARED_LOCATIONS:
+            even = self._linear[index], u, face, self.resolution
+            return patch.rational_basis.blend_even(patch.control_points, *even)
+        return patch.points_at(self.locations(index, u, face, within), len(u))
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
         """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
@@ -280,12 +288,8 @@ class Sampler:
         return self.wholes or self.patches
 
     @cached_property
-    def _locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator(self.parametrization) for patch in self.evaluated]
-
-    @cached_property
-    def _edge_locators(self) -> list[Locator]:
-        return [patch.rational_basis.locator("linear") for patch in self.evaluated]
+    def _linear(self) -> list[LinearParametrization]:
+        return [patch.rational_basis.linear() for patch in self.evaluated]
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterable[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain.
@@ -305,10 +309,13 @@ class Sampler:
         return {}
 
     def _located(self, index: int, u: FloatArray, face: IntArray, within: float) -> Iterator[Location]:
-        yield from self._locators[index](u, face, within, self.resolution)
-        if self.parametrization == "toric" and self.shared_edges and face.any():
+        if self.parametrization == "linear":
+            yield from self._linear[index].locations(u, face, within, self.resolution)
+            return
+        yield from toric_locations(self.evaluated[index].domain, u, face)
+        if self.shared_edges and face.any():
             rows = np.flatnonzero(face)
-            for location in self._edge_locators[index](u[rows], face[rows], 0.0, 0):
+            for location in self._linear[index].locations(u[rows], face[rows]):
                 yield location._replace(rows=rows[location.rows])
 
 

@@ -6,7 +6,7 @@ it, so that patches that share an edge share its points. Each face has its own m
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,10 +14,11 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
+from gtb_cli.forks import in_forks
 from gtb_cli.knots.domain import Domain, domain
-from gtb_cli.knots.face import INTERIOR
+from gtb_cli.knots.face import INTERIOR, Face
 from gtb_cli.knots.grid import grid_of
-from gtb_cli.knots.sheets import sheets
+from gtb_cli.knots.sheets import Sheets, sheets
 from gtb_cli.newton import put
 from gtb_cli.theory.basis import Location, block_length, face_knots
 from gtb_cli.theory.moment import MomentMap
@@ -78,10 +79,15 @@ class LinearParametrization:
         yield from with_rasters(self.shape, p, faces, line, lambda p, faces: self._locations(p, faces, within, 0))
 
     def _locations(self, p: FloatArray, faces: IntArray | None, within: float, resolution: int) -> Iterator[Location]:
-        if resolution and faces is not None and self.shape.dimension == 2:
-            rest = yield from self._even(p, faces, resolution)
-            for location in self._locations(p[rest], faces[rest], within, 0):
-                yield location._replace(rows=rest[location.rows])
+        even = self._evenly(p, faces, resolution) if resolution and faces is not None else None
+        if even is not None and faces is not None:
+            rest = [even.others]
+            for location, left in in_threads(even.located, even.blocks):
+                yield location
+                rest.append(left)
+            rows = np.concatenate(rest)
+            for location in self._locations(p[rows], faces[rows], within, 0):
+                yield location._replace(rows=rows[location.rows])
             return
         shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
@@ -111,48 +117,66 @@ class LinearParametrization:
             s[location.rows] = location.s[0]
         return s
 
-    def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray]:
-        """Locate the inner vertices of `triangulation`, and return the rows of all others and of those not found.
+    def even(
+        self,
+        function: Callable[[Location], FloatArray],
+        result: FloatArray,
+        p: FloatArray,
+        faces: IntArray,
+        resolution: int,
+    ) -> IntArray | None:
+        """Fill rows of an (m, k) result with what `function` makes of locations of the vertices of `triangulation`.
+
+        It makes (B, k) arrays, in copies of this process where that is faster. Returns the rows that are left to do, or
+        None if no vertices are located in this way.
+        """
+        even = None if self._factors else self._evenly(p, faces, resolution)
+        if even is None:
+            return None
+
+        def made(block: tuple[slice, slice]) -> bytes:
+            location, left = even.located(block)
+            return function(location).tobytes() + left.tobytes()
+
+        rest = [even.others]
+        for block, data in zip(even.blocks, in_forks(made, even.blocks), strict=True):
+            rows = result[even.span(block)]
+            rows[...] = np.frombuffer(data, count=rows.size).reshape(rows.shape)
+            rest.append(np.frombuffer(data, dtype=np.int64, offset=rows.nbytes))
+        return np.concatenate(rest)
+
+    def _evenly(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
+        """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
 
         Values interpolated from a few of them are their starts, all in the chart of the longest edge.
         """
-        shape, inner, lattice = self.shape, np.flatnonzero(faces == INTERIOR), sheets(self.shape, resolution)
+        if self.shape.dimension == 1:
+            return None
+        lattice, inner = sheets(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
-            return np.arange(len(p))
-        sides = np.roll(shape.vertices, -1, axis=0) - shape.vertices
-        chart = self._chart(2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax()))
-        moments = chart.moments
+            return None
+        chart = self._longest
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
             places = chart.columns(points)
             s, left = np.empty_like(places), np.arange(len(points))
             if start is not None:
-                s, left = moments.nearly(places, start)
+                s, left = chart.moments.nearly(places, start)
                 if len(left) > HOPELESS * len(points):
                     raise ToleranceError("interpolation says nothing")
-            put(s, left, moments.inverse(places.take(left, axis=1).T, COARSE))
-            return moments.corrections(places, s)
-
-        def located(block: tuple[slice, slice]) -> tuple[Location, IntArray]:
-            rows = inner[block[1]]
-            span = slice(int(rows[0]), int(rows[-1]) + 1)
-            places, corrections = chart.columns(p[span]), lattice.values(lines, block[0])
-            if len(rows) == places.shape[1]:
-                s, left = moments.nearly(places, corrections)
-            else:  # vertices on edges lie between them
-                s, left = moments.nearly(places.take(rows - span.start, axis=1), corrections)
-                s = s.take(np.cumsum(faces[span] == INTERIOR) - 1, axis=1)
-            return Location(span, shape.faces[INTERIOR], moments.knots, s, None), rows[left]
+            put(s, left, chart.moments.inverse(places.take(left, axis=1).T, COARSE))
+            return chart.moments.corrections(places, s)
 
         try:
-            lines = lattice.lines(solve)
+            return _Even(p, faces, inner, lattice, lattice.lines(solve), chart, self.shape.faces[INTERIOR])
         except ToleranceError:
-            return np.arange(len(p))
-        rest = [np.flatnonzero(faces)]
-        for location, left in in_threads(located, lattice.blocks(block_length(len(shape.knots)))):
-            yield location
-            rest.append(left)
-        return np.concatenate(rest)
+            return None
+
+    @cached_property
+    def _longest(self) -> _Chart:
+        """The chart of the longest edge."""
+        sides = np.roll(self.shape.vertices, -1, axis=0) - self.shape.vertices
+        return self._chart(2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax()))
 
     def _charts(self, heights: FloatArray) -> IntArray:
         """(m,) numbers of charts for points inside: twice that of the nearest edge, plus 1 near its last corner."""
@@ -200,6 +224,44 @@ class LinearParametrization:
     @cached_property
     def _made(self) -> dict[int, _Chart]:
         return {}
+
+
+@dataclass(frozen=True, eq=False)
+class _Even:
+    """The inner vertices of `triangulation` in blocks, each located from values on a coarse lattice in one chart."""
+
+    p: FloatArray
+    faces: IntArray
+    inner: IntArray
+    lattice: Sheets
+    lines: FloatArray
+    chart: _Chart
+    face: Face
+
+    @cached_property
+    def blocks(self) -> list[tuple[slice, slice]]:
+        """Ranges of the lattice's rows, and of the inner vertices."""
+        return self.lattice.blocks(block_length(len(self.chart.shape.knots)))
+
+    @property
+    def others(self) -> IntArray:
+        """The rows of vertices that are not inside."""
+        return np.flatnonzero(self.faces)
+
+    def span(self, block: tuple[slice, slice]) -> slice:
+        """The rows from the first to the last vertex of a block, and those on edges between them."""
+        return slice(int(self.inner[block[1].start]), int(self.inner[block[1].stop - 1]) + 1)
+
+    def located(self, block: tuple[slice, slice]) -> tuple[Location, IntArray]:
+        """Locate a block, and say which rows of it are not found in this way."""
+        rows, span, moments = self.inner[block[1]], self.span(block), self.chart.moments
+        places, corrections = self.chart.columns(self.p[span]), self.lattice.values(self.lines, block[0])
+        if len(rows) == places.shape[1]:
+            s, left = moments.nearly(places, corrections)
+        else:  # vertices on edges lie between them
+            s, left = moments.nearly(places.take(rows - span.start, axis=1), corrections)
+            s = s.take(np.cumsum(self.faces[span] == INTERIOR) - 1, axis=1)
+        return Location(span, self.face, moments.knots, s, None), rows[left]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ patch whose control points are its knots is the identity. The image is the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from gtb_cli.theory.linear import LinearParametrization
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
-
-Locator: TypeAlias = Callable[[FloatArray, IntArray | None, float, int], Iterable[Location]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,22 +78,19 @@ class RationalBasis:
         ToleranceError
             A linear parameter was not found to `RESIDUAL`.
         """
-        return self.locator(parametrization)(self.domain.columns(u), faces, within, 0)
-
-    def locator(self, parametrization: Parametrization) -> Locator:
-        """Return the function that `locations` calls with (m, d) parameters, `faces` and `within`, for many calls.
-
-        A linear one learns from each point where to look for others: results of later calls differ by rounding from
-        those of `locations`, which begins anew.
-        """
+        columns = self.domain.columns(u)
         if parametrization == "toric":
-            return lambda u, faces, within, resolution: toric_locations(self.domain, u, faces)
+            return toric_locations(self.domain, columns, faces)
         if parametrization == "linear":
-            return self.linear().locations
+            return self.linear().locations(columns, faces, within)
         raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
     def linear(self) -> LinearParametrization:
-        """A new linear parametrisation, which has not learnt anything yet."""
+        """A new linear parametrisation, which has not learnt anything yet.
+
+        It learns from each point where to look for others: results of later calls differ by rounding from those of
+        `locations`, which begins anew.
+        """
         from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh does not need it
 
         return LinearParametrization(self.domain, self.log_weights)
@@ -122,14 +117,34 @@ class RationalBasis:
         The cost is n exps and r logs per parameter and two small matrix products, in blocks that fit in the cache.
         """
         result = np.empty((count, values.shape[1]))
-        for rows, face, knots, s, _, raster in locations:
-            sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s, raster)
-            if isinstance(rows, slice):
-                np.divide(sums[1:], sums[0], out=result[rows].T)
+        for location in locations:
+            sums = self._sums(values, location)
+            if isinstance(location.rows, slice):
+                np.divide(sums[1:], sums[0], out=result[location.rows].T)
             else:
                 for column, values_there in zip(result.T, sums[1:] / sums[0], strict=True):
-                    column[rows] = values_there  # numpy takes twice as long for rows
+                    column[location.rows] = values_there  # numpy takes twice as long for rows
         return result
+
+    def blend_even(
+        self, values: FloatArray, linear: LinearParametrization, u: FloatArray, faces: IntArray, resolution: int
+    ) -> FloatArray:
+        """`blend` at linear parameters that are the vertices of `triangulation`, on given faces of Δ."""
+
+        def blended(location: Location) -> FloatArray:
+            sums = self._sums(values, location)
+            return np.ascontiguousarray((sums[1:] / sums[0]).T)
+
+        result = np.empty((len(u), values.shape[1]))
+        left = linear.even(blended, result, u, faces, resolution)
+        if left is None:
+            return self.blend(values, linear.locations(u, faces, 0.0, resolution), len(u))
+        result[left] = self.blend(values, linear.locations(u[left], faces[left]), len(left))
+        return result
+
+    def _sums(self, values: FloatArray, location: Location) -> FloatArray:
+        face = location.face.knots
+        return weighted_sums(location.knots, self.log_weights[face], values[face], location.s, location.raster)
 
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
