@@ -60,8 +60,8 @@ class Mesh:
         counter-clockwise in the domain.
     parameters : (m, d) float, optional
         Domain parameter of each vertex; for a model, in the patch given by `origin`.
-    normals : (m, 3) float, optional
-        Unit normal of each vertex.
+    normals : (m, 3) float, or a function that returns them, optional
+        Unit normal of each vertex; a function is called when they are first asked for.
     groups : tuple of (name, start, stop)
         Ranges of `cells`, one for each patch; empty for a single patch.
     origin : Origin, optional
@@ -75,7 +75,7 @@ class Mesh:
     vertices: FloatArray
     cells: IntArray
     parameters: FloatArray | None = None
-    normals: FloatArray | None = None
+    normals: FloatArray | None = field(default_factory=lambda: None)  # no class attribute: see `__getattr__`
     groups: tuple[tuple[str, int, int], ...] = ()
     attributes: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     name: str = "patch"
@@ -85,7 +85,8 @@ class Mesh:
         self._take("vertices", np.float64)
         self._take("cells", np.int64)
         self._take("parameters", np.float64)
-        self._take("normals", np.float64)
+        if callable(self.normals):
+            object.__setattr__(self, "_make_normals", self.__dict__.pop("normals"))
         attributes = {name: _view(values, np.float64) for name, values in self.attributes.items()}
         object.__setattr__(self, "attributes", MappingProxyType(attributes))
         count = len(self.vertices)
@@ -93,9 +94,24 @@ class Mesh:
             raise DomainError(f"vertices: expected shape (m, 3), got {self.vertices.shape}")
         if self.cells.ndim != 2 or self.cells.shape[1] not in (2, 3):
             raise DomainError(f"cells: expected shape (k, 2) or (k, 3), got {self.cells.shape}")
-        for label, values in (("parameters", self.parameters), ("normals", self.normals), *self.attributes.items()):
+        for label, values in (("parameters", self.parameters), *self.attributes.items()):
             if values is not None and len(values) != count:
                 raise DomainError(f"{label}: {len(values)} rows for {count} vertices")
+        if "normals" in self.__dict__:
+            self._take_normals()
+
+    def __getattr__(self, name: str) -> Any:
+        make = self.__dict__.get("_make_normals") if name == "normals" else None
+        if make is None:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        object.__setattr__(self, "normals", make())
+        self._take_normals()
+        return self.normals
+
+    def _take_normals(self) -> None:
+        self._take("normals", np.float64)
+        if self.normals is not None and len(self.normals) != len(self.vertices):
+            raise DomainError(f"normals: {len(self.normals)} rows for {len(self.vertices)} vertices")
 
     def _take(self, label: str, kind: type) -> None:
         values = getattr(self, label)
@@ -148,8 +164,10 @@ class Mesh:
         def turned(rows: FloatArray) -> FloatArray:
             return np.column_stack([rows[:, 0], rows[:, 2], 0.0 - rows[:, 1]])  # not -0
 
-        normals = None if self.normals is None else turned(self.normals)
-        return replace(self, vertices=turned(self.vertices), normals=normals)
+        def normals() -> FloatArray | None:
+            return None if self.normals is None else turned(self.normals)
+
+        return replace(self, vertices=turned(self.vertices), normals=normals)  # type: ignore[arg-type]
 
     @property
     def bounds(self) -> FloatArray:

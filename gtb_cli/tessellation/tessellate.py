@@ -53,7 +53,8 @@ def tessellate(
         Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
         large exponents. With a tolerance always linear.
     normals : bool
-        Whether a surface's mesh gets its unit normals, which take longer than its points.
+        Whether a surface's mesh gets its unit normals. They take longer than its points, and are computed when they
+        are first asked for.
     max_faces : int
         More cells than this are refused before they are made.
     joints : Joints, optional
@@ -150,21 +151,24 @@ def _mesh(
         used, cells = np.unique(cells, return_inverse=True)
         cells, cell_patch = cells.reshape(-1, mosaic.cells.shape[1]), cell_patch[rows]
         vertices, patch, parameters, face = points[used], patch[used], parameters[used], face[used]
-    normals = None
     shared: tuple[IntArray, FloatArray] | tuple[()] = ()
     inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
         inward = inside_out(vertices, cells, cell_patch, len(sampler.patches))
         cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
-    if with_normals and cells.shape[1] == 3:
-        normals = sampler.normals(patch, parameters, face)
-        normals = np.where(inward[patch, None], -normals, normals)
-        normals = vertex_normals(normals, vertices, cells)
-        if joints is not None:
-            owners, places = mosaic.further_places
-            if len(mosaic.collapsed):
-                owners[:, 0] = np.searchsorted(used, owners[:, 0])
-            shared = (owners, places)
+
+    def normals() -> FloatArray:
+        found = sampler.normals(patch, parameters, face)
+        if inward.any():
+            found = np.where(inward[patch, None], -found, found)
+        return vertex_normals(found, vertices, cells)
+
+    with_normals = with_normals and cells.shape[1] == 3
+    if with_normals and joints is not None:
+        owners, places = mosaic.further_places
+        if len(mosaic.collapsed):
+            owners[:, 0] = np.searchsorted(used, owners[:, 0])
+        shared = (owners, places)
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
         starts = np.searchsorted(cell_patch, np.arange(len(shape.patches) + 1)).tolist()
@@ -174,7 +178,7 @@ def _mesh(
         vertices,
         cells,
         parameters=parameters,
-        normals=normals,
+        normals=normals if with_normals else None,  # type: ignore[arg-type]
         groups=groups,
         name=name,
         origin=None if joints is None else Origin(patch, inward ^ np.array(joints.flipped), *shared),

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
+from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.patch import Patch
 from tests import tiny_meshes as meshes
+from tests.patches import pentagon
 
 POLYLINE = Mesh(np.array([[0, 0, 0], [1, 0, 2], [1, 3, -1]], dtype=float), np.array([[0, 1], [1, 2]]))
 TWO_TRIANGLES = Mesh(
@@ -82,3 +90,26 @@ def test_a_closed_polyline_stays_closed():
     mesh = Mesh(np.eye(3), np.array([[0, 1], [1, 2], [2, 0]]))
     (entity,) = mesh.to_trimesh().entities
     assert entity.points.tolist() == [0, 1, 2, 0]
+
+
+def test_normals_are_computed_when_they_are_asked_for(monkeypatch):
+    asked = []
+    normals_at = Patch.normals_at
+    monkeypatch.setattr(Patch, "normals_at", lambda *given: (asked.append(1), normals_at(*given))[1])
+    mesh = tessellate(pentagon(), 4)
+    turned = mesh.with_y_up
+    write_mesh(mesh, io.BytesIO(), "obj")
+    assert not asked
+    assert mesh.normals is mesh.normals
+    assert len(asked) == 1
+    assert not mesh.normals.flags.writeable
+    assert (turned.normals == mesh.normals[:, [0, 2, 1]] * [1, 1, -1]).all()
+    assert pickle.loads(pickle.dumps(tessellate(pentagon(), 4))) == mesh
+    with pytest.raises(AttributeError, match="'Mesh' object has no attribute 'normal'"):
+        _ = mesh.normal
+
+
+def test_normals_of_another_number_than_the_vertices_are_refused_when_they_come():
+    mesh = replace(tessellate(pentagon(), 2), normals=lambda: np.zeros((1, 3)))
+    with pytest.raises(DomainError, match="normals: 1 rows for 16 vertices"):
+        _ = mesh.normals
