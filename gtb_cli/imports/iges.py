@@ -56,10 +56,10 @@ UNIT_NAMES = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres",
 UNIT_NAMES |= {9: "microns", 10: "centimetres", 11: "microinches"}
 
 MAX_NESTING = 20
-"""Largest number of transformations one after another."""
+"""Largest number of transformations applied one after another."""
 
 RANGE_TOLERANCE = 1e-9
-"""Fraction of a parameter range by which a given range must be smaller before a remark says so."""
+"""Fraction of a knot range by which a given range must be smaller for a remark to say so."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def read_iges(data: bytes, source: str) -> Found:
 
 def _curve(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
     values, line = file.numbers(entity)
-    k, degree = _counts(file, line, values[:2], "K, M of a curve")
+    k, degree = _counts(file, line, values, 1, "K, M of a curve")
     rest = values[6:]
     n = k + 1
     _need(file, line, rest, (n + degree + 1) + 4 * n, "a curve")
@@ -236,7 +236,7 @@ def _curve(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
 
 def _surface(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
     values, line = file.numbers(entity)
-    k, l, p, q = _counts(file, line, values[:4], "K1, K2, M1, M2 of a surface")  # noqa: E741
+    k, l, p, q = _counts(file, line, values, 2, "K1, K2, M1, M2 of a surface")  # noqa: E741
     rest = values[9:]
     m, n = k + 1, l + 1
     _need(file, line, rest, (m + p + 1) + (n + q + 1) + 4 * m * n, "a surface")
@@ -252,16 +252,15 @@ def _surface(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
     return spans, _is_narrow(ranges[:2], first, p, m) or _is_narrow(ranges[2:], second, q, n)
 
 
-def _counts(file: _File, line: int, values: list[float], what: str) -> tuple[int, ...]:
-    half = len(values) // 2
-    limits = [MAX_CONTROL_POINTS] * half + [MAX_DEGREE] * half
-    expected = 4 if what.startswith("K1") else 2
+def _counts(file: _File, line: int, values: list[float], dimension: int, what: str) -> tuple[int, ...]:
+    """The largest index of a control point in each direction, then the degrees."""
+    limits = [MAX_CONTROL_POINTS] * dimension + [MAX_DEGREE] * dimension
+    if len(values) < len(limits):
+        raise file.fail(line, f"expected {what}, got {len(values)} numbers")
     for value, limit in zip(values, limits, strict=False):
         if value != int(value) or not 1 <= value <= limit:
             raise file.fail(line, f"expected {what}, whole numbers from 1, got {value:g}")
-    if len(values) < expected:
-        raise file.fail(line, f"expected {what}, got {len(values)} numbers")
-    return tuple(map(int, values))
+    return tuple(map(int, values[: len(limits)]))
 
 
 def _need(file: _File, line: int, values: list[float], count: int, what: str) -> None:

@@ -1,4 +1,4 @@
-"""Files of other programs as patches: the formats, and how that of a file is found."""
+"""Files of other programs as patches: their formats, and how to tell them apart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Imported(NamedTuple):
     ----------
     shape : Patch or Model
     remarks : tuple of str
-        What the file has and a patch cannot hold: units, trimming, layers.
+        What the file has and a patch cannot hold, such as units and trimming.
     """
 
     shape: Patch | Model
@@ -50,7 +50,7 @@ READERS = {
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
 
 NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
-"""Formats of little but numbers: the format of a file is the one that reads it to its end."""
+"""Formats that hold little but numbers: a file has the one whose reader gets to its end."""
 
 
 def import_file(path: str, data: bytes, format: str | None = None) -> Imported:

@@ -27,7 +27,7 @@ from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 PATIENCE = 60.0
-"""Seconds after which the process is given up, if the system does not limit its processor time or it only waits."""
+"""Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time."""
 
 
 def read_3dm(data: bytes, source: str) -> Found:

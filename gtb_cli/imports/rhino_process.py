@@ -1,11 +1,11 @@
 """A separate process that reads a ``.3dm`` file from standard input and prints lines of JSON.
 
-McNeel's library runs for ever, or takes any memory, on some damaged files, and nothing in its own process can stop it.
+On some damaged files McNeel's library runs for ever or takes all memory, and nothing in its own process can stop it.
 This file is run by its path and imports nothing from the package, so that the process starts fast.
 
 Each line but the last is an object of the file: its ``name``, whether it is ``trimmed``, and its ``forms``, NURBS with
 ``degrees``, ``knots`` (one row for each parameter), ``counts`` of control points and their homogeneous ``rows``. The
-last line has the file's ``unit``, so that its absence shows that the output breaks off.
+last line has the file's ``unit``: without it, the output is incomplete.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ DAMAGED = 4
 """Exit status if the library refuses the file."""
 
 SECONDS, SECONDS_PER_BYTE = 0.5, 2e-6
-"""Processor seconds that any file may take, and more for each byte. A sound file of 8 MB takes 0.06 s to read and 3 s
-to print, nearly all of it in Python."""
+"""Processor seconds allowed for any file, and for each byte of it. A sound file of 8 MB takes 0.06 s to read and 3 s to
+print, nearly all of it in Python."""
 
 MEMORY, MEMORY_PER_BYTE = 150_000_000, 10
-"""Bytes of memory that any file may take beyond what the process already has, and more for each byte of the file."""
+"""Bytes of memory allowed for any file beyond what the process already has, and for each byte of the file."""
 
 MAX_CONTROL_POINTS = 100_000
 """Largest number of control points of a form, as in `gtb_cli.imports.nurbs`; larger forms have no rows."""

@@ -13,10 +13,10 @@ NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
 """Numbers as C, C++ and Fortran write them."""
 
 LARGEST = 1e100
-"""Largest coordinate or weight: the square of a number with twice as many digits would overflow."""
+"""Largest coordinate or weight: the product of three of them does not overflow."""
 
 SHOWN_CHARACTERS = 60
-"""Largest number of characters of a word in a message."""
+"""Characters of a word that a message shows at most."""
 
 
 class Words:
