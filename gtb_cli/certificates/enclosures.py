@@ -1,13 +1,13 @@
-"""What encloses the rational basis of a surface on a triangle of torus coordinates, and which triangles hold a place.
+"""Bounds of the rational basis over triangles of torus coordinates, and triangles whose images cover those of Δ.
 
-In torus coordinates T_i is exp<a_i, s> up to a common factor, a convex function: over a triangle it is below the affine
-function through its corners and above its tangent plane. Towards an edge of Δ one coordinate goes to infinity; there
-z = exp(δ ρ) takes the place of ρ, across the edge, and the edge itself is z = 0.
+In torus coordinates T_i is exp<a_i, s> up to a common factor, a convex function: over a triangle it lies below the
+affine function with the same values at the corners, and above its tangent plane. Towards an edge of Δ the coordinate ρ
+across it tends to −∞; there z = exp(δ ρ) replaces ρ, and the edge itself is z = 0.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,26 +17,26 @@ from gtb_cli.theory.basis import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 
-OVERFLOW = 600.0
-"""Exponents are cut off there: what they belong to is too large to bound anything, and is cut in pieces."""
+MAX_EXPONENT = 600.0
+"""Exponents are cut off here: such a large bound is of no use, and its triangle will be cut."""
 
-ROUNDINGS = 64
-"""Roundings by which a side of a triangle may be inside the line that it is beyond."""
+SIDE_ROUNDINGS = 64
+"""Roundings by which a side of a triangle may lie inside the line that it must be beyond."""
 
-PUSH = 0.02
-"""Part of a triangle's height by which its sides are pushed outwards to begin with."""
+PUSH_SHARE = 0.02
+"""Part of a triangle's height by which its sides are first pushed outwards."""
 
-FARTHEST = 0.5
-"""The same, from which it is cut in pieces: too far from straight."""
+MAX_EXCESS = 0.5
+"""Part of the height of a triangle of Δ by which a side may still lie inside it; a more curved triangle is cut."""
 
-PUSHES = 10
+MAX_PUSHES = 10
 
 
 class Bounds(NamedTuple):
-    """(c, n, m) bounds of T_i, times a common factor, by Bernstein coefficients over triangles or segments.
+    """Bounds of T_i over triangles or segments, up to a common factor, as (c, n, m) Bernstein coefficients.
 
-    Those of affine functions (c corners), or of quadratic ones (the middles between corners, too); and the (m,) largest
-    exponent that was taken: T_i may be off by as many roundings.
+    Affine bounds have a coefficient for each corner, quadratic ones (along edges of Δ) also one for each pair of
+    corners. The (m,) `exponent` is the largest that occurs: T_i may be off by as many roundings.
     """
 
     upper: FloatArray
@@ -44,31 +44,31 @@ class Bounds(NamedTuple):
     exponent: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Triangles, by (m, 3, 2) corners, in the coordinates of a chart.
+class Pieces(NamedTuple):
+    """Triangles with (m, 3, 2) corners in the coordinates of a chart.
 
-    Their (m, 2) `origin` has the torus coordinates that 0, or z = 1, stands for; (m,) `layer` is δ.
+    The (m, 2) `origin` has the torus coordinates at 0 (across an edge, at z = 1); the (m,) `layer` is δ.
     """
 
     corners: FloatArray
     origin: FloatArray
     layer: FloatArray
 
-    def __getitem__(self, rows: IntArray | BoolArray | slice) -> Pieces:
-        return Pieces(self.corners[rows], self.origin[rows], self.layer[rows])
+    def at(self, rows: IntArray | BoolArray | slice) -> Pieces:
+        """Some of the pieces."""
+        return Pieces(*(column[rows] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Coordinates inside Δ, or along an edge and across it: those of (n, 2) knots, with an exact 0 on the edge."""
+    """Coordinates inside Δ, or along and across an edge, and the (n, 2) knots in them, exactly 0 on the edge."""
 
     knots: FloatArray
     log_weights: FloatArray
     is_edge: bool
 
     def pieces(self, s: FloatArray) -> Pieces:
-        """Triangles with (m, 3, 2) torus coordinates of their corners, the second one −inf on the edge."""
+        """Triangles whose corners have (m, 3, 2) torus coordinates; the second one is −inf on the edge."""
         origin = s.mean(axis=1)
         layer = np.ones(len(s))
         if not self.is_edge:
@@ -88,7 +88,7 @@ class Chart:
         return self._across(pieces) if self.is_edge else self._inside(pieces)
 
     def _shares(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, m) T at (m, 2) torus coordinates, and the largest exponent of each."""
+        """(n, m) T at (m, 2) torus coordinates, and the (m,) largest exponents."""
         e = self.knots @ s.T + self.log_weights[:, None]
         size = np.abs(e).max(axis=0)
         e -= e.max(axis=0)
@@ -101,9 +101,9 @@ class Chart:
         mean = t.T @ self.knots
         steps = pieces.corners - middle[:, None]
         slopes = np.stack([self.knots @ step.T - np.einsum("md,md->m", mean, step) for step in steps.swapaxes(0, 1)])
-        return Bounds(t * np.exp(np.minimum(slopes, OVERFLOW)), t * (1 + slopes), size)
+        return Bounds(t * np.exp(np.minimum(slopes, MAX_EXPONENT)), t * (1 + slopes), size)
 
-    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of segments on the edge, which nobody asks for
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # segments on the edge: their bounds are not used
     def _across(self, pieces: Pieces) -> Bounds:
         """Products of bounds along the edge and across it."""
         along, across = (pieces.corners[:, :, axis].T for axis in (0, 1))
@@ -113,7 +113,7 @@ class Chart:
             np.column_stack([pieces.origin[:, 0] + middle[0], pieces.origin[:, 1] + np.log(middle[1]) / pieces.layer])
         )
         slope = self.knots[:, :1] - self.knots[:, 0] @ t
-        ends = [np.exp(np.minimum(slope * (end[0] - middle[0]), OVERFLOW)) for end in (low, high)]
+        ends = [np.exp(np.minimum(slope * (end[0] - middle[0]), MAX_EXPONENT)) for end in (low, high)]
         chord = _interpolated(along, low[0], high[0], ends)
         tangent = 1 + slope * (along - middle[0])[:, None]
         center, radius = (chord + tangent) / 2, (chord - tangent) / 2
@@ -127,7 +127,7 @@ class Chart:
         corners = range(len(along))
         pairs = [(i, i) for i in corners] + [(i, j) for i in corners for j in corners if i < j]
         upper = np.stack([(chord[i] * above[j] + chord[j] * above[i]) / 2 for i, j in pairs])
-        # Of a lower bound across that changes its sign, the larger factor counts where it is negative.
+        # Where the lower bound across is negative, the upper bound along makes the product least.
         size_below = np.abs(below)
         least = [center[i] * below[j] - radius[i] * size_below[j] + center[j] * below[i] - radius[j] * size_below[i]
                  for i, j in pairs]  # fmt: skip
@@ -135,7 +135,7 @@ class Chart:
 
 
 def _interpolated(x: FloatArray, low: FloatArray, high: FloatArray, ends: list[FloatArray]) -> FloatArray:
-    """(k, n, m) values at (k, m) places of affine functions with given (n, m) values at both ends."""
+    """(k, n, m) values at (k, m) places of affine functions that have given (n, m) values at `low` and `high`."""
     part = ((x - low) / np.where(high > low, high - low, 1.0))[:, None]
     return np.asarray((1 - part) * ends[0] + part * ends[1])
 
@@ -156,7 +156,7 @@ class Charts:
             self.charts.append(Chart(places, weights, True))
 
     def located(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(m,) faces of (m, 2) points of Δ, and (m, 2) torus coordinates: on an edge, the first one along it."""
+        """(m,) faces that hold (m, 2) points of Δ, and (m, 2) torus coordinates, on an edge the one along it first."""
         face, s = np.zeros(len(u), dtype=np.int64), np.zeros((len(u), 2))
         centred = self.knots - self.knots.mean(axis=0)
         for location in self.linear.locations(u):
@@ -169,14 +169,14 @@ class Charts:
         return face, s
 
     def numbers(self, face: IntArray) -> IntArray:
-        """(m,) charts of triangles whose corners have (m, 3) faces; −1 where they touch a corner of Δ or two edges."""
+        """(m,) charts of triangles with (m, 3) faces of their corners; −1 if one touches a corner of Δ or two edges."""
         edge = face.max(axis=1)
         one = ((face == 0) | (face == edge[:, None])).all(axis=1)
         return np.where(one & (edge < len(self.charts)), edge, -1)
 
-    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not a number holds nothing
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # NaN is never found to hold
     def covers(self, number: int, u: FloatArray, face: IntArray, s: FloatArray) -> tuple[BoolArray, Pieces, IntArray]:
-        """Triangles of a chart that hold all places where μ is in some triangles of Δ.
+        """Find triangles of a chart whose images under μ cover triangles of Δ.
 
         Parameters
         ----------
@@ -185,26 +185,26 @@ class Charts:
             The triangles' corners.
         face : (m, 3) int
         s : (m, 3, 2) float
-            Both as of `located`.
+            Both from `located`.
 
         Returns
         -------
         found : (m,) bool
-            Whether there are such triangles; else the triangle is to be cut.
+            Whether there are such triangles; if not, the triangle of Δ must be cut.
         pieces : Pieces
         owner : (p,) int
-            The triangle that each piece is for.
+            The triangle of Δ that each piece helps to cover.
 
         Notes
         -----
-        The straight triangle in the chart is enlarged until μ takes each of its sides beyond the line through the same
-        side of the triangle of Δ: for λ_k, 1 at corner k and 0 on the side opposite, Σ T_i λ_k(a_i) ≤ 0. The
-        boundary's image then runs around the triangle of Δ, and what it encloses is covered (μ is one to one).
-        Sides on the edge of Δ stay there. Where only one corner is on it, what is beyond the edge is cut off.
+        The straight triangle in the chart is enlarged until μ maps each side beyond the line through the same side of
+        the triangle of Δ: Σ T_i λ_k(a_i) ≤ 0 with the barycentric coordinate λ_k that is 0 on this line. The image of
+        the boundary then runs around the triangle of Δ, and as μ is one to one, all that it encloses is covered.
+        Sides on the edge of Δ stay there. If only one corner is on the edge, what lies beyond the edge is cut off.
         """
         chart = self.charts[number]
         on_edge = face > 0
-        # Turned so that the only corner on the edge comes first.
+        # The only corner on the edge comes first.
         single = on_edge.sum(axis=1) == 1
         order = (np.arange(3) + np.where(single, on_edge.argmax(axis=1), 0)[:, None]) % 3
         rows = np.arange(len(u))[:, None]
@@ -215,32 +215,34 @@ class Charts:
         pieces = chart.pieces(s)
         fixed = np.roll(on_edge, -1, axis=1) & np.roll(on_edge, 1, axis=1)
         values = barycentric(u - self.domain.center, self.knots)
-        push = np.where(fixed, 0.0, PUSH)
+        push = np.where(fixed, 0.0, PUSH_SHARE)
         todo = np.arange(len(u))
         found = np.zeros(len(u), dtype=bool)
         done: list[Pieces] = []
         owner: list[IntArray] = []
-        for _ in range(PUSHES):
+        for _ in range(MAX_PUSHES):
             if not len(todo):
                 break
-            here = pieces[todo]
+            here = pieces.at(todo)
             polygon = _clipped(_enlarged(here.corners, push[todo]), single[todo])
             excess = np.full((len(todo), 3), -np.inf)
             for side, (start, end) in enumerate(((2, 3), (3, 0), (1, 2))):
-                bounds = chart.bounds(replace(here, corners=polygon[:, [start, end]]))
+                bounds = chart.bounds(here._replace(corners=polygon[:, [start, end]]))
                 excess[:, side] = _excess(bounds, values[side][:, todo])
             excess[fixed[todo]] = -np.inf
             inside = (polygon[:, 2:, 1] >= 0).all(axis=1) | (not number)
             holds = np.asarray((excess <= 0).all(axis=1) & inside)
             for corners, some in (((1, 2, 3), holds), ((0, 1, 3), holds & single[todo])):
-                done.append(replace(here[some], corners=polygon[some][:, corners]))
+                done.append(here.at(some)._replace(corners=polygon[some][:, corners]))
                 owner.append(todo[some])
             found[todo[holds]] = True
-            left = ~holds & (excess.max(axis=1) < FARTHEST) & inside
+            left = ~holds & (excess.max(axis=1) < MAX_EXCESS) & inside
             todo, excess = todo[left], excess[left]
-            more = np.where(excess > 0, 2 * excess + 1.5 * PUSH, np.where(excess > -PUSH / 2, PUSH, 0.0))
+            more = np.where(
+                excess > 0, 2 * excess + 1.5 * PUSH_SHARE, np.where(excess > -PUSH_SHARE / 2, PUSH_SHARE, 0.0)
+            )
             push[todo] += np.where(fixed[todo], 0.0, more)
-        return found, joined([pieces[:0], *done]), np.concatenate([todo[:0], *owner])
+        return found, joined([pieces.at(slice(0)), *done]), np.concatenate([todo[:0], *owner])
 
 
 def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -251,12 +253,12 @@ def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def joined(parts: list[Pieces]) -> Pieces:
-    """All pieces of some lists of them."""
-    return Pieces(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("corners", "origin", "layer")))
+    """All pieces in one."""
+    return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:
-    """Triangles with each side (opposite corner k) pushed outwards by a part of the height over it."""
+    """Triangles whose sides (k is opposite corner k) are pushed outwards by (m, 3) parts of the heights over them."""
     weights = -np.repeat(push[:, None], 3, axis=1)
     for k in range(3):
         weights[:, k, k] = 1 + push[:, k - 1] + push[:, k - 2]
@@ -264,7 +266,7 @@ def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:
 
 
 def _clipped(corners: FloatArray, single: BoolArray) -> FloatArray:
-    """(m, 4, 2) polygons: triangles, with the first corner twice, cut off there along z = 0 where it is below."""
+    """(m, 4, 2) polygons: triangles with the first corner twice, or cut along z = 0 if it is `single` and below."""
     first = corners[:, 0]
     below = (single & (first[:, 1] < 0))[:, None]
     ends = []
@@ -275,7 +277,7 @@ def _clipped(corners: FloatArray, single: BoolArray) -> FloatArray:
 
 
 def _excess(bounds: Bounds, values: FloatArray) -> FloatArray:
-    """(m,) upper bounds of Σ T_i v_i for (n, m) values, less the rounding."""
+    """(m,) upper bounds of Σ T_i v_i for (n, m) values v, less the rounding."""
     positive, negative = np.maximum(values, 0.0), np.minimum(values, 0.0)
     most = (positive * bounds.upper + negative * bounds.lower).sum(axis=1).max(axis=0)
-    return np.asarray(most - ROUNDINGS * EPS * (np.abs(values) * bounds.upper.max(axis=0)).sum(axis=0))
+    return np.asarray(most - SIDE_ROUNDINGS * EPS * (np.abs(values) * bounds.upper.max(axis=0)).sum(axis=0))

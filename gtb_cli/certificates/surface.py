@@ -1,12 +1,12 @@
-"""Bounds of the distance of a surface from its triangles, which hold for every point and not for samples only.
+"""Bounds of the distance between a surface and its triangles that hold for every point, not only for samples.
 
-With the linear parametrisation, Σ T_i a_i = u, and l the affine map from a triangle of Δ to its triangle in space,
-``P(u) − l(u) = Σ T_i (b_i − l(a_i))``: enclosures of T over all places of the triangle enclose the error.
+In the linear parametrisation Σ T_i a_i = u. So for the affine map l from a triangle of Δ to its triangle in space,
+``P(u) − l(u) = Σ T_i (b_i − l(a_i))``: bounds of T over the triangle bound the error.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,36 +15,37 @@ from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric, joined
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.patch import Patch
 
-SPENT = 0.02
-"""Part of the tolerance: where a piece is known as well as that and still does not hold, its triangle is too far."""
+SPENT_SHARE = 0.02
+"""Part of the tolerance: a triangle with a piece whose error is known this well, yet not to hold, is too far."""
 
-QUARTERINGS = 6
-"""Of pieces, in which they are known 4096 times better; others fail."""
+MAX_QUARTERINGS = 6
+"""Times that a piece is cut in quarters, after which its error is known 4096 times better; if it is still open, its
+triangle fails."""
 
-CUTS = 4
-"""Times that a triangle of Δ is cut in quarters which is too far from straight in torus coordinates; others fail."""
+MAX_CUTS = 4
+"""Times that a triangle of Δ is cut in quarters if it is too curved in torus coordinates; then it fails."""
 
-CORNER_CUTS = 48
-"""The same at corners of Δ, where all are cut until what is left is near enough to a point."""
+MAX_CORNER_CUTS = 48
+"""The same for triangles at corners of Δ, which are cut until what is left is nearly a point."""
 
-STEEP = 6.0
-"""How many errors per triangle's height a place may be inside a triangle for it: more is not known of the error."""
+MAX_DEPTH_CREDIT = 6.0
+"""Most by which the depth λ of a point inside a triangle counts against its error along the plane, in units of this
+error: more would add more doubt than it takes away."""
 
-SLIVER = 1e-6
+SLIVER_RATIO = 1e-6
 """Height of a triangle in units of its longest side, below which it counts as this side."""
 
-ARRAYS = 6
+WORK_ARRAYS = 6
 """Arrays as large as the bounds of T that are alive at once."""
 
-CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-"""(4, 3): corners of the quarters of a triangle, 3 … 5 the middles of its sides."""
+QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+"""(4, 3): corners of the quarters of a triangle; 3 … 5 are the middles of its sides."""
 
-QUARTERS = np.concatenate([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])[CORNERS]
+QUARTERS = np.concatenate([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])[QUARTER_CORNERS]
 """(4, 3, 3): barycentric coordinates of the corners of the quarters of a triangle."""
 
 
-@dataclass(frozen=True, eq=False)
-class Triangles:
+class Triangles(NamedTuple):
     """Triangles of Δ and their images in a mesh.
 
     Attributes
@@ -56,7 +57,7 @@ class Triangles:
     outwards : (k, 3, 3) float
         Unit normals of the sides in the plane; side i is opposite corner i.
     heights, cosines : (k, 3) float
-        Over the sides, 0 where a triangle is only a line; of the angles.
+        Heights over the sides, 0 if the triangle is only a line, and cosines of the angles.
     """
 
     u: FloatArray
@@ -68,8 +69,9 @@ class Triangles:
     heights: FloatArray
     cosines: FloatArray
 
-    def __getitem__(self, rows: IntArray) -> Triangles:
-        return Triangles(*(getattr(self, field.name)[rows] for field in fields(self)))
+    def at(self, rows: IntArray) -> Triangles:
+        """Some of the triangles."""
+        return Triangles(*(column[rows] for column in self))
 
 
 def triangles(u: FloatArray, points: FloatArray) -> Triangles:
@@ -80,10 +82,10 @@ def triangles(u: FloatArray, points: FloatArray) -> Triangles:
     area = cross(sides[:, 0], sides[:, 1])
     size = np.sqrt(dot(area, area))
     longest = lengths.max(axis=1)
-    flat = size <= SLIVER * longest**2
+    flat = size <= SLIVER_RATIO * longest**2
     along = unit[np.arange(len(u)), lengths.argmax(axis=1)]
     along[longest == 0] = [1.0, 0.0, 0.0]
-    # Of a line, any vector across it will do for a normal.
+    # For a line, any vector across it serves as the normal.
     least = np.eye(3)[np.abs(along).argmin(axis=1)]
     normal = np.where(flat[:, None], cross(along, least), area)
     normal /= np.sqrt(dot(normal, normal))[:, None]
@@ -93,9 +95,8 @@ def triangles(u: FloatArray, points: FloatArray) -> Triangles:
     return Triangles(u, points, along, cross(normal, along), normal, outwards, heights, cosines)
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Triangles of Δ, parts of others (`owner`), with corners as of `Charts.located`; how often they may be cut yet."""
+class Places(NamedTuple):
+    """Parts of triangles of Δ, their owners; corners from `Charts.located`; and how often each may still be cut."""
 
     owner: IntArray
     u: FloatArray
@@ -103,32 +104,33 @@ class Places:
     s: FloatArray
     cuts: IntArray
 
-    def __getitem__(self, rows: IntArray | BoolArray) -> Places:
+    def at(self, rows: IntArray | BoolArray) -> Places:
+        """Some of the parts."""
         return Places(self.owner[rows], self.u[rows], self.face[rows], self.s[rows], self.cuts[rows])
 
     def quartered(self, charts: Charts, at_corner: BoolArray) -> Places:
-        """Cut each in quarters."""
+        """Cut each part in quarters."""
         middles = (self.u + np.roll(self.u, -1, axis=1)) / 2
         face, s = charts.located(middles.reshape(-1, 2))
         own = (self.u, self.face, self.s)
         new = (middles, face.reshape(-1, 3), s.reshape(-1, 3, 2))
-        columns = [np.concatenate(pair, axis=1)[:, CORNERS] for pair in zip(own, new, strict=True)]
-        cuts = np.where(at_corner, CUTS, self.cuts - 1)
-        owner, cuts = (np.repeat(each, len(CORNERS)) for each in (self.owner, cuts))
+        columns = [np.concatenate(pair, axis=1)[:, QUARTER_CORNERS] for pair in zip(own, new, strict=True)]
+        cuts = np.where(at_corner, MAX_CUTS, self.cuts - 1)
+        owner, cuts = (np.repeat(each, len(QUARTERS)) for each in (self.owner, cuts))
         u, face, s = (each.reshape(-1, *each.shape[2:]) for each in columns)
         return Places(owner, u, face, s, cuts)
 
 
 class SurfaceCertificate:
-    """What encloses a surface.
+    """Proofs that triangles are within a tolerance of a surface.
 
     Notes
     -----
-    A triangle of the mesh is certified where every point of its piece of the surface is within the tolerance of it, and
-    every point on one of its sides within that of the side; then every point of the triangle is within the tolerance
-    of the surface, too: the nearest points of the triangle to a piece with such a boundary cover it. Errors are bounded
-    across the plane; along it, only beyond sides: a point may slide inside the triangle. Rounding is part of the
-    bounds.
+    A triangle of the mesh is certified if every point of its piece of the surface is within the tolerance of it, and
+    every point on a side of that piece within the tolerance of the same side. Every point of the triangle is then
+    within the tolerance of the surface, too: the points nearest to a piece with such a boundary cover the triangle.
+    Errors are bounded across the plane; along it only beyond sides, as a point may slide inside the triangle. The
+    bounds include rounding.
     """
 
     def __init__(self, patch: Patch) -> None:
@@ -137,7 +139,7 @@ class SurfaceCertificate:
         self.points = patch.control_points - patch.control_points.mean(axis=0)
         self.middle = patch.control_points.mean(axis=0)
         self.scale = float(np.abs(patch.control_points).max())
-        # Of each corner: how far the knots are from it along the bisector of its edges, 0 for those at it.
+        # How far the knots are from each corner along the bisector of its edges; 0 for those at the corner.
         across = self.charts.across
         bisectors = across + np.roll(across, 1, axis=0)
         self.bisectors = bisectors / np.sqrt(dot(bisectors, bisectors))[:, None]
@@ -145,7 +147,7 @@ class SurfaceCertificate:
         ahead = (self.charts.knots[:, None] - self.corners) * self.bisectors
         at_corner = domain.incidence & np.roll(domain.incidence, 1, axis=1)
         self.ahead = np.where(at_corner, 0.0, ahead.sum(axis=2))
-        self.block = max(64, block_length(len(patch.knots)) // ARRAYS)
+        self.block = max(64, block_length(len(patch.knots)) // WORK_ARRAYS)
 
     def failing(self, u: FloatArray, points: FloatArray, tolerance: float) -> BoolArray:
         """Which triangles are not certified.
@@ -155,41 +157,41 @@ class SurfaceCertificate:
         u : (k, 3, 2) float
             Their corners in Δ.
         points : (k, 3, 3) float
-            Their corners in the mesh, nearly the surface's at u.
+            Their corners in the mesh, nearly the points of the surface at u.
         tolerance : float
         """
         charts = self.charts
         whole = triangles(u - charts.domain.center, points - self.middle)
         fails = np.zeros(len(u), dtype=bool)
         face, s = charts.located(u.reshape(-1, 2))
-        todo = Places(np.arange(len(u)), u, face.reshape(-1, 3), s.reshape(-1, 3, 2), np.full(len(u), CUTS))
-        for _ in range(CORNER_CUTS):
+        todo = Places(np.arange(len(u)), u, face.reshape(-1, 3), s.reshape(-1, 3, 2), np.full(len(u), MAX_CUTS))
+        for _ in range(MAX_CORNER_CUTS):
             number = charts.numbers(todo.face)
             left = [np.flatnonzero(number < 0)]
             for chart, rows in groups(number + 1):
                 for begin in range(0, len(rows) if chart else 0, self.block):
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
-                    here = todo[some]
+                    here = todo.at(some)
                     found, pieces, which = charts.covers(chart - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(chart - 1, pieces, here.owner[which], whole, tolerance, fails)
-            todo = todo[np.concatenate(left)]
+            todo = todo.at(np.concatenate(left))
             at_corner = todo.face.max(axis=1) > len(self.corners)
             fails[todo.owner[~at_corner & (todo.cuts == 0)]] = True
             open_ = ~fails[todo.owner]
             rows = np.flatnonzero(at_corner & open_)
-            open_[rows] = ~self._near_corner(todo[rows], whole[todo.owner[rows]], tolerance)
+            open_[rows] = ~self._near_corner(todo.at(rows), whole.at(todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
-            todo = todo[open_].quartered(charts, at_corner[open_])
+            todo = todo.at(open_).quartered(charts, at_corner[open_])
         fails[todo.owner] = True
         return fails
 
     def _near_corner(self, here: Places, whole: Triangles, tolerance: float) -> BoolArray:
-        """Whether the error is within the tolerance because all T but the corner's are small there.
+        """Whether the error is within the tolerance because all T_i but those of the corner's knots are small.
 
-        Σ T_i <a_i − v, m> = <u − v, m> with the bisector m of corner v: the knots share what u is ahead of v.
+        With the bisector m of corner v, Σ T_i <a_i − v, m> = <u − v, m>, which bounds each T_i.
         """
         result = np.zeros(len(here.owner), dtype=bool)
         values = self._residuals(whole)
@@ -202,7 +204,7 @@ class SurfaceCertificate:
             others = self.ahead[:, corner] > 0
             rate = (size[others][:, rows] / self.ahead[others, corner][:, None]).max(axis=0)
             result[rows] = (
-                rate * ahead + size[~others][:, rows].max(axis=0) + self._rounding(whole[rows], 0.0) <= tolerance
+                rate * ahead + size[~others][:, rows].max(axis=0) + self._rounding(whole.at(rows), 0.0) <= tolerance
             )
         return result
 
@@ -213,7 +215,7 @@ class SurfaceCertificate:
         return np.stack([self.points[:, axis, None] - images[axis] for axis in range(3)])
 
     def _rounding(self, whole: Triangles, exponent: FloatArray | float) -> FloatArray:
-        """(m,) what a bound may be too small by."""
+        """(m,) how much too small a bound may be."""
         count = len(self.points)
         extent = np.abs(self.points).max() + np.abs(whole.points).max(axis=(1, 2))
         return np.asarray(EPS * (8 * self.scale + (count + 16 + exponent) * extent))
@@ -221,29 +223,30 @@ class SurfaceCertificate:
     def _bound(
         self, number: int, pieces: Pieces, owner: IntArray, whole: Triangles, tolerance: float, fails: BoolArray
     ) -> None:
-        """Note which triangles fail; pieces that are not known well enough are cut in quarters."""
-        for quartering in range(QUARTERINGS + 1):
+        """Note which triangles fail; pieces of which too little is known are cut in quarters."""
+        for quartering in range(MAX_QUARTERINGS + 1):
             left, owners = [], []
             for begin in range(0, len(owner), self.block):
                 rows = np.arange(begin, min(begin + self.block, len(owner)))
                 rows = rows[~fails[owner[rows]]]
                 if not len(rows):
                     continue
-                far, open_ = self._compared(number, pieces[rows], whole[owner[rows]], tolerance)
+                far, open_ = self._compared(number, pieces.at(rows), whole.at(owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
-                left.append(pieces[rows[open_]])
+                left.append(pieces.at(rows[open_]))
                 owners.append(owner[rows[open_]])
             if not left:
                 return
             pieces, owner = joined(left), np.concatenate(owners)
-            if quartering == QUARTERINGS:
+            if quartering == MAX_QUARTERINGS:
                 break
             corners = np.einsum("qvc,mcd->mqvd", QUARTERS, pieces.corners).reshape(-1, 3, 2)
-            pieces, owner = replace(pieces[np.repeat(np.arange(len(owner)), 4)], corners=corners), np.repeat(owner, 4)
+            pieces = pieces.at(np.repeat(np.arange(len(owner)), 4))._replace(corners=corners)
+            owner = np.repeat(owner, 4)
         fails[owner] = True
 
     def _compared(self, number: int, pieces: Pieces, whole: Triangles, tolerance: float) -> tuple[BoolArray, BoolArray]:
-        """(m,) whether the triangle fails on a piece, and whether that is not known yet."""
+        """(m,) whether the triangle fails on each piece, and whether that is still open."""
         bounds = self.charts.charts[number].bounds(pieces)
         middle, radius = (bounds.upper + bounds.lower) / 2, (bounds.upper - bounds.lower) / 2
         least, most = bounds.lower.sum(axis=1), bounds.upper.sum(axis=1)
@@ -253,7 +256,7 @@ class SurfaceCertificate:
         errors = self._residuals(whole)
 
         def enclosed(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """(c, m) Σ T_i v_i times the common factor, and how far it may be off."""
+            """(c, m) Σ T_i v_i up to the common factor, and how far it may be off."""
             return np.einsum("nm,cnm->cm", values, middle), np.einsum("nm,cnm->cm", np.abs(values), radius)
 
         def component(direction: FloatArray) -> FloatArray:
@@ -271,8 +274,8 @@ class SurfaceCertificate:
         far, open_ = np.zeros(len(holds), dtype=bool), ~holds
         if not len(rows):
             return far, open_
-        # What is left, in the same words for fewer pieces.
-        middle, radius, errors, whole = middle[:, :, rows], radius[:, :, rows], errors[:, :, rows], whole[rows]
+        # The same for the pieces that are left.
+        middle, radius, errors, whole = middle[:, :, rows], radius[:, :, rows], errors[:, :, rows], whole.at(rows)
         least, most, rounding, slide, height = least[:, rows], most[:, rows], rounding[rows], slide[rows], height[rows]
         shares = barycentric(whole.u, self.charts.knots)
         inside, beside = [], np.zeros(len(rows), dtype=bool)
@@ -284,21 +287,21 @@ class SurfaceCertificate:
         lateral, lateral_doubts = np.zeros(len(rows)), np.zeros(len(rows))
         beyond, off, loose = [], [], []
         for k in range(3):
-            # Where λ ≥ 0, the error less a part of λ times the height is beyond the side no less than the point.
-            steep = shares[k] * np.minimum(whole.heights[:, k], STEEP * slide)
+            # Where λ ≥ 0, a point is beyond the side by no more than its error less a part of λ times the height.
+            steep = shares[k] * np.minimum(whole.heights[:, k], MAX_DEPTH_CREDIT * slide)
             outwards = component(whole.outwards[:, k])
             (out, doubt), (back, _) = enclosed(outwards - steep), enclosed(-outwards - steep)
             out, back = ((each + doubt) / np.where(each + doubt > 0, least, most) for each in (out, back))
             beyond.append(out.max(axis=0) + rounding)
-            # On the side itself the surface must not be far inwards, either.
-            inwards = np.where(inside[k] <= SLIVER, back.max(axis=0) + rounding, 0.0)
+            # On the side itself the surface must not lie far inside, either.
+            inwards = np.where(inside[k] <= SLIVER_RATIO, back.max(axis=0) + rounding, 0.0)
             off.append(np.maximum(np.maximum(beyond[k], inwards), 0.0))
             loose.append((doubt / least).max(axis=0))
         for k in range(3):
             lateral, lateral_doubts = np.maximum(lateral, off[k]), np.maximum(lateral_doubts, loose[k])
             for other in (k - 1, k - 2):
                 cosine = np.abs(whole.cosines[:, 3 - k - other % 3])
-                sine = np.sqrt(np.maximum(1 - cosine**2, SLIVER**2))
+                sine = np.sqrt(np.maximum(1 - cosine**2, SLIVER_RATIO**2))
                 over = np.maximum(beyond[other] + cosine * off[k], 0.0) / sine
                 counts = (off[k] > 0) & (over > 0)
                 lateral = np.where(counts, np.maximum(lateral, np.hypot(off[k], over)), lateral)
@@ -307,7 +310,7 @@ class SurfaceCertificate:
         lateral, lateral_doubts = np.where(line, slide, lateral), np.where(line, slide_doubts[rows], lateral_doubts)
         settled = (np.hypot(height, lateral) <= tolerance) | beside
         open_[rows[settled]] = False
-        certain = doubts[rows] + lateral_doubts <= SPENT * tolerance
-        far[rows] = ~settled & certain & (np.min(inside, axis=0) >= -SLIVER)
+        certain = doubts[rows] + lateral_doubts <= SPENT_SHARE * tolerance
+        far[rows] = ~settled & certain & (np.min(inside, axis=0) >= -SLIVER_RATIO)
         open_ &= ~far
         return far, open_

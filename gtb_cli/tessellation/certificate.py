@@ -1,20 +1,20 @@
-"""Bounds of the distance of a curve from its polyline, which hold for every point and not for samples only.
+"""Bounds of the distance between a curve and its polyline that hold for every point, not only for samples.
 
-In the torus coordinate s all exponents are linear, so that log T_i is concave in s, with the slope a_i − μ, and μ
-increases. What is known of a piece [α, β] at its ends therefore encloses T, μ and the derivatives of the curve on all
-of it: tangents of log T_i from both ends meet above it.
+In the torus coordinate s all exponents are linear. So log T_i is concave in s, with slope a_i − μ, and μ increases.
+Values at the ends of a piece [α, β] therefore bound T, μ and the derivatives of the curve on all of it: tangents of
+log T_i at both ends meet above it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
-from gtb_cli.certificates.surface import SurfaceCertificate
+from gtb_cli.certificates.surface import SPENT_SHARE, SurfaceCertificate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
@@ -22,14 +22,11 @@ from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.theory.patch import Patch
 
-SPENT_SHARE = 0.02
-"""Part of the tolerance: where a piece is known as well as that and still does not hold, its points are too far."""
+MAX_HALVINGS = 200
+"""Rounds after which pieces of curves that are still open fail; all but a few rounds halve them."""
 
-MAX_ROUNDS = 200
-"""Rounds after which pieces are given up; each but a few halves all that are left."""
-
-ROUNDS = 40
-"""Times that triangles are certified, and split where they are not, before it is given up."""
+MAX_ROUNDS = 40
+"""Times that triangles are certified, and split if that fails, before refinement gives up."""
 
 WORK_ARRAYS = 8
 """Arrays as large as T that are alive at once."""
@@ -52,7 +49,7 @@ class Certificates:
         self.surfaces: dict[int, SurfaceCertificate] = {}
 
     def failing(self, mesh: Subdivision, rows: IntArray, tolerance: float) -> IntArray:
-        """Cells, of some, that are not certain to be within the tolerance of their curves or surfaces."""
+        """Those of some cells that are not certain to be within the tolerance of their curves or surfaces."""
         if mesh.is_surface:
             return self._failing_triangles(mesh, rows, tolerance)
         new = np.arange(len(self.torus), len(mesh.points))
@@ -66,7 +63,7 @@ class Certificates:
             ends = []
             for vertex, u in zip(mesh.cells.cells[own].T, mesh.cells.corners[own].swapaxes(0, 1), strict=True):
                 s = self.torus.take(vertex)
-                # A vertex that is another curve's, too, has other coordinates on this one.
+                # A vertex shared with another curve has other coordinates on this one.
                 other = np.flatnonzero(mesh.patch[vertex] != index)
                 patch = np.full(len(other), index)
                 s[other] = _torus_coordinates(self.sampler, patch, u[other], np.zeros_like(patch))
@@ -82,7 +79,7 @@ class Certificates:
                 self.surfaces[index] = SurfaceCertificate(self.sampler.evaluated[index])
             fails[own] = self.surfaces[index].failing(mesh.cells.corners[rows[own]], points[own], tolerance)
         self.rounds += 1
-        if self.rounds > ROUNDS and fails.any():
+        if self.rounds > MAX_ROUNDS and fails.any():
             place = ", ".join(f"{x:.4g}" for x in points[fails.argmax()].mean(axis=0))
             raise ToleranceError(
                 f"tolerance: {tolerance:g} cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near "
@@ -102,14 +99,13 @@ def _torus_coordinates(sampler: Sampler, patch: IntArray, parameters: FloatArray
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Pieces of a curve between torus coordinates, infinite at its ends, and the chords they are compared with.
+class Pieces(NamedTuple):
+    """Pieces of a curve between torus coordinates, which are infinite at its ends.
 
     Attributes
     ----------
     row : (m,) int
-        Which of the chords.
+        The chord that each piece is compared with.
     start, end : (m,) float
         In units of the reciprocal of the size of Δ.
     """
@@ -118,20 +114,13 @@ class Pieces:
     start: FloatArray
     end: FloatArray
 
-    def __getitem__(self, rows: IntArray | BoolArray | slice) -> Pieces:
+    def at(self, rows: IntArray | BoolArray | slice) -> Pieces:
+        """Some of the pieces."""
         return Pieces(self.row[rows], self.start[rows], self.end[rows])
-
-    def cut(self, places: FloatArray) -> Pieces:
-        """Cut each in two."""
-        return Pieces(
-            np.concatenate([self.row, self.row]),
-            np.concatenate([self.start, places]),
-            np.concatenate([places, self.end]),
-        )
 
 
 class CurveCertificate:
-    """What encloses a curve.
+    """Proofs that segments are within a tolerance of a curve.
 
     Parameters
     ----------
@@ -140,13 +129,13 @@ class CurveCertificate:
 
     Notes
     -----
-    On a piece [α, β], P is within (β − α)²/8 · max |P''| of its chord, at the same fraction, with
-    ``P'' = Σ T_i (b_i − v)((a_i − μ)² − Var a)`` for any v. That is taken along and across the segment of the mesh:
-    distances across grow by no more, and along it the curve does not run beyond the ends of the piece where ``P'``
-    does not change its sign there. At an end of the curve, with δ the distance of the next knot and
-    η_i = |a_i − a_0| / δ, in z = exp(δ (s − β)) from 0 to 1 the curve is
-    ``P_0 + (z (P(β) − P_0) + Σ V_i (z^{η_i} − z)(b_i − P_0)) / D(z)``, V = T(β); D ≥ z where μ(β) is not beyond that
-    knot, and D ≥ V_0. Rounding is part of the bounds.
+    On a piece [α, β], P is within (β − α)²/8 · max |P''| of the point at the same fraction of its chord, with
+    ``P'' = Σ T_i (b_i − v)((a_i − μ)² − Var a)`` for any v. This is used along and across the segment of the mesh:
+    distances across grow by no more, and along it the curve does not run beyond the ends of the piece unless ``P'``
+    changes its sign. At an end of the curve let δ be the distance to the next knot and η_i = |a_i − a_0| / δ; in
+    z = exp(δ (s − β)), from 0 to 1, the curve is
+    ``P_0 + (z (P(β) − P_0) + Σ V_i (z^{η_i} − z)(b_i − P_0)) / D(z)`` with V = T(β); D ≥ z unless μ(β) is beyond that
+    knot, and D ≥ V_0. The bounds include rounding.
     """
 
     def __init__(self, patch: Patch) -> None:
@@ -168,36 +157,37 @@ class CurveCertificate:
         ends : two of (m,) float
             Torus coordinates of the ends of the pieces, −inf and inf at the ends of the curve.
         chords : two of (m, 3) float
-            Points, nearly those at the ends.
+            Their ends, nearly the points of the curve there.
         tolerance : float
         """
         start, end = (np.asarray(s) * self.size for s in ends)
         fails = np.zeros(len(start), dtype=bool)
         todo = Pieces(np.arange(len(start)), start, end)
         length = max(64, block_length(len(self.knots)) // WORK_ARRAYS)
-        for _ in range(MAX_ROUNDS):
-            todo = todo[~fails[todo.row]]
+        for _ in range(MAX_HALVINGS):
+            todo = todo.at(~fails[todo.row])
             if not len(todo.row):
                 return fails
             left = []
             for begin in range(0, len(todo.row), length):
-                block = todo[begin : begin + length]
+                block = todo.at(slice(begin, begin + length))
                 far, open_ = self._compared(block, chords, tolerance)
                 fails[block.row[far]] = True
-                left.append(block[open_])
-            todo = _joined(left)
-            todo = todo[~fails[todo.row]]
+                left.append(block.at(open_))
+            todo = Pieces(*map(np.concatenate, zip(*left, strict=True)))
+            todo = todo.at(~fails[todo.row])
             places = self._cuts(todo)
             stuck = (places <= todo.start) | (places >= todo.end)
             fails[todo.row[stuck]] = True
-            todo = todo[~stuck].cut(places[~stuck])
+            todo, places = todo.at(~stuck), places[~stuck]
+            todo = Pieces(np.tile(todo.row, 2), np.append(todo.start, places), np.append(places, todo.end))
         fails[todo.row] = True
         return fails
 
     def _cuts(self, pieces: Pieces) -> FloatArray:
-        """Where to cut pieces: tails nearer to the end of the curve, others in the middle."""
+        """Where to cut pieces: in the middle; those up to an end of the curve nearer to it."""
         start, end = pieces.start, pieces.end
-        with np.errstate(invalid="ignore"):  # of infinities of opposite signs
+        with np.errstate(invalid="ignore"):  # infinities of opposite signs
             places = (start + end) / 2
         for sign, near, far, reach, step in (
             (1.0, start, end, self._reach[0], self._steps[0]),
@@ -215,12 +205,12 @@ class CurveCertificate:
 
     @cached_property
     def _steps(self) -> list[float]:
-        """How much a tail is shortened: by a factor of 4 in z."""
+        """By how much a tail, a piece up to an end of the curve, is shortened: by a factor of 4 in z."""
         return [float(np.log(4.0) / gaps[gaps > 0].min()) for gaps in self._gaps]
 
     @cached_property
     def _reach(self) -> list[float]:
-        """Torus coordinates, less or more, from which on the knots at an end have most of T."""
+        """Torus coordinates beyond which the knots at the first, or last, end have most of T."""
         reach = []
         for side, sign in ((0, 1.0), (1, -1.0)):
             at = self.ends[side]
@@ -268,7 +258,7 @@ class CurveCertificate:
             + (len(self.knots) + 16) * max(np.abs(part).max() for part in relative)
         )
         seen = np.maximum(*(np.hypot(apart[k], beyond[k]) for k in (0, 1)))
-        # From the middle of the chord of the piece.
+        # Relative to the middle of the piece's chord.
         along = along - (x[0] + x[1]) / 2
         off = np.sqrt(sum((part - (y[0][k] + y[1][k]) / 2) ** 2 for k, part in enumerate(across)))
         off_across, off_along = self._inside(pieces, logs, shares, centred, along, off)
@@ -298,14 +288,14 @@ class CurveCertificate:
         along: FloatArray,
         off: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
-        """How far a piece may be from its chord, across and along the segment; infinite for tails."""
+        """How far a piece may be from its own chord, across and along the segment; infinite for tails."""
         width = pieces.end - pieces.start
         finite = np.isfinite(width)
         width = np.where(finite, width, 0.0)
-        # Tangents of log T_i at both ends, where they meet; it increases up to where a_i = μ.
+        # Where tangents of log T_i from both ends meet; it increases up to a_i = μ.
         rise, fall = np.maximum(centred[0], 0.0), np.maximum(-centred[1], 0.0)
         both = (rise > 0) & (fall > 0)
-        with np.errstate(invalid="ignore"):  # of tails
+        with np.errstate(invalid="ignore"):  # tails
             meet = (logs[1] - logs[0] + fall * width) / np.where(both, rise + fall, 1.0)
         peak = np.where(both, logs[0] + rise * np.clip(meet, 0.0, width), np.maximum(*logs))
         most = np.exp(np.clip(peak, UNDERFLOW_EXPONENT, 0.0))
@@ -328,7 +318,7 @@ class CurveCertificate:
     def _tail(
         self, side: int, shares: FloatArray, centred: FloatArray, along: FloatArray, off: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The same between an end of the curve and s: V, a_i − μ there; points relative to that end."""
+        """The same for a piece from an end of the curve to β: V, a_i − μ at β, and points relative to that end."""
         at, gaps = self.ends[side], self._gaps[side]
         least = gaps[gaps > 0].min()
         eta = np.maximum(gaps / least, 1.0)
@@ -336,7 +326,7 @@ class CurveCertificate:
             most = np.where(eta > 1, (eta - 1) * np.exp(-eta / (eta - 1) * np.log(eta)), 0.0)
         most[at] = 0.0
         first = np.flatnonzero(gaps == least)
-        room = -centred[first[0]] if side else centred[first[0]]  # of the next knot's place beyond μ
+        room = -centred[first[0]] if side else centred[first[0]]  # from μ to the next knot
         base = shares[at].sum(axis=0)
         bounds = [(shares * most[:, None] * np.abs(part)).sum(axis=0) / base for part in (off, along)]
         ahead = shares * along
@@ -352,7 +342,3 @@ class CurveCertificate:
             np.where(valid, bounds[0], np.inf),
             np.where(valid, np.where(steady, 0.0, bounds[1]), np.inf),
         )
-
-
-def _joined(parts: list[Pieces]) -> Pieces:
-    return Pieces(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "start", "end")))
