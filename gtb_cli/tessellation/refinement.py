@@ -161,7 +161,7 @@ class _Refinement:
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
         """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
         rows = np.repeat(rows, len(fractions))
-        edges = self.mesh.edges[rows]
+        edges = self.mesh.edges.at(rows)
         t = np.tile(fractions, len(rows) // len(fractions))[:, None]
         u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
         sample = self.sampler.points(edges.patch, u, edges.face, within)
@@ -187,7 +187,7 @@ class _Refinement:
 
     def refuse_hopeless(self, marked: BoolArray) -> None:
         """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
-        edges, why = self.mesh.edges[np.flatnonzero(marked)], ""
+        edges, why = self.mesh.edges.at(np.flatnonzero(marked)), ""
         needed, foreseen, allowed = 0.0, 0.0, float(self.max_cells)
         if len(self.mesh) > max(FORECAST_CELLS, 2 * self.estimated):
             self.estimated = len(self.mesh)
@@ -333,7 +333,7 @@ class _Refinement:
 
     def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
         """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are in doubt."""
-        cells = self.mesh.cells[rows]
+        cells = self.mesh.cells.at(rows)
         sides = self.mesh.sides_of(rows)
         if steps <= LATTICE:
             sides = sides[np.isnan(self.roughness[sides])]
@@ -383,11 +383,11 @@ class _Refinement:
 
     def sample_peaks(self, sides: IntArray) -> None:
         """Note how far edges are from their curves where these may have peaks, and how near samples must be."""
-        edges = self.mesh.edges[sides]
+        edges = self.mesh.edges.at(sides)
         speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
         self.nearby = PLACE_SHARE * self.tolerance / speed if speed > 0 else 0.0
         rows, u = self.mesh.peaks_along(sides)
-        edges = self.mesh.edges[rows]
+        edges = self.mesh.edges.at(rows)
         sample = self.sampler.points(edges.patch, u, edges.face)
         np.maximum.at(self.error, rows, to_segments(sample, *self.mesh.ends(rows)))
 

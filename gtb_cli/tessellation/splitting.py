@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -35,8 +34,7 @@ class Growth:
         return room[:length]
 
 
-@dataclass(frozen=True, eq=False)
-class Edges:
+class Edges(NamedTuple):
     """Sides of cells; `face` is the number of the face of Δ that holds the middle."""
 
     ends: IntArray
@@ -44,21 +42,18 @@ class Edges:
     parameters: FloatArray
     face: IntArray
 
-    def __getitem__(self, rows: IntArray) -> Edges:
-        return Edges(
-            self.ends.take(rows, axis=0),
-            self.patch.take(rows),
-            self.parameters.take(rows, axis=0),
-            self.face.take(rows),
-        )
+    def at(self, rows: IntArray) -> Edges:
+        """Some of the edges."""
+        columns: list[Any] = [column.take(rows, axis=0) for column in self]
+        return Edges(*columns)
 
     def followed_by(self, growth: Growth, *others: Edges) -> Edges:
         """Append others to these."""
-
-        def column(name: str) -> NDArray[Any]:
-            return growth.append(f"edges.{name}", getattr(self, name), *(getattr(edges, name) for edges in others))
-
-        return Edges(column("ends"), column("patch"), column("parameters"), column("face"))
+        columns: list[Any] = [
+            growth.append(f"edges.{name}", column, *more)
+            for name, column, *more in zip(self._fields, self, *others, strict=True)
+        ]
+        return Edges(*columns)
 
     @property
     def middles(self) -> FloatArray:
@@ -72,8 +67,7 @@ class Edges:
         return np.maximum(width[:, 0], width[:, -1])
 
 
-@dataclass(frozen=True, eq=False)
-class Cells:
+class Cells(NamedTuple):
     """Cells with their sides: side i runs from vertex i to the next."""
 
     cells: IntArray
@@ -81,24 +75,19 @@ class Cells:
     corners: FloatArray
     patch: IntArray
 
-    def __getitem__(self, rows: IntArray) -> Cells:
-        return Cells(
-            self.cells.take(rows, axis=0),
-            self.sides.take(rows, axis=0),
-            self.corners.take(rows, axis=0),
-            self.patch.take(rows),
-        )
+    def at(self, rows: IntArray) -> Cells:
+        """Some of the cells."""
+        columns: list[Any] = [column.take(rows, axis=0) for column in self]
+        return Cells(*columns)
 
     def replaced(self, growth: Growth, rows: IntArray, pieces: Sequence[Cells]) -> Cells:
         """Put pieces in the places of the given cells, and those that are left at the end."""
-
-        def column(name: str) -> NDArray[Any]:
-            new = np.concatenate([getattr(piece, name) for piece in pieces])
-            column = growth.append(f"cells.{name}", getattr(self, name), new[len(rows) :])
-            column[rows] = new[: len(rows)]
-            return column
-
-        return Cells(column("cells"), column("sides"), column("corners"), column("patch"))
+        columns: list[Any] = []
+        for name, column, *parts in zip(self._fields, self, *pieces, strict=True):
+            new = np.concatenate(parts)
+            columns.append(growth.append(f"cells.{name}", column, new[len(rows) :]))
+            columns[-1][rows] = new[: len(rows)]
+        return Cells(*columns)
 
 
 class _Cut(NamedTuple):
@@ -169,9 +158,9 @@ def _cuts(whole: Cells, points: FloatArray, vertex: IntArray) -> list[tuple[Cell
     is_longer = dot(usual, usual) > TIE_RATIO * dot(other, other)
     return [
         (_turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0),
-        (pair[np.flatnonzero(~is_longer)], _SIDES_0_1),
-        (pair[np.flatnonzero(is_longer)], _SIDES_0_1_OTHER_DIAGONAL),
-        (whole[three], _ALL_SIDES),
+        (pair.at(np.flatnonzero(~is_longer)), _SIDES_0_1),
+        (pair.at(np.flatnonzero(is_longer)), _SIDES_0_1_OTHER_DIAGONAL),
+        (whole.at(three), _ALL_SIDES),
     ]
 
 

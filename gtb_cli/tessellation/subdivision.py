@@ -98,7 +98,7 @@ class Subdivision:
         New edges come after all others: first the halves of those that were split, then those inside cells.
         """
         count = len(self.edges.ends)
-        old = self.edges[chosen]
+        old = self.edges.at(chosen)
         vertex = np.full(count, -1)
         vertex[chosen] = len(self.points) + np.arange(len(chosen))
         child = np.full((count, 2), -1)
@@ -119,7 +119,7 @@ class Subdivision:
         ]
         self.edges = self.edges.followed_by(self.growth, *halves)
         rows = np.flatnonzero(self.has_mark(vertex >= 0))
-        pieces, made = divide(self.cells[rows], self.edges, self.points, vertex, child)
+        pieces, made = divide(self.cells.at(rows), self.edges, self.points, vertex, child)
         if made:
             self.edges = self.edges.followed_by(self.growth, *made)
         before = len(self)
@@ -148,7 +148,7 @@ class Subdivision:
     def result(self) -> Complex:
         """The complex; cells ordered by patch, else in the order in which they were made."""
         order = np.argsort(self.cells.patch, kind="stable")
-        cells = self.cells[order]
+        cells = self.cells.at(order)
         return Complex(self.patch, self.parameters, self.face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
