@@ -17,7 +17,7 @@ from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
 from gtb_cli.sequences.separation import Separation
 from gtb_cli.tessellation.complex import Complex, Sampler
-from gtb_cli.tessellation.lattice import POINTS_IN_ALL
+from gtb_cli.tessellation.lattice import MIN_SAMPLES
 from gtb_cli.tessellation.refinement import refine
 
 FILM_ACCURACY = 0.25
@@ -55,7 +55,7 @@ class Accuracy:
 
     chord_error: float
     cells: int
-    points_in_all: int = POINTS_IN_ALL
+    points_in_all: int = MIN_SAMPLES
     relative: float = 5e-4
 
 

@@ -1,4 +1,4 @@
-"""Flat patches, inside which a parameter may slide out of its cell: what their meshes must hold instead."""
+"""Flat patches, inside which points may slide out of their cells: what their meshes must hold instead."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.tessellation.complex import Sampler
-from gtb_cli.tessellation.lattice import CENTROID, LATTICE, lattice
+from gtb_cli.tessellation.lattice import inner_points
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch
 
 FOLD_AREA_FRACTION = 1e-9
-"""Part of the largest triangle's area by which another one of a flat patch may be turned over, by rounding."""
+"""Part of the largest triangle's area below which a triangle of a flat patch may be turned over by rounding."""
 
 
 def is_flat(patch: Patch, tolerance: float) -> bool:
@@ -22,14 +22,14 @@ def is_flat(patch: Patch, tolerance: float) -> bool:
 
 
 def turned_over(corners: FloatArray) -> BoolArray:
-    """(k,) which of the (k, 3, 3) triangles of a plane look to the other side than the whole."""
+    """(k,) whether (k, 3, 3) triangles in a plane face away from most of the area."""
     area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     turn = area @ area.sum(axis=0)
     return np.asarray(turn < -FOLD_AREA_FRACTION * turn.max())
 
 
 def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: float) -> IntArray:
-    """Which points are farther than the tolerance from all triangles; each has its own, which is tried first."""
+    """Points that are farther than the tolerance from all triangles; each point's own triangle is tried first."""
     nearest = NearestCells(corners)
     distance = nearest.distances(points, own)
     far = np.flatnonzero(distance > tolerance)
@@ -41,9 +41,10 @@ def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: 
 def folded_or_uncovered(
     mesh: Subdivision, rows: IntArray, steps_at: IntArray, sampler: Sampler, within: float, tolerance: float
 ) -> BoolArray:
-    """Which cells of a flat patch, all given, are turned over, or have samples beyond the tolerance from all.
+    """(k,) whether a cell of a flat patch is turned over, or has samples farther than the tolerance from all cells.
 
-    Sampled on lattices of the given steps, at places that may be off by `within` as of `Sampler.points`.
+    All k cells of the patch are given, and sampled on lattices of the given steps; `within` is that of
+    `Sampler.points`.
     """
     corners = np.stack(mesh.corners(rows), axis=1)
     failing = turned_over(corners)
@@ -52,7 +53,7 @@ def folded_or_uncovered(
     places, owners = [], []
     for steps in np.unique(steps_at).tolist():
         part = np.flatnonzero(steps_at == steps)
-        weights = lattice(steps if steps > LATTICE else CENTROID)
+        weights = inner_points(steps)
         places.append(np.einsum("wc,kcd->kwd", weights, mesh.cells.corners[rows[part]]).reshape(-1, 2))
         owners.append(np.repeat(part, len(weights)))
     u, own = np.concatenate(places), np.concatenate(owners)

@@ -1,9 +1,9 @@
 """Refinement of a complex until the surface is within a tolerance of the mesh.
 
-Edges carry the state: each is sampled once, when it is made, and is split in the middle if the surface leaves it by
-more than the tolerance. Both cells beside an edge see the same decision, so that no vertex hangs. When all edges
-hold, segments of curves are certified; every triangle that was not sampled yet is sampled densely, and those that fail
-have their worst edge split. Triangles are certified last, where that is asked for.
+Edges carry the state: each is sampled once, when it is made, and split in the middle if the surface is farther from it
+than the tolerance. Both cells beside an edge see the same decision, so there are no hanging vertices. When all edges
+hold, segments of curves are certified, and triangles that were not sampled yet are sampled densely; the worst edge of
+each that fails is split. Triangles are certified last, if that is asked for.
 """
 
 from __future__ import annotations
@@ -20,52 +20,49 @@ from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
-from gtb_cli.tessellation.forecast import DOUBTFUL, FORESEEN, WORTH_TRIALS, cells_foreseen, cells_needed
-from gtb_cli.tessellation.lattice import BULGES, CENTROID, LATTICE, POINTS_IN_ALL, lattice, quadratic_heights, steps_for
+from gtb_cli.tessellation.forecast import Forecast
+from gtb_cli.tessellation.lattice import (
+    BULGE_FACTORS,
+    MIN_SAMPLES,
+    SIDE_STEPS,
+    inner_points,
+    quadratic_heights,
+    steps_for,
+)
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
 MIN_TOLERANCE_ROUNDINGS = 64
-"""A tolerance below this many roundings of the largest coordinate cannot be verified and is refused."""
+"""A tolerance of fewer roundings of the largest coordinate cannot be verified and is refused."""
 
 MIN_EDGE = 1e-13
-"""Edges are not split below this fraction of the domain's size: their ends' parameters are too few roundings apart."""
+"""Fraction of the domain's size below which edges are not split: their ends are too few roundings apart."""
 
 SAMPLE_SHARE = 0.9
-"""Part of the tolerance that samples may use up: between them, near creases, the surface was seen 6 % farther away."""
+"""Part of the tolerance that samples may use up: between samples near creases, distances up to 6 % larger were seen."""
 
 THIN_HEIGHT = 0.01
-"""Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin."""
+"""Height of a triangle in Δ over its longest side, in units of the smallest such ratio at the start, that is thin."""
 
 QUADRATIC_SHARE = 0.1
-"""Part of the tolerance by which samples may differ from a quadratic surface's before a finer lattice is used."""
+"""Part of the tolerance by which samples may differ from a quadratic surface before a finer lattice is used."""
 
 QUARTER_SHARE = 0.02
-"""The same at one quarter of an edge, before the other one is sampled, too."""
+"""The same at one quarter of an edge, before the other quarter is sampled, too."""
 
 MAX_SLIDE = 0.1
-"""Part of an edge by which its curve may run ahead along it; else it may turn back beyond the other end."""
+"""Part of an edge by which its curve may run ahead along it; one that runs farther may overshoot the other end."""
 
 BUMP_FACTOR = 5.0
-"""How many times higher than that difference a bump between the samples may be: 4 was seen, across creases."""
+"""How many times the difference from a quadratic surface a bump between samples may be: 4 was seen, across creases."""
 
 FINE_LATTICE_STEPS = 12
 
 PLACE_SHARE = 0.01
-"""Part of the tolerance by which a sample may be beside the place it is asked for: it is found sooner."""
+"""Part of the tolerance by which a sample may be off along the surface: it is found sooner."""
 
 MAX_FOLD_SPLITS = 256
-"""How many cells of a flat patch that are turned over or leave samples out are split before all its edges count."""
-
-FORECAST_CELLS = 1000
-"""Cells from which on it is estimated how many there will be."""
-
-FORECAST_FACTOR = 2.0
-"""How many times the cells that are allowed they must be, so that it is given up. On eight specs, between 1,000 cells
-and the last one, 0.6 to 1.0 times as many as there came to be were foreseen."""
-
-FORECAST_SHARE = 1 / 16
-"""Part of the cells that there will be, from which on FORECAST_FACTOR is not asked for: spikes have shown by then."""
+"""Cells of a flat patch, turned over or leaving samples out, that are split before all its edges count."""
 
 
 def refine(
@@ -73,7 +70,7 @@ def refine(
     sampler: Sampler,
     tolerance: float,
     max_cells: int,
-    points_in_all: int = POINTS_IN_ALL,
+    points_in_all: int = MIN_SAMPLES,
     certify: bool = False,
 ) -> tuple[Complex, FloatArray]:
     """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
@@ -83,14 +80,15 @@ def refine(
     start : Complex
         Simplicial.
     sampler : Sampler
-        One of linear parameters: toric ones are too close to tell apart where exponents are small, so that points of
-        the surface would be left out.
+        In the linear parametrisation: toric parameters are too close to tell apart where exponents are small, and
+        parts of the surface would be left out.
     tolerance : float
         Largest distance from the surface to the mesh, in model units.
     max_cells : int
     points_in_all : int
-        Where cells are few, they are sampled at about so many points together.
-    certify : bool, every point of a surface, too
+        If cells are few, they are sampled at about so many points together.
+    certify : bool
+        Whether every point of a surface must be within the tolerance, not only every sample.
 
     Returns
     -------
@@ -105,8 +103,9 @@ def refine(
 
     Notes
     -----
-    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at quarters of sides, in their
-    middles, and at and between knots; where a quadratic surface would differ, on `FINE_LATTICE_STEPS` steps.
+    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at the quarters of their sides,
+    at their centroids, and at and between knots; if the samples differ from a quadratic surface, on a lattice of
+    `FINE_LATTICE_STEPS` steps.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
     while (marked := work.marks()).any():
@@ -132,16 +131,16 @@ class _Refinement:
         self.mesh = Subdivision(start, points, sampler.patches, THIN_HEIGHT)
         self.growth = Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
-        # Inside flat patches a parameter may slide out of its cell: that is not an error of the mesh.
+        # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([not certify and patch.dimension == 2 and is_flat(patch, tolerance)
                               for patch in sampler.evaluated])  # fmt: skip
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
-        self.nearby, self.estimated, self.tried = 0.0, 0, False
+        self.nearby, self.forecast = 0.0, Forecast(max_cells, self.count)
         self.certificates = Certificates(sampler)
         self.verified = np.zeros(len(start.cells), dtype=bool)
         self.certify, self.certified = certify, np.full(len(start.cells), not certify)
-        # For each edge its curve's middle, how far this is from it, the farthest sample (0 where the edge is split
-        # and gone), and how far samples are from a parabola's.
+        # For each edge the middle of its curve, the distance of this from the edge and that of the farthest sample (0
+        # for edges that were split), and how far samples are from a parabola.
         self.middle = np.empty((0, 3))
         self.bend, self.error, self.roughness = np.empty(0), np.empty(0), np.empty(0)
         self.measure()
@@ -159,7 +158,7 @@ class _Refinement:
         self.roughness = self.growth.append("roughness", self.roughness, np.full(len(new), np.nan))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
-        """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
+        """(e, f, 3) points at fractions of the curves of some edges, and their (e, f) distances from the edges."""
         rows = np.repeat(rows, len(fractions))
         edges = self.mesh.edges.at(rows)
         t = np.tile(fractions, len(rows) // len(fractions))[:, None]
@@ -186,26 +185,17 @@ class _Refinement:
         self.bulging[changed] = self.bulge(changed) > self.tolerance
 
     def refuse_hopeless(self, marked: BoolArray) -> None:
-        """Raise `ToleranceError` where splitting edges will not do, or make too many cells."""
-        edges, why = self.mesh.edges.at(np.flatnonzero(marked)), ""
-        needed, foreseen, allowed = 0.0, 0.0, float(self.max_cells)
-        if len(self.mesh) > max(FORECAST_CELLS, 2 * self.estimated):
-            self.estimated = len(self.mesh)
-            needed = cells_needed(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
-            allowed *= 1.0 if len(self.mesh) > FORECAST_SHARE * needed else FORECAST_FACTOR
-            doubtful = self.max_cells >= WORTH_TRIALS and DOUBTFUL * self.max_cells < needed <= allowed
-            if doubtful and not self.tried and self.mesh.is_surface:
-                self.tried = True
-                foreseen = cells_foreseen(self.count)
-        # Each side that is split makes one cell more of the cell.
+        """Raise `ToleranceError` if splitting the marked edges cannot help, or leads to too many cells."""
+        # Each split side adds one cell.
         count = len(self.mesh) + sum(int(np.count_nonzero(marked.take(side))) for side in self.mesh.cells.sides.T)
-        kind = "faces" if self.mesh.is_surface else "segments"
+        kind, why, excess = "faces" if self.mesh.is_surface else "segments", "", ""
+        if count <= self.max_cells and self.forecast.is_due(len(self.mesh)):
+            excess = self.forecast.excess(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
+        edges = self.mesh.edges.at(np.flatnonzero(marked))
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
-        elif needed > allowed:
-            why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
-        elif foreseen > FORESEEN * self.max_cells:
-            why = f"needs about {foreseen:.2g} {kind}, more than {self.max_cells}"
+        elif excess:
+            why = f"needs about {excess} {kind}, more than {self.max_cells}"
         elif (edges.widths < MIN_EDGE * self.sizes.take(edges.patch)).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
@@ -214,12 +204,12 @@ class _Refinement:
             )
 
     def count(self, factor: int) -> int:
-        """How many cells there are with a larger tolerance."""
+        """How many cells a tolerance takes that is larger by a factor."""
         tried, _ = refine(self.start, self.sampler, factor * self.asked, self.max_cells, self.points_in_all)
         return len(tried.cells)
 
     def marks(self) -> BoolArray:
-        """(e,) which edges are to be split: by what is known of them, or else by sampling cells not verified yet."""
+        """(e,) which edges must be split: by what is known of them, or else after sampling cells not verified yet."""
         while True:
             marked = self.error > self.tolerance
             self.mark_worst(marked, np.flatnonzero(self.bulging))
@@ -238,14 +228,14 @@ class _Refinement:
             self.mark_worst(marked, failing)
             self.verified[bent] = True
             self.verified[failing] = self.verified[doubtful] = False
-            # Flat patches wait until the others hold.
+            # Flat patches wait until all others hold.
             if len(flat) and not marked.any():
                 marked = self.flat_marks(flat)
             if marked.any():
                 return marked
 
     def mark_uncertified(self, marked: BoolArray) -> BoolArray:
-        """Mark the worst edge of triangles that are to be certified and are not, where nothing else is marked."""
+        """If nothing is marked, mark the worst edge of triangles that must be certified and cannot be."""
         todo = np.flatnonzero(~self.certified & (not marked.any()))
         failing = self.certificates.failing(self.mesh, todo, self.asked) if len(todo) else todo
         self.certified[todo] = ~np.isin(todo, failing)
@@ -253,17 +243,17 @@ class _Refinement:
         return marked
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
-        """Mark the edge that is farthest from the surface, of cells that fail with no edge marked yet."""
+        """Mark the edge that is farthest from the surface in each cell that fails and has no marked edge yet."""
         sides = self.mesh.cells.sides.take(failing[~self.mesh.has_mark(marked, failing)], axis=0)
         length = self.mesh.lengths(sides)
-        # Where no edge is off, the longest: errors then are rounding.
+        # If all edges hold, the longest: errors are then rounding.
         rank = np.where(self.error[sides] > 0.05 * self.tolerance, self.error[sides], 0.0) + 1e-6 * self.tolerance * (
             length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
         )
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
     def heights(self, rows: IntArray, corners: Sequence[FloatArray]) -> FloatArray:
-        """(3, k) heights of the sides' middles over some triangles, whose corners are given."""
+        """(3, k) heights of the middles of the sides' curves over some triangles, whose corners are given."""
         normal = cross(corners[1] - corners[0], corners[2] - corners[0])
         length = np.sqrt(dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
@@ -272,16 +262,16 @@ class _Refinement:
         return np.stack([dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
-        """Largest height over some cells of the quadratic surface through their corners and their sides' middles."""
+        """Largest heights over some cells of the quadratic surfaces through their corners and the middles of sides."""
         if not self.mesh.is_surface:
             return np.zeros(len(rows))
-        return np.asarray(np.abs(BULGES @ self.heights(rows, self.mesh.corners(rows))).max(axis=0))
+        return np.asarray(np.abs(BULGE_FACTORS @ self.heights(rows, self.mesh.corners(rows))).max(axis=0))
 
     def sampled(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
-        """Sample cells on lattices of the given steps; which cells fail, and which are in doubt.
+        """Sample cells on lattices of the given steps: which of them fail, and which are doubtful.
 
-        Doubtful cells hold, but not because the surface is quadratic there. Where nothing else is left to split, they
-        are sampled on a finer lattice.
+        Doubtful cells hold, but the surface is not quadratic there. If nothing else is left to split, they are sampled
+        on a finer lattice.
         """
         fails, doubts = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
         for steps in np.unique(steps_at).tolist():
@@ -296,16 +286,16 @@ class _Refinement:
         return rows[fails], rows[doubts]
 
     def steps_at(self, rows: IntArray) -> IntArray:
-        """(k,) steps of the lattices of some cells."""
+        """(k,) steps of the lattices on which some cells are sampled."""
         corners = np.moveaxis(self.mesh.cells.corners.take(rows, axis=0), 1, 0)
         extent = reduce(np.maximum, corners) - reduce(np.minimum, corners)
         width = np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows])
         return steps_for(width, self.points_in_all)
 
     def flat_marks(self, todo: IntArray) -> BoolArray:
-        """(e,) which edges of flat patches are to be split: on their boundaries, or else where the mesh folds.
+        """(e,) which edges of flat patches must be split: on boundaries first, then where the mesh folds or has gaps.
 
-        Or where it does not cover the surface. A patch on which that happens again and again is refined like others.
+        A patch on which that happens again and again is refined like others.
         """
         sides = self.mesh.sides_of(todo)
         self.sample_sides(sides[self.mesh.edges.face[sides] > 0], np.arange(1, FINE_LATTICE_STEPS) / FINE_LATTICE_STEPS)
@@ -332,10 +322,10 @@ class _Refinement:
         return marked
 
     def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
-        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are in doubt."""
+        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are doubtful."""
         cells = self.mesh.cells.at(rows)
         sides = self.mesh.sides_of(rows)
-        if steps <= LATTICE:
+        if steps <= SIDE_STEPS:
             sides = sides[np.isnan(self.roughness[sides])]
             quarter = self.sample_sides(sides, np.array([0.25]))
             sides = sides[(self.roughness[sides] > QUARTER_SHARE * self.tolerance) | self.slides(sides, quarter[:, 0])]
@@ -345,7 +335,7 @@ class _Refinement:
         fails = np.zeros(len(rows), dtype=bool)
         rough = reduce(np.maximum, [self.roughness.take(side) for side in cells.sides.T])
         seen = reduce(np.maximum, [self.error.take(side) for side in cells.sides.T])
-        weights = lattice(steps if steps > LATTICE else CENTROID)
+        weights = inner_points(steps)
         expected_of = quadratic_heights(weights)
         length = max(1, 200_000 // len(weights))
         for begin in range(0, len(rows), length):
@@ -360,29 +350,27 @@ class _Refinement:
         return fails, (rough > QUADRATIC_SHARE * self.tolerance) & (seen + BUMP_FACTOR * rough > self.tolerance)
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
-        """Whether points at the quarter or in the middle of edges are not nearly there along the chords, either."""
+        """Whether the quarters or middles of the curves of edges are far from those of the edges, along these."""
         start, end = self.mesh.ends(rows)
         chord = end - start
         square = dot(chord, chord)
-        places = [
-            (dot(point - start, chord), at) for point, at in ((quarter, 0.25), (self.middle.take(rows, axis=0), 0.5))
-        ]
-        slides = [np.abs(along - at * square) > MAX_SLIDE * square for along, at in places]
-        return np.asarray(np.logical_or.reduce(slides))
+        points = ((quarter, 0.25), (self.middle.take(rows, axis=0), 0.5))
+        slides = [np.abs(dot(point - start, chord) - at * square) for point, at in points]
+        return np.asarray(np.maximum(*slides) > MAX_SLIDE * square)
 
     def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
-        """(e, f, 3) points of edges at fractions, quarters among them; how far and how rough they are is noted."""
+        """(e, f, 3) points of edges at fractions, quarters among them; notes how far and how rough they are."""
         if not len(rows):
             return np.empty((0, len(fractions), 3))
         samples, distance = self.along(rows, fractions, self.nearby)
-        # A parabola is three quarters as far from its chord at the quarters as in the middle.
+        # At its quarters a parabola is three quarters as far from its chord as in the middle.
         off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * self.bend[rows, None]).max(axis=1)
         self.roughness[rows] = np.fmax(self.roughness[rows], off)
         self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
         return samples
 
     def sample_peaks(self, sides: IntArray) -> None:
-        """Note how far edges are from their curves where these may have peaks, and how near samples must be."""
+        """Note how far the curves of edges are from them at possible peaks, and how near samples must be."""
         edges = self.mesh.edges.at(sides)
         speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
         self.nearby = PLACE_SHARE * self.tolerance / speed if speed > 0 else 0.0
