@@ -59,15 +59,12 @@ class Forecast:
         ratio = 1.0 if self.estimated > TRUSTED_SHARE * needed else ESTIMATE_RATIO
         if needed > ratio * self.max_cells:
             return f"{needed:.1g}"
-        if (
-            sides == 3
-            and not self.tried
-            and self.max_cells >= WORTH_TRIALS
-            and needed > DOUBTFUL_SHARE * self.max_cells
-        ):
+        is_doubtful = needed > DOUBTFUL_SHARE * self.max_cells and self.max_cells >= WORTH_TRIALS
+        if sides == 3 and is_doubtful and not self.tried:
             self.tried = True
             foreseen = cells_foreseen(self.count)
-            return f"{foreseen:.2g}" if foreseen > TRIAL_RATIO * self.max_cells else ""
+            if foreseen > TRIAL_RATIO * self.max_cells:
+                return f"{foreseen:.2g}"
         return ""
 
 
