@@ -15,8 +15,8 @@ SHORTEST_SEGMENT = 1024
 """Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped."""
 
 MIN_TANGENT_COSINE = 0.5
-"""Least cosine of the angle between a tangent and the adjacent segments: below it the mesh is too coarse for the
-tangent, and the segments' directions are used."""
+"""Least cosine of the angle between a tangent and the adjacent segments, where no other is asked for: below it the mesh
+is too coarse for the tangent, and the segments' directions are used."""
 
 CLOSING_GAP = 1e-9
 """Largest distance between the ends of a closed polyline, as a fraction of its extent."""
@@ -45,8 +45,10 @@ class Path:
     closed: bool
 
 
-def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
-    """Yield the paths of a mesh of segments. Their directions are the tangents (k, 2, 3) where these make sense.
+def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = MIN_TANGENT_COSINE) -> Iterator[Path]:
+    """Yield the paths of a mesh of segments.
+
+    Their directions are the tangents (k, 2, 3) where the angle with the segment has at least this cosine.
 
     Raises
     ------
@@ -74,7 +76,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None) -> Iterator[Path]:
             given = tangents[segments]
             given = np.where(backwards[long, None, None], -given[:, ::-1], given)
             along = np.einsum("sij,sj->si", given, chords)
-            directions = np.where((along > MIN_TANGENT_COSINE)[:, :, None], given, directions)
+            directions = np.where((along > least_cosine)[:, :, None], given, directions)
         # Two segments that end where they begin are not a ring: they lead there and back.
         closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
         yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)

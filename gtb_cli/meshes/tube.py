@@ -1,7 +1,8 @@
 """Tubes: a circle swept along a polyline, so that a curve can be printed.
 
 Rings of vertices lie in planes across the curve, and a rotation-minimising frame says where each ring begins, so that
-the tube has no twist. If the direction changes at a vertex, its ring lies in the mitre plane, halfway between the two.
+the tube has no twist. If the direction changes at a vertex, its ring lies in the mitre plane, halfway between the two;
+a sharp turn has several rings, like a fan.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.paths import SHORTEST_SEGMENT, Path, paths
+from gtb_cli.meshes.paths import MIN_TANGENT_COSINE, SHORTEST_SEGMENT, Path, paths
 from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
@@ -48,8 +49,8 @@ def tube(
     sides : int, optional
         Vertices of each ring, at least 3.
     tolerance : float, optional
-        Largest distance between the circle and its polygon, instead of `sides`. Without either, a ring has `RING_SIDES`
-        sides.
+        Largest distance between the circle and its polygon, instead of `sides`; and between the tube and points at
+        `radius` from the polyline, by tangents and mitres. Without either, a ring has `RING_SIDES` sides.
     tangents : (k, 2, 3) float, optional
         Unit tangents of the curve at both ends of each segment, as `curve_tangents` returns them; NaN where undefined.
         Without them, the directions of the segments are used.
@@ -73,7 +74,9 @@ def tube(
     Notes
     -----
     A turn at a vertex is mitred, and a turn of more than 90° is mitred in two steps, so that no vertex is farther than
-    √2 radii from the curve. The frame comes from double reflection; its error is of fourth order in the length of
+    √2 radii from the curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction
+    of a segment replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold
+    it. The frame comes from double reflection; its error is of fourth order in the length of
     segments. The frame of a closed tube misses itself by an angle; this angle, less whole sides, is spread over the
     length. If the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`. Vertices on
     the rim of a cap have the normals of the tube.
@@ -86,16 +89,16 @@ def tube(
     count = ring_size(radius, tolerance) if sides is None else sides
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 3:
         raise DomainError(f"sides: expected a whole number of at least 3, got {sides!r}")
-    triangles = 2 * int(count) * len(mesh.cells)
-    if triangles > max_faces:
-        raise ToleranceError(
-            f"the tube would have {triangles} faces, {count} around and {len(mesh.cells)} along, more than {max_faces}"
-        )
+    _refuse_too_many(len(mesh.cells), int(count), max_faces)
+    planned = [
+        (path, _sections(path, radius, tolerance)) for path in paths(mesh, tangents, least_cosine(radius, tolerance))
+    ]
+    _refuse_too_many(sum(len(sections.at) - (not path.closed) for path, sections in planned), int(count), max_faces)
     vertices, normals, owners, cells = [], [], [], []
     groups: list[tuple[str, int, int]] = []
     first = made = 0
-    for path in paths(mesh, tangents):
-        sweep = _sweep(path, radius, int(count))
+    for path, sections in planned:
+        sweep = _sweep(path, sections, radius, int(count))
         vertices.append(sweep.vertices)
         normals.append(sweep.normals)
         owners.append(sweep.owners)
@@ -125,7 +128,14 @@ def ring_size(radius: float, tolerance: float | None = None) -> int:
     return max(3, math.ceil(math.pi / (2 * half) * (1 - 4 * EPS)))
 
 
-def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = None) -> IntArray:
+def least_cosine(radius: float, tolerance: float | None) -> float:
+    """Least cosine of the angle of tangents with segments, so that a tube is not thinner than the tolerance."""
+    return MIN_TANGENT_COSINE if tolerance is None else max(MIN_TANGENT_COSINE, 1 - tolerance / radius)
+
+
+def folded_segments(
+    mesh: Mesh, radius: float, *, tolerance: float | None = None, tangents: FloatArray | None = None
+) -> IntArray:
     """Segments beside which a tube runs backwards, because the radius of curvature is less than `radius`.
 
     Parameters are those of `tube`. Distant parts of a tube that meet are not found.
@@ -137,8 +147,8 @@ def folded_segments(mesh: Mesh, radius: float, *, tangents: FloatArray | None = 
     """
     _check(mesh, radius, tangents)
     found = [np.empty(0, dtype=np.int64)]
-    for path in paths(mesh, tangents):
-        found.append(path.segments[_sweep(path, radius, RING_SIDES).folded])
+    for path in paths(mesh, tangents, least_cosine(radius, tolerance)):
+        found.append(path.segments[_sweep(path, _sections(path, radius, tolerance), radius, RING_SIDES).folded])
     return np.unique(np.concatenate(found))
 
 
@@ -154,6 +164,14 @@ def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
         raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {rounding / EPS:.3g}")
     if tangents is not None and tangents.shape != (len(mesh.cells), 2, 3):
         raise DomainError(f"tangents: expected shape ({len(mesh.cells)}, 2, 3), got {tangents.shape}")
+
+
+def _refuse_too_many(along: int, around: int, max_faces: int) -> None:
+    triangles = 2 * around * along
+    if triangles > max_faces:
+        raise ToleranceError(
+            f"the tube would have {triangles} faces, {around} around and {along} along, more than {max_faces}"
+        )
 
 
 def _name(mesh: Mesh, path: Path) -> str:
@@ -185,35 +203,56 @@ class _Sweep:
 
 @dataclass(frozen=True, eq=False)
 class _Sections:
-    """Positions of rings, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors."""
+    """Positions of rings, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors.
+
+    `fans` has the (f, 2) first and last rings of turns in several steps which one mitre would fit, too.
+    """
 
     at: IntArray
     centers: FloatArray
     before: FloatArray
     after: FloatArray
     closed: bool
+    fans: IntArray
 
 
-def _sections(path: Path) -> _Sections:
-    """Sections of a path: one at each vertex, two at a sharp turn."""
+def _sections(path: Path, radius: float, tolerance: float | None) -> _Sections:
+    """Sections of a path: one at each vertex, and at a sharp turn two, or so many that the mitres hold a tolerance."""
     before = np.concatenate([path.directions[-1:, 1] if path.closed else path.directions[:1, 0], path.directions[:, 1]])
     after = np.concatenate([path.directions[:, 0], path.directions[-1:, 1]])
     count = len(path.vertices)
-    sharp = np.flatnonzero(dot(before[:count], after[:count]) < -ZERO_TOLERANCE)
-    middle = before[sharp] + after[sharp]
+    cosine = dot(before[:count], after[:count])
+    steps = np.where(cosine < -ZERO_TOLERANCE, 2, 1)
+    if tolerance is not None:
+        # Mitres of a turn φ are at 1 / cos(φ/2) radii.
+        share = tolerance / radius
+        widest = 2 * math.atan(math.sqrt(share * (2 + share)))
+        turn = np.arctan2(np.linalg.norm(cross(before[:count], after[:count]), axis=1), cosine)
+        steps = np.maximum(steps, np.ceil(turn / widest * (1 - ZERO_TOLERANCE)).astype(np.int64))
+    at = np.repeat(np.arange(count), steps)
+    last = np.cumsum(steps) - 1
+    first = last + 1 - steps
+    before, after = before[at], after[at]
+    number = np.arange(len(at)) - first[at]
+    rows = np.flatnonzero(number)
+    middle, across = before[rows] + after[rows], after[rows] - before[rows]
     length = np.linalg.norm(middle, axis=1, keepdims=True)
     back = length[:, 0] < ZERO_TOLERANCE
-    middle[back], length[back] = _perpendicular(before[sharp][back]), 1.0
-    at = np.sort(np.concatenate([np.arange(count), sharp]))
-    before, after = before[at], after[at]
-    first = sharp + np.arange(len(sharp))
-    after[first] = before[first + 1] = middle / length
-    return _Sections(at, path.points[at], before, after, path.closed)
+    middle[back], length[back] = _perpendicular(before[rows][back]), 1.0
+    middle /= length
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    angle = np.arccos(np.clip(dot(before[rows], middle), -1.0, 1.0)) * (2 * number[rows] / steps[at[rows]] - 1)
+    after[rows - 1] = before[rows] = np.cos(angle)[:, None] * middle + np.sin(angle)[:, None] * across
+    # The vertices of a mitre slide along the segments as far as radius tan(φ/2).
+    lengths = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
+    shorter = np.minimum(np.append(lengths, lengths[0])[:count], np.insert(lengths, 0, lengths[-1])[:count])
+    fits = (cosine >= -ZERO_TOLERANCE) & (radius**2 * (1 - cosine) <= shorter**2 * (1 + cosine))
+    fans = np.stack([first, last], axis=1)[(steps > 1) & fits]
+    return _Sections(at, path.points[at], before, after, path.closed, fans)
 
 
-def _sweep(path: Path, radius: float, sides: int) -> _Sweep:
+def _sweep(path: Path, sections: _Sections, radius: float, sides: int) -> _Sweep:
     """A ring at each section of a path, a band of triangles between rings, and caps at the ends of an open path."""
-    sections = _sections(path)
     angle, shift = _frame(sections, sides)
     rings, normals = _rings(sections, radius, angle, sides)
     index = np.arange(len(rings) * sides).reshape(-1, sides)
@@ -245,6 +284,14 @@ def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) ->
     beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
     rings = sections.centers[:, None] + radius * (radial - beyond * before)
     normals = radial + (radial - beyond * (before + after))
+    # Inside a bend, all rings of a fan have the vertices of one mitre.
+    first, last = np.repeat(sections.fans, np.diff(sections.fans)[:, 0] + 1, axis=0).T
+    fan = np.arange(len(first)) - np.searchsorted(first, first) + first
+    radial, before, after = radial[first], sections.before[first, None], sections.after[last, None]
+    ahead = (radial * after).sum(axis=2, keepdims=True)
+    beyond = ahead / (1 + (before * after).sum(axis=2, keepdims=True))
+    rings[fan] = np.where(ahead > 0, sections.centers[first, None] + radius * (radial - beyond * before), rings[fan])
+    normals[fan] = np.where(ahead > 0, radial + (radial - beyond * (before + after)), normals[fan])
     return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
 

@@ -198,7 +198,7 @@ class Recipe:
         tangents: FloatArray | None = None
         if mesh.is_curve and not isinstance(spec, Model):
             tangents = curve_tangents(spec, mesh, self.parametrization)
-        folded = folded_segments(mesh, radius, tangents=tangents)
+        folded = folded_segments(mesh, radius, tolerance=tolerance, tangents=tangents)
         remarks = []
         if len(folded):
             remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {_where(mesh, folded)}")

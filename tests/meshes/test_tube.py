@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from stl import mesh as stl
 
 from gtb_cli.errors import DomainError, ToleranceError
@@ -384,7 +385,7 @@ def test_rings_are_as_fine_as_the_tolerance_asks():
             assert ring_size(radius, exactly * (1 - 1e-9)) == n + 1
     assert ring_size(1.0, 10.0) == 3
     assert ring_size(1.0, 1e-12) == math.ceil(math.pi / math.sqrt(2e-12))
-    line = helix(10)[0]
+    line = polyline(np.linspace([0, 0, 0], [3, 4, 5], 11))
     assert len(tube(line, 0.5, tolerance=0.01).vertices) == 11 * ring_size(0.5, 0.01) + 2
 
 
@@ -412,6 +413,30 @@ def test_the_tolerance_is_that_of_the_tube(name, radius, tolerance):
         distance = np.minimum(distance, to_triangles(points, *(np.broadcast_to(x, points.shape) for x in (a, b, c))))
     assert distance.max() <= tolerance
     assert distance.max() > tolerance / 10 or radius < tolerance
+
+
+@pytest.mark.parametrize(
+    ("axis", "weights"),
+    [
+        ([[0, 0, 0], [0.3, 0.6, 0.3], [1, 0, 1]], [1, 1e-6, 1]),
+        ([[0, 0, 0], [0, 1, 0], [1, 1, 0]], [1, 1e12, 1]),
+        ([[0, 0, 0], [1, 0, 0], [0.1, 0.3, 0]], [1, 1e12, 1]),
+    ],
+    ids=["a hook within the tolerance at an end", "a corner", "a hairpin"],
+)
+def test_a_tube_is_neither_thin_nor_thick_at_hooks(axis, weights):
+    radius, tolerance = 0.05, 0.05 / 40
+    mesh = Recipe(tolerance=tolerance, radius=radius).mesh(Patch([0, 1, 2], axis, weights))[0]
+    assert_closed(mesh)
+    faces = mesh.vertices[mesh.cells[: -2 * ring_size(radius, tolerance / 3)]]
+    points = np.concatenate([faces.mean(axis=1), faces[:, [0, 1]].mean(axis=1), faces[:, 0]])
+    # The curve is nearly its control polygon, or its chord; the nearest one of many points of it will do.
+    legs = np.array(axis, dtype=float)[:: 2 if weights[1] < 1 else 1]
+    line = np.concatenate([np.linspace(start, end, 4000) for start, end in pairwise(legs)])
+    distance, _ = cKDTree(line).query(points)
+    assert distance.max() <= radius + tolerance
+    # In a hairpin, rings of one leg end inside the other one.
+    assert distance.min() >= radius - tolerance or legs[-1, 0] == 0.1
 
 
 def test_folds_are_where_the_bend_is_too_sharp():
