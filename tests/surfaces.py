@@ -7,9 +7,8 @@ from math import factorial
 import numpy as np
 
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.patch import Patch
-from tests.specs import SPECS
+from tests.specs import SPECS, load
 
 HALF = 2**-0.5
 QUARTER = [[1, 0], [1, 1], [0, 1]]  # control points of a quarter of the unit circle, of weights 1, √½, 1

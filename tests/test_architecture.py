@@ -4,6 +4,9 @@ import ast
 import os
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Collection
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,6 +40,7 @@ LONGEST, LARGEST = 400, 3300
 """Lines of a module, and of a wing."""
 
 
+@cache
 def modules() -> dict[str, ast.Module]:
     return {
         ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): ast.parse(
@@ -46,19 +50,22 @@ def modules() -> dict[str, ast.Module]:
     }
 
 
-MODULES = modules()
+@cache
+def nodes(tree: ast.AST) -> list[ast.AST]:
+    return list(ast.walk(tree))
 
 
-def imported(tree: ast.AST) -> set[str]:
+@cache
+def imported(tree: ast.AST) -> frozenset[str]:
     """Full names of what is imported anywhere in a tree."""
     names = set()
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             names |= {str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return names
+    return frozenset(names)
 
 
 def imported_at_top(tree: ast.Module) -> set[str]:
@@ -66,13 +73,13 @@ def imported_at_top(tree: ast.Module) -> set[str]:
     return {name for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom) for name in imported(node)}
 
 
-def own(names: set[str]) -> set[str]:
+def own(names: Collection[str]) -> set[str]:
     """Modules of this package among imported names, without its name."""
     short = {name.removeprefix("gtb_cli.") for name in names if name.startswith("gtb_cli.")}
-    return short & MODULES.keys()
+    return short & modules().keys()
 
 
-def packages(names: set[str]) -> set[str]:
+def packages(names: Collection[str]) -> set[str]:
     return {name.partition(".")[0] for name in names}
 
 
@@ -82,8 +89,8 @@ def wing_of(name: str) -> str:
     return wing if room or wing in WINGS else GROUND
 
 
-def rooms() -> list[str]:
-    return [name for name in MODULES if wing_of(name) not in ("shell", "commands") and name not in DOORS]
+def lines(tree: ast.Module) -> int:
+    return max(getattr(node, "end_lineno", 0) for node in tree.body)
 
 
 def circle(graph: dict[str, set[str]]) -> list[str]:
@@ -99,19 +106,17 @@ def test_every_folder_is_a_floor():
     assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} <= set(WINGS)
 
 
-@pytest.mark.parametrize("name", sorted(MODULES.keys() - DOORS))
-def test_a_module_imports_only_its_floor_and_those_below(name):
-    wing = wing_of(name)
-    below = set(WINGS[: WINGS.index(wing) + 1]) - APART.get(wing, set())
-    assert {other: wing_of(other) for other in own(imported(MODULES[name])) if wing_of(other) not in below} == {}
+def test_a_module_imports_only_its_floor_and_those_below():
+    below = {wing: set(WINGS[: floor + 1]) - APART.get(wing, set()) for floor, wing in enumerate(WINGS)}
+    arrows = {(name, other) for name, tree in modules().items() if name not in DOORS for other in own(imported(tree))}
+    assert {(name, other) for name, other in arrows if wing_of(other) not in below[wing_of(name)]} == set()
 
 
-@pytest.mark.parametrize("wing", WINGS)
-def test_a_floor_has_no_circles(wing):
+def test_a_floor_has_no_circles():
     graph = {
         name: {other for other in own(imported(tree)) if wing_of(other) == wing} - {name, wing, "__init__"}
-        for name, tree in MODULES.items()
-        if wing_of(name) == wing and name not in DOORS
+        for name, tree in modules().items()
+        if (wing := wing_of(name)) and name not in DOORS
     }
     assert circle(graph) == []
 
@@ -120,52 +125,52 @@ def test_a_circle_is_found():
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": set()}) == ["a", "b", "c"]
 
 
-@pytest.mark.parametrize("wing", WINGS)
-def test_a_floor_is_not_too_large(wing):
-    lines = [max(getattr(node, "end_lineno", 0) for node in MODULES[n].body) for n in MODULES if wing_of(n) == wing]
-    assert sum(lines) <= LARGEST
+def test_a_floor_is_not_too_large():
+    sizes = Counter()
+    for name, tree in modules().items():
+        sizes[wing_of(name)] += lines(tree)
+    assert {wing: size for wing, size in sizes.items() if size > LARGEST} == {}
 
 
-@pytest.mark.parametrize("name", rooms())
-def test_a_room_knows_no_shell(name):
-    tree = MODULES[name]
-    assert "click" not in packages(imported(tree))
-    calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    assert not [call for call in calls if isinstance(call, ast.Name) and call.id in ("print", "exit", "input")]
-    exits = [call for call in calls if ast.unparse(call) in ("sys.exit", "os._exit")]
-    assert not exits or name == "forks"  # it ends copies, and not the process
+def test_a_room_knows_no_shell():
+    for name, tree in modules().items():
+        if wing_of(name) in ("shell", "commands") or name in DOORS:
+            continue
+        assert "click" not in packages(imported(tree)), name
+        calls = [node.func for node in nodes(tree) if isinstance(node, ast.Call)]
+        called = {call.id for call in calls if isinstance(call, ast.Name)}
+        called |= {ast.unparse(call) for call in calls if getattr(call, "attr", "") in ("exit", "_exit")}
+        ends_copies = {"os._exit"} if name == "forks" else set()  # and not the process
+        assert not called & {"print", "exit", "input", "sys.exit", "os._exit"} - ends_copies, name
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_slow_packages_are_imported_when_they_are_used(name):
-    early = packages(imported_at_top(MODULES[name]))
-    assert not early & {"scipy", "trimesh", "matplotlib"}
-    if name not in READS_MESHES:
-        assert "trimesh" not in packages(imported(MODULES[name]))
+def test_slow_packages_are_imported_when_they_are_used():
+    for name, tree in modules().items():
+        assert not packages(imported_at_top(tree)) & {"scipy", "trimesh", "matplotlib"}, name
+    assert {name for name, tree in modules().items() if "trimesh" in packages(imported(tree))} <= READS_MESHES
 
 
-@pytest.mark.parametrize("name", [name for name in MODULES if wing_of(name) in ("shell", "commands")])
-def test_a_command_is_imported_alone_and_without_numpy(name):
-    early = imported_at_top(MODULES[name])
-    assert "numpy" not in packages(early)
-    shell = {other for other in MODULES if wing_of(other) == "shell"}
-    assert own(early) <= {"__init__", "errors", "forks", "threads", "vocabulary", RECIPE} | shell
+def test_a_command_is_imported_alone_and_without_numpy():
+    shell = {name for name in modules() if wing_of(name) == "shell"}
+    for name in [name for name in modules() if wing_of(name) in ("shell", "commands")]:
+        early = imported_at_top(modules()[name])
+        assert "numpy" not in packages(early), name
+        assert own(early) <= {"__init__", "errors", "forks", "threads", "vocabulary", RECIPE} | shell, name
 
 
 def test_options_are_read_without_numpy():
-    early = imported_at_top(MODULES[RECIPE])
+    early = imported_at_top(modules()[RECIPE])
     assert "numpy" not in packages(early)
     assert own(early) <= {"__init__", "errors", "vocabulary"}
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_a_module_is_short_and_says_what_it_is(name):
-    assert max(getattr(node, "end_lineno", 0) for node in MODULES[name].body) <= LONGEST
-    assert ast.get_docstring(MODULES[name])
+def test_a_module_is_short_and_says_what_it_is():
+    assert {name: lines(tree) for name, tree in modules().items() if lines(tree) > LONGEST} == {}
+    assert {name for name, tree in modules().items() if not ast.get_docstring(tree)} == set()
 
 
 def test_there_are_no_drawers():
-    assert not {"utils", "util", "helpers", "common", "misc", "manager"} & {name.split(".")[-1] for name in MODULES}
+    assert not {"utils", "util", "helpers", "common", "misc", "manager"} & {name.split(".")[-1] for name in modules()}
 
 
 def test_every_command_is_where_the_table_says():

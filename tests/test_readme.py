@@ -11,13 +11,34 @@ from tests.shell import REPOSITORY, SPECS, gtb, script
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 COMMANDS_PAGE = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
 
+SEQUENCES = re.compile("gtb (degenerate|knot-limit) ")
+"""Commands that measure distances for many seconds."""
+
 LINES = 250
 """The README is read in ten minutes."""
 
 
-def blocks(language: str) -> list[str]:
-    found = re.findall(rf"^```{language}\n(.*?)^```$", README + COMMANDS_PAGE, re.MULTILINE | re.DOTALL)
+def blocks(language: str, *pages: str) -> list[str]:
+    found = re.findall(rf"^```{language}\n(.*?)^```$", "".join(pages or (README, COMMANDS_PAGE)), re.M | re.S)
     return list(dict.fromkeys(found))
+
+
+def words(line: str) -> str:
+    """A command line without the note beside it."""
+    return re.sub(r"\s+# .*$", "", line)
+
+
+def shell_blocks() -> list[object]:
+    """Those of the README, and then what the page of commands adds, which repeats at length the examples of help."""
+    shown = {words(line) for block in blocks("sh", README) for line in block.splitlines()}
+    added = [
+        "\n".join(line for line in block.splitlines() if words(line) not in shown)
+        for block in blocks("sh", COMMANDS_PAGE)
+    ]
+    return [
+        *(pytest.param(block, marks=long if SEQUENCES.search(block) else ()) for block in blocks("sh", README)),
+        *(pytest.param(block, marks=long) for block in added if block.strip()),
+    ]
 
 
 @pytest.fixture
@@ -43,13 +64,7 @@ def test_it_is_short():
     assert len(README.splitlines()) <= LINES
 
 
-SEQUENCES = re.compile("gtb (degenerate|knot-limit) ")
-"""Commands that measure distances for many seconds."""
-
-
-@pytest.mark.parametrize(
-    "block", [pytest.param(block, marks=long if SEQUENCES.search(block) else ()) for block in blocks("sh")]
-)
+@pytest.mark.parametrize("block", shell_blocks())
 def test_its_commands_run(block, workplace):
     result = script(block, workplace)
     assert result.status == 0, result.err

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.specs import GOOD_SPECS, SPECS
+from tests.specs import GOOD_SPECS, SPECS, load
 
 ROUNDING = 4e-16
 """Relative: one or two float operations."""

@@ -12,12 +12,12 @@ from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.spec.loading import load
 from gtb_cli.spec.writer import dump
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.shell import PENTAGON, SPECS, gtb
+from tests.specs import load
 
 CUBE = SPECS / "rounded-cube.toml"
 

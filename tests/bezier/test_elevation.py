@@ -14,10 +14,9 @@ from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, elevate, multiplier, pr
 from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.probe import points_at_torus
 from gtb_cli.errors import DomainError
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
-from tests.specs import GOOD_SPECS, SPECS
+from tests.specs import GOOD_SPECS, SPECS, load
 
 ROUNDING = 1e-13
 """Of the extent: sums of a few dozen products."""

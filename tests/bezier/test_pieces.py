@@ -13,7 +13,6 @@ from gtb_cli.bezier.pieces import Chart, bezier_charts, bezier_degree, bezier_pi
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.meshes.compare import surface_distance
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.model import Model
@@ -21,6 +20,7 @@ from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.patches import bicubic, cubic_curve, integer_pentagon, irrational_curve, named
 from tests.shell import SPECS
+from tests.specs import load
 
 AGREEMENT = 1e-13
 """What mathematics.md and the issue ask of a piece, as a fraction of the patch's size."""

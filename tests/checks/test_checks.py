@@ -17,13 +17,12 @@ from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Outcome
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from tests.marks import mostly_long
-from tests.specs import GOOD_SPECS, SPECS
+from tests.specs import GOOD_SPECS, SPECS, load
 
 SMALL = 1e-7
 """What patches are broken by, of their size: not to be seen on a picture, and a million roundings."""

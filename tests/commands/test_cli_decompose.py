@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from gtb_cli.spec.loading import load
 from tests.shell import SPECS, gtb
+from tests.specs import load
 
 
 def lines(text: bytes) -> list[tuple[int, int]]:

@@ -9,10 +9,11 @@ import pytest
 import trimesh
 
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.loading import parse
 from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, SPECS, gtb, process
+from tests.specs import load
 from tests.theory.test_limits import spec
 
 SURFACE = str(SPECS / "example-4.4.toml")
@@ -350,7 +351,7 @@ def test_the_sequence_of_example_42(tmp_path):
     warning = [line for line in result.err.splitlines() if line.startswith("gtb: warning: ")]
     assert len(warning) == 1
     assert "knot 3 comes to the corner (1, 2), where the limit is pointwise only" in warning[0]
-    default = gtb("knot-limit", MOVING, "--merge", "3:1", "-n4", "-o", tmp_path / "default", "-q")
+    default = gtb("knot-limit", MOVING, "--merge", "3:1", "-n4", "--no-distance", "-o", tmp_path / "default", "-q")
     assert default.err == ""
     assert listing(tmp_path / "default") == listing(tmp_path)[1:] or "default" in listing(tmp_path)
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.loading import parse
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import SPECS, gtb
+from tests.specs import load
 
 TOLERANCE = 0.1
 """Of the size of a patch."""
@@ -117,7 +118,7 @@ SHAPES = (["-n", "4"], ["-n", "3", "--parametrization", "linear"], ["--tolerance
 TEXTS = COLLAPSED | {name: (SPECS / f"{name}.toml").read_text("utf-8") for name in ("teapot", "repeated-knot")}
 
 
-@pytest.mark.parametrize("name", mostly_long(TEXTS, len(COLLAPSED)))
+@pytest.mark.parametrize("name", mostly_long(TEXTS, 4))
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command does: what overflows must not come out
 def test_no_file_has_a_number_that_is_none(name):
     text = TEXTS[name].encode()

@@ -11,8 +11,9 @@ from gtb_cli.design.curve_fit import REACHED
 from gtb_cli.design.fit import fit
 from gtb_cli.design.surface_fit import surface_near, surface_through
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.loading import parse
 from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
+from tests.specs import load
 
 
 def inner_parameters(patch, count: int) -> np.ndarray:

@@ -8,11 +8,12 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy
 from gtb_cli.fairing.fair import fair, kept_knots
-from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.loading import parse
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
+from tests.specs import load
 
 DIFFERENCES = 1e-5
 """Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials."""

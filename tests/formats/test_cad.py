@@ -17,15 +17,15 @@ from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.sheets import exact_sheets, sheets_of
 from gtb_cli.meshes.measures import measure
-from gtb_cli.spec.loading import load
 from gtb_cli.spec.writer import save as write
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, UNITS
-from tests.marks import long
+from tests.marks import long, mostly_long
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
 from tests.shell import CURVE, PENTAGON, SPECS, gtb
+from tests.specs import load
 
 INTEGERS = SPECS / "example-4.1-integer.toml"
 
@@ -141,7 +141,7 @@ def test_surfaces_are_the_pieces_in_exact_numbers(tmp_path: Path) -> None:
             assert np.abs(np.array([point.X(), point.Y(), point.Z()]) - expected).max() <= 1e-12
 
 
-@pytest.mark.parametrize("kind", CAD_FORMATS)
+@pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS))
 def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path) -> None:
     shape = read(encoded("pillow", kind), kind, tmp_path)
     assert is_valid(shape)
@@ -239,7 +239,7 @@ def rectangle(degree: int) -> Patch:
     [
         (integer_pentagon(), False, 5, 20),
         pytest.param(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]), True, 5, 20, marks=long),
-        (rectangle(3), False, 1, 12),  # fitted ones divide its edges
+        pytest.param(rectangle(3), False, 1, 12, marks=long),  # fitted ones divide its edges
         pytest.param(rectangle(7), True, 1, 12, marks=long),
         pytest.param(rectangle(16), False, 1, 12, marks=long),
     ],
@@ -303,7 +303,7 @@ def test_the_names_of_units_and_formats_are_one_list() -> None:
     assert set(CAD_SUFFIXES.values()) == set(CAD_FORMATS)
 
 
-@pytest.mark.parametrize("kind", CAD_FORMATS)
+@pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS))
 def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
     """A patch, and a model; the kernel's box of the surfaces is the turned one of the mesh."""
     write(box(), tmp_path / "pillow.toml")

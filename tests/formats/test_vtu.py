@@ -12,11 +12,11 @@ import pytest
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.vtu import CURVE, QUADRILATERAL, TRIANGLE, encode_vtu
-from gtb_cli.spec.loading import load
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
 from tests.shell import PENTAGON, SPECS, gtb
+from tests.specs import load
 
 PLACE = 1e-13
 """Largest distance of a point of a cell from the patch, of its size."""

@@ -148,8 +148,8 @@ def test_example_4_4_control_net():
     assert net == [(0, 1), (0, 2), (1, 3), (1, 4), (2, 3), (2, 5), (2, 6), (3, 4), (3, 6), (4, 7), (5, 6), (6, 7)]
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1.0, 1e6, 1e9])
-@pytest.mark.parametrize("height", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("height", [1e-6, 1e6])
 @pytest.mark.parametrize("shift", [0.0, 1e7])  # in units of the knots
 @pytest.mark.parametrize("slope", [0.0, 1.0, 1e4])
 def test_example_4_4_scaled_shifted_and_tilted(scale, height, shift, slope):

@@ -12,11 +12,11 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes import compare
 from gtb_cli.meshes.compare import RELATIVE_ERROR, surface_distance
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.shell import SPECS
+from tests.specs import load
 from tests.tiny_meshes import curve, surface
 
 ROUNDING = 1e-13

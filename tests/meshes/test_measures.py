@@ -10,9 +10,8 @@ import trimesh
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.measures import measure
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
-from tests.specs import GOOD_SPECS
+from tests.specs import GOOD_SPECS, is_curve, load
 from tests.tiny_meshes import curve, model, surface
 
 ROUNDING = 1e-12
@@ -111,9 +110,9 @@ def test_curves():
 
 @pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.stem)
 def test_specs_as_trimesh_measures_them(path):
-    mesh = tessellate(load(path), 5)
-    if mesh.is_curve:
+    if is_curve(load(path)):
         return
+    mesh = tessellate(load(path), 3)
     theirs = trimesh.Trimesh(mesh.vertices, mesh.cells, process=False)
     theirs.merge_vertices(digits_vertex=15)
     found = measure(mesh)

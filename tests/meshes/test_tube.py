@@ -13,7 +13,6 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.tube import RING_SIDES, folded_segments, ring_size, tube
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -22,14 +21,13 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from tests import exact
 from tests.shell import CURVE, PENTAGON, gtb
-from tests.specs import SPECS
+from tests.specs import GOOD_SPECS, SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, volume
 
 DIGITS = 1e-12
 """A few thousand roundings."""
 
-SHAPES = {path: load(path) for path in sorted(SPECS.glob("*.toml"))}
-CURVES = [path for path, shape in SHAPES.items() if isinstance(shape, Patch) and shape.dimension == 1]
+CURVES = [path for path in GOOD_SPECS if is_curve(load(path))]
 
 
 def polygon_area(radius: float, sides: int = RING_SIDES) -> float:

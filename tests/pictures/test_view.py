@@ -9,6 +9,7 @@ import pytest
 
 import gtb_cli
 from gtb_cli.pictures.sight import sides, sight_of
+from tests.marks import long
 from tests.shell import SPECS, gtb
 
 
@@ -47,6 +48,7 @@ def test_it_needs_no_network_and_is_the_same_again():
     assert "default-src 'none'" in text
 
 
+@long
 def test_a_teapot_with_its_net_is_below_a_megabyte():
     text = gtb("view", SPECS / "teapot.toml", "-o", "-").text
     assert len(text) < 1_000_000

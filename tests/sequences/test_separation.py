@@ -38,17 +38,17 @@ def grid(patch):
     return patch.evaluate(np.concatenate([u[inside], edges]), "linear")
 
 
-@pytest.mark.parametrize("seed", mostly_long([3, 4]))
-def test_points_between_vertices_may_be_farthest(seed):
+@pytest.mark.parametrize(("seed", "x"), mostly_long([(3, 30), (3, 1.5), (4, 1.5)]))
+def test_points_between_vertices_may_be_farthest(seed, x):
     """On ridges, where two points of the other surface are equally near."""
     rng = np.random.default_rng(seed)
     knots = np.stack(np.meshgrid(np.arange(3.0), np.arange(4.0), indexing="ij"), axis=-1).reshape(-1, 2)
     patch = Patch(knots, rng.normal(size=(12, 3)), np.exp(rng.normal(size=12)), lifting=rng.integers(0, 4, size=12))
     limit = np.concatenate([grid(cell) for cell in regular_control_surface(patch).patches])
-    for x, distance in zip([1.5, 30], degeneration_sequence(patch, [1.5, 30], resolution=1).distances, strict=False):
-        member = grid(degenerate(patch, x))
-        there, back = cKDTree(limit).query(member)[0].max(), cKDTree(member).query(limit)[0].max()
-        assert distance == pytest.approx(max(there, back), rel=ROUGH)
+    distance = degeneration_sequence(patch, [x], resolution=1).distances[0]
+    member = grid(degenerate(patch, x))
+    there, back = cKDTree(limit).query(member)[0].max(), cKDTree(member).query(limit)[0].max()
+    assert distance == pytest.approx(max(there, back), rel=ROUGH)
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])

@@ -154,7 +154,7 @@ def changes(count: int, seed: int) -> Iterator[bytes]:
 
 def test_changed_specs_are_patches_or_errors() -> None:
     good = 0
-    for text in changes(600, seed=1):
+    for text in changes(200, seed=1):
         start = time.process_time()
         try:
             spec = parse(text, "x")
@@ -168,4 +168,4 @@ def test_changed_specs_are_patches_or_errors() -> None:
         else:
             good += 1
             assert arrays(parse(dump(spec))) == arrays(spec)
-    assert 30 < good < 300  # the changes are neither all harmless nor all fatal
+    assert 10 < good < 100  # the changes are neither all harmless nor all fatal

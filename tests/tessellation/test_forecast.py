@@ -3,11 +3,11 @@
 import pytest
 
 from gtb_cli.errors import ToleranceError
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation import forecast
 from gtb_cli.tessellation.forecast import cells_foreseen
 from gtb_cli.tessellation.tessellate import tessellate
 from tests.shell import PENTAGON
+from tests.specs import load
 
 
 @pytest.mark.parametrize("surplus", [0.0, 40.0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 from io import BytesIO
 from math import factorial
 
@@ -16,14 +17,13 @@ from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import Joint, edge_points, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
-from tests.specs import SPECS
+from tests.specs import SPECS, load
 from tests.surfaces import area, assert_closed, product, quartic_octant, volume
 from tests.tiny_meshes import encoded
 
@@ -47,6 +47,11 @@ CUBIC = [[i, j] for j in range(4) for i in range(4 - j)]
 BICUBIC = [[i, j] for j in range(4) for i in range(4)]
 
 
+@cache
+def meshed(name: str, **options: object) -> Mesh:
+    return tessellate(MODELS[name], **options)
+
+
 def size(model: Model) -> float:
     return float(np.ptp(np.concatenate([patch.control_points for patch in model.patches]), axis=0).max())
 
@@ -66,6 +71,7 @@ def components(edges: np.ndarray, count: int) -> np.ndarray:
     return np.asarray(connected_components(links, directed=False)[1])
 
 
+@cache
 def open_edges(name: str) -> Counter[str]:
     """Names of the patches with open edges, without their last number."""
     patches = MODELS[name].patches
@@ -170,7 +176,7 @@ OPTIONS = (
 
 @pytest.mark.parametrize("options", [{"resolution": 1}, *OPTIONS], ids=str)
 def test_the_closed_solid_is_watertight(options):
-    mesh = tessellate(SOLID, **options)
+    mesh = meshed("hebesphenorotunda", **options)
     assert_closed(mesh)
     assert len(mesh.vertices) - len(mesh.edges) + len(mesh.cells) == 2
     # The divergence theorem gives the same for x, y and z only if nothing is missing.
@@ -184,7 +190,7 @@ def test_the_closed_solid_is_watertight(options):
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_open_models_are_open_at_their_openings_only(name, options):
     model = MODELS[name]
-    mesh = tessellate(model, **options)
+    mesh = meshed(name, **options)
     rim = boundary(mesh)
     # As many edges leave a vertex of the boundary as arrive there.
     assert np.array_equal(np.sort(rim[:, 0]), np.sort(rim[:, 1]))
@@ -219,7 +225,7 @@ def test_eight_quartic_triangles_are_a_ball():
 
 
 def test_files_of_the_closed_solid_are_solids_to_another_program():
-    mesh = tessellate(SOLID, tolerance=0.05)
+    mesh = meshed("hebesphenorotunda", tolerance=0.1)
     for format in ("stl", "ply", "obj"):
         read = trimesh.load(BytesIO(encoded(mesh, format)), file_type=format, force="mesh")
         read.merge_vertices()
@@ -391,11 +397,11 @@ def gap(model: Model, joint: Joint, count: int = 17) -> float:
     return float(np.abs(one - (other[::-1] if joint.opposite else other)).max())
 
 
-@pytest.mark.parametrize("seed", mostly_long(range(10)))
+@pytest.mark.parametrize("seed", mostly_long(range(4)))
 def test_a_hundred_random_closed_pairs_have_no_crack(seed):
     """Of all the cells; of some the mesh, and that each patch alone has the same points on its edges."""
     rng = np.random.default_rng(seed)
-    for number in range(100):
+    for number in range(100 if seed else 30):
         model = closed_pair(rng)
         sides = len(model.patches[0].domain.vertices)
         joints = find_joints(model.patches)
@@ -429,7 +435,7 @@ def pillow(knots: list[list[int]], inside: float, outside: float) -> Patch:
 
 
 @pytest.mark.parametrize("knots", [CUBIC, BICUBIC], ids=["triangles", "quadrilaterals"])
-@pytest.mark.parametrize("options", [*({"resolution": n} for n in (1, 2, 3, 4)), {"tolerance": 0.05}], ids=str)
+@pytest.mark.parametrize("options", [*({"resolution": n} for n in (1, 4)), {"tolerance": 0.05}], ids=str)
 def test_patches_that_share_two_edges_at_a_corner_have_no_side_in_common(knots, options):
     """The corner cells of both patches had the same three vertices: a side with four faces, and no end to refining."""
     model = Model((pillow(knots, 1.0, 0.0), pillow(knots, -1.0, 0.0)))
@@ -458,7 +464,7 @@ def test_a_tube_of_two_halves_ends_in_two_rings_between_the_same_vertices():
 
 
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize("options", [*({"resolution": n} for n in (2, 3, 4)), {"tolerance": 0.05}], ids=str)
+@pytest.mark.parametrize("options", [*({"resolution": n} for n in (2, 3)), {"tolerance": 0.05}], ids=str)
 def test_slices_of_a_melon_have_two_edges_that_are_points(count, options):
     def slice_of(number: int) -> Patch:
         rings = []
@@ -495,7 +501,7 @@ def rolled(radii: list[float]) -> Model:
 @pytest.mark.parametrize(
     "radii", [[0, 1, 2, 3, 4], [0, 1.7, 2.1, 1.7, 0], [0, 2, 3, 3, 2, 0]], ids=["cone", "drop", "big drop"]
 )
-@pytest.mark.parametrize("options", [*({"resolution": n} for n in (3, 4, 9)), {"tolerance": 0.05}], ids=str)
+@pytest.mark.parametrize("options", [*({"resolution": n} for n in (3, 4)), {"tolerance": 0.05}], ids=str)
 def test_a_patch_with_two_edges_that_are_one_keeps_the_tip_between_them(radii, options):
     """The tip's last cells had the same vertices: they were lost, and refinement beside them had no end."""
     model = rolled(radii)

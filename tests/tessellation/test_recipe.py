@@ -8,11 +8,11 @@ import pytest
 
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.formats.export import encode_mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.shell import PENTAGON, SPECS, gtb
+from tests.specs import load
 
 CASES = [
     ("pentagon", Recipe(4, thickness=-0.1), ["-n", "4", "--thickness=-0.1"]),

@@ -10,7 +10,6 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.attributes import QUALITY_NAME, filled, with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.curvature import curvature
@@ -18,7 +17,8 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import ATTRIBUTES
 from tests.exact import CONTEXT, Number, basis, numbers, point
-from tests.specs import SPECS
+from tests.marks import mostly_long
+from tests.specs import SPECS, load
 from tests.surfaces import cylinder, inside, octant, plane, quartic_octant, rim, torus
 from tests.tiny_meshes import encoded
 
@@ -162,7 +162,7 @@ def assert_same(found, expected, digits=DIGITS):
     assert abs(mean[0] - h) <= digits * max(abs(h), abs(k) ** 0.5)
 
 
-@pytest.mark.parametrize("name", GENERAL)
+@pytest.mark.parametrize("name", mostly_long(GENERAL, 4))
 def test_curvature_is_that_of_difference_quotients(name):
     patch = load(SPECS / f"{name}.toml")
     for u in inside(patch, 3, seed=1, depth=0.1):
@@ -362,7 +362,7 @@ def test_no_attribute_of_any_spec_is_infinite(path):
     shape = load(path)
     if isinstance(shape, Model) or shape.dimension == 1:
         return
-    mesh, replaced = with_attributes(shape, tessellate(shape, 8), ATTRIBUTES)
+    mesh, replaced = with_attributes(shape, tessellate(shape, 4), ATTRIBUTES)
     values = np.stack(list(mesh.attributes.values()))
     assert np.isfinite(values).all()
     raw = curvature(shape, mesh.parameters, "linear")

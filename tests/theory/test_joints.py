@@ -7,11 +7,10 @@ import pytest
 
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.knots.domain import Domain
-from gtb_cli.spec.loading import load
 from gtb_cli.theory import joints as room
 from gtb_cli.theory.joints import edge_points, find_joints
 from gtb_cli.theory.patch import Patch
-from tests.specs import SPECS
+from tests.specs import SPECS, load
 
 SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 

@@ -67,8 +67,7 @@ def test_the_inverse_is_inverse_on_named_patches(name):
     assert error(patch, everywhere(patch, np.random.default_rng(0))) <= RESIDUAL
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-@pytest.mark.parametrize("seed", mostly_long(range(12), 3))
+@pytest.mark.parametrize(("seed", "scale"), mostly_long([(s, g) for s in range(8) for g in (1.0, 1e-9, 1e9)], 3))
 def test_the_inverse_is_inverse_on_random_patches(seed, scale):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(3, 61))
@@ -77,7 +76,7 @@ def test_the_inverse_is_inverse_on_random_patches(seed, scale):
     assert error(patch, everywhere(patch, rng)) <= RESIDUAL
 
 
-@pytest.mark.parametrize("sides", [20, 60])
+@pytest.mark.parametrize("sides", mostly_long([20, 60]))
 def test_blunt_corners_are_solved_up_to_a_trillionth(sides):
     # Corners of nearly 180 degrees, whose torus coordinates go to tens of thousands.
     patch = Patch(regular(sides, 0.1), bumps(regular(sides, 0.1)))
@@ -305,7 +304,7 @@ def test_an_even_mesh_takes_little_more_than_one_evaluation(monkeypatch):
 # Extreme weights
 
 
-@pytest.mark.parametrize("x", mostly_long([5, 1e6, 1e300, 100, 600, 1e30, 1e-30], 3))
+@pytest.mark.parametrize("x", mostly_long([5, 1e300, 1e6, 100, 600, 1e30, 1e-30], 2))
 @pytest.mark.parametrize("name", ["pentagon", "irrational_hexagon", "bicubic"])
 def test_toric_degenerations_converge(name, x):
     patch = named(name)
@@ -358,7 +357,7 @@ def test_a_tame_patch_takes_few_steps(monkeypatch):
     assert evaluations(patch, p, monkeypatch) < 6
 
 
-@pytest.mark.parametrize("name", ["sixty_knots", "extreme_weights", "beyond_floats"])
+@pytest.mark.parametrize("name", mostly_long(["extreme_weights", "beyond_floats", "sixty_knots"], 2))
 def test_extreme_weights_take_a_bounded_number_of_steps(name, monkeypatch):
     patch = named(name)
     assert evaluations(patch, everywhere(patch, np.random.default_rng(5)), monkeypatch) < STEPS
