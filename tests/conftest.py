@@ -11,8 +11,8 @@ from gtb_cli.__main__ import THREADS
 # As in every process of gtb; two threads wait for each other three times as long as a fill takes one.
 os.environ.update(dict.fromkeys(THREADS, "1"))
 
-settings.register_profile("gtb", deadline=None, derandomize=True, max_examples=50)
-settings.register_profile("quick", settings.get_profile("gtb"), max_examples=15)
+settings.register_profile("gtb", deadline=None, derandomize=True, max_examples=30)
+settings.register_profile("quick", settings.get_profile("gtb"), max_examples=12)
 
 
 def pytest_configure(config: pytest.Config) -> None:

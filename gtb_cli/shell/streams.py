@@ -191,7 +191,7 @@ def file_stem(name: str | None) -> str:
     kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
-    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore") or "patch"
+    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore").rstrip() or "patch"
 
 
 def stem_of(path: str) -> str | None:

@@ -128,8 +128,8 @@ def test_a_report_goes_to_a_file(tmp_path):
 
 def test_a_spec_may_come_from_standard_input():
     text = Path(PENTAGON).read_bytes()
-    assert gtb("check", "-", stdin=text).out == gtb("check", PENTAGON).out
-    assert gtb("check", "-", "--spec-format", "toml", stdin=text).out == gtb("check", PENTAGON).out
+    expected = gtb("check", PENTAGON).out
+    assert gtb("check", "-", stdin=text).out == gtb("check", "-", "--spec-format", "toml", stdin=text).out == expected
 
 
 def test_a_spec_that_is_none_is_exit_status_2():
@@ -141,7 +141,7 @@ def test_a_spec_that_is_none_is_exit_status_2():
 
 
 def test_the_same_report_in_any_environment():
-    expected = process("check", SPECS / "example-3.4.toml", "--json")
+    expected = gtb("check", SPECS / "example-3.4.toml", "--json")
     assert expected.status == 0
     other = process("check", SPECS / "example-3.4.toml", "--json", PYTHONHASHSEED="7", LC_ALL="C", OMP_NUM_THREADS="2")
     assert other.out == expected.out

@@ -237,7 +237,7 @@ def test_specs_that_cannot_be_had(words, message):
 
 def test_elevate_prints_a_spec_that_chains(tmp_path):
     line = f"gtb elevate {CURVE} --by 2 | gtb elevate - | gtb info - --json"
-    found = json.loads(shell(line, tmp_path).out)
+    found = json.loads(script(line, tmp_path).out)
     assert (found["kind"], found["degree"]) == ("rational Bézier curve", [6])
     once = parse(gtb("elevate", PENTAGON).text)
     assert len(once.knots) == 30

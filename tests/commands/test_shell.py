@@ -133,7 +133,10 @@ def test_commands_chain_through_pipes(workplace):
 
 @pytest.mark.parametrize(
     ("arguments", "status"),
-    [(["--version"], 0), (["mesh", PENTAGON, "-n", "2"], 0), ([], 2), (["frob"], 2), (["info", "nothing.toml"], 2)],
+    mostly_long(
+        [(["mesh", PENTAGON, "-n", "2"], 0), (["frob"], 2), (["--version"], 0), ([], 2), (["info", "nothing.toml"], 2)],
+        2,
+    ),
 )
 def test_exit_status(arguments, status):
     result = process(*arguments)
@@ -163,7 +166,7 @@ def test_the_entry_point_is_the_module():
             "gtb mesh specs/pentagon.toml -n 100 -o /dev/stdout | head -n 1",
             "gtb schema | head -n 0",
         ],
-        quick=3,
+        quick=2,
     ),
 )
 def test_a_closed_pipe_ends_silently(line, workplace):
@@ -229,7 +232,9 @@ def test_eval_does_not_depend_on_how_a_pipe_is_cut(start, tmp_path):
 # --- terminals
 
 
-@pytest.mark.parametrize(("options", "refused"), [(["-f", "ply"], True), (["-f", "glb"], True), ([], False)])
+@pytest.mark.parametrize(
+    ("options", "refused"), mostly_long([(["-f", "ply"], True), ([], False), (["-f", "glb"], True)], 2)
+)
 def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
     child, terminal = on_terminal("mesh", PENTAGON, "-n", 1, *options)
     shown = read_all(terminal)

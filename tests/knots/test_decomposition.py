@@ -297,7 +297,7 @@ def test_integers_are_taken_at_their_word():
 
 
 @pytest.mark.parametrize("d", [1, 2])
-@pytest.mark.parametrize("count", mostly_long([CASES // 10, CASES]))
+@pytest.mark.parametrize("count", mostly_long([CASES // 20, CASES]))
 def test_brute_force_in_fractions(count, d):
     for knots, lifting, _ in random_cases(20 + d, d, count):
         decomposition = regular_decomposition(np.array(knots, dtype=float), np.array(lifting, dtype=float))
@@ -308,7 +308,7 @@ def test_brute_force_in_fractions(count, d):
 
 
 @pytest.mark.parametrize("d", [1, 2])
-@pytest.mark.parametrize("count", mostly_long([CASES // 10, CASES]))
+@pytest.mark.parametrize("count", mostly_long([CASES // 20, CASES]))
 def test_brute_force_after_maps_that_round(count, d):
     """Scaled, rotated, shifted knots and tilted liftings are coplanar up to rounding only."""
     for knots, lifting, rng in random_cases(40 + d, d, count):
@@ -324,7 +324,7 @@ def test_brute_force_after_maps_that_round(count, d):
             assert_tiles(found)
 
 
-@pytest.mark.parametrize("n", [60, 300])
+@pytest.mark.parametrize("n", mostly_long([60, 300]))
 @pytest.mark.parametrize("concave", [True, False])
 def test_scipy_hull_of_generic_liftings(n, concave):
     from scipy.spatial import ConvexHull
