@@ -1,8 +1,6 @@
 """The process behind `gtb` and ``python -m gtb_cli``: its settings and its exit."""
 
-from __future__ import annotations
-
-import sys
+import sys  # and not annotations from __future__, which Python looks for in a file
 
 try:  # Python shows a traceback until signals are caught, and these imports take most of that time
     import gc

@@ -18,6 +18,7 @@ WAITING_RESULTS = 2
 """Largest number of results per thread that wait for their turn."""
 
 _limit = 0
+_memory_is_scarce = False
 
 
 def limit_threads(count: int) -> None:
@@ -26,8 +27,16 @@ def limit_threads(count: int) -> None:
     _limit = count
 
 
+def forbid_threads() -> None:
+    """Use one thread in this process, whatever is asked for: each further one takes memory of its own."""
+    global _memory_is_scarce
+    _memory_is_scarce = True
+
+
 def thread_count() -> int:
     """The number of threads that share work."""
+    if _memory_is_scarce:
+        return 1
     if _limit:
         return _limit
     if hasattr(os, "sched_getaffinity"):

@@ -145,6 +145,9 @@ def run(arguments: Sequence[str]) -> int:
         if COMPLETION_VARIABLE in os.environ:
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
+            from gtb_cli.memory import prepare_for_limit  # --help and --version do not need it
+
+            prepare_for_limit()
             gtb.invoke(context)
         if sys.stdout is not None:
             sys.stdout.flush()

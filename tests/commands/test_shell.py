@@ -571,12 +571,31 @@ def test_memory_that_runs_out_is_an_error(start, tmp_path):
         "-o",
         tmp_path / "x.obj",
         stderr=subprocess.PIPE,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (3 << 27, 3 << 27)),  # later BLAS ends the process
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (3 << 27, 3 << 27)),
     )
     _, error = child.communicate(timeout=TIMEOUT)
     assert child.returncode == 2
     assert error == b"gtb: error: not enough memory for this\n"
     assert names(tmp_path) == []
+
+
+def test_a_limit_of_memory_that_is_too_low_for_libraries_is_said_at_once(start):
+    """BLAS would end the process with words of its own, or hang."""
+    limit = partial(resource.setrlimit, resource.RLIMIT_AS, (200 << 20, 200 << 20))
+    child = start("info", PENTAGON, stderr=subprocess.PIPE, preexec_fn=limit)
+    _, error = child.communicate(timeout=TIMEOUT)
+    message = b"gtb: error: not enough memory: the limit (ulimit -v) is 200 MB, gtb needs at least 320 MB\n"
+    assert (child.returncode, error) == (2, message)
+
+
+@long
+@pytest.mark.parametrize("megabytes", [320, 340, 360, 380, 400, 420])
+def test_with_any_larger_limit_the_process_ends_by_itself(start, tmp_path, megabytes):
+    limit = partial(resource.setrlimit, resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
+    arguments = "mesh", PENTAGON, "-n", "500", "-o", tmp_path / "x.obj"
+    child = start(*arguments, stderr=subprocess.PIPE, preexec_fn=limit)
+    _, error = child.communicate(timeout=TIMEOUT)
+    assert (child.returncode, b"gtb: error: not enough memory for this\n" in error) in ((0, False), (2, True))
 
 
 # --- the same bytes
