@@ -1,13 +1,13 @@
-"""Points of many members of a degeneration at once, each found from what is known at weights nearby.
+"""Points of many members of a degeneration at once, found from solutions for nearby weights.
 
-Members differ in their weights alone. So places in all cells are solved together, a column for each place on each
-member. Solutions change slowly with log x: they are followed along a ladder of values that depends on the lifting
-alone, so that no member depends on which others there are.
+Members differ only in their weights. So the places in all cells are solved together, with a column for each place on
+each member. Solutions change slowly with log x: they are followed along a ladder of values whose rungs depend only on
+the lifting, so that no member depends on the others.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,35 +21,34 @@ from gtb_cli.theory.moment import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentM
 from gtb_cli.theory.patch import Patch
 
 FIRST_RUNG = 0.5
-"""First logarithm of the ladder above 0, times the largest gap. Each further one is twice as large."""
+"""Logarithm at the first rung above 0, times the largest gap. Each further rung is twice as high."""
 
 MAX_RUNGS = 40
-"""Largest number of rungs: gaps that differ by more than 1e9 are not followed."""
+"""Largest number of rungs; liftings whose gaps differ by so many powers of ten that they need more are not followed."""
 
-STEPS = 12
-"""Steps of Newton's method after which a place is given up: from a good start it takes two or three."""
+MAX_STEPS = 12
+"""Steps of Newton's method after which a place is given up; from a good start it takes two or three."""
 
 LONGEST_STEP = 4.0
-"""Longest step, as an exponent of unit knots: a longer one sees too little of the curvature."""
+"""Longest step, in torus coordinates of unit knots: the Hessian says little about a longer one."""
 
-NEAR_BOUNDARY = 1e-5
-"""Distance from the boundary of Δ, as a fraction of its size, below which digits would be lost here."""
+MIN_BOUNDARY_DISTANCE = 1e-5
+"""Distance from the boundary of Δ, as a fraction of its size, below which this method would lose digits."""
 
-FARTHEST_GAP = 1e6
-"""Largest exponent by which a knot is put below its cell. Its share is 0 long before."""
+MAX_GAP_EXPONENT = 1e6
+"""Largest exponent by which a knot is put below its cell; its share is 0 long before that."""
 
 
 class Places(NamedTuple):
-    """Where points are on all members.
+    """Places in Δ at which all members have points.
 
     Attributes
     ----------
     cell : (m,) int
-        Cell of the decomposition.
+        Cells of the decomposition that hold them.
     parameters : (m, d) float
-        Point of Δ.
     face : (m,) int
-        Number of the face of Δ in which it lies.
+        Numbers of the faces of Δ in whose interior they lie.
     """
 
     cell: IntArray
@@ -62,21 +61,18 @@ class Places(NamedTuple):
 
     def followed_by(self, other: Places) -> Places:
         """These and others."""
-        return Places(
-            np.append(self.cell, other.cell),
-            np.concatenate([self.parameters, other.parameters]),
-            np.append(self.face, other.face),
-        )
+        columns: list[Any] = list(map(np.concatenate, zip(self, other, strict=True)))
+        return Places(*columns)
 
 
 class Continuation:
-    """Solutions s at fixed places, for the patches with weights e^{−l g} ω: any l from 0 on, and gaps g of each cell.
+    """Solutions s at fixed places for the patches with weights e^{−l g} ω, l ≥ 0, where each cell has gaps g.
 
     Parameters
     ----------
     patch : Patch
     gaps : (n, c) float
-        For each of c cells how far the lifting of each knot is below the cell's plane, at least 0.
+        How far the lifting of each knot lies below the plane of each of the c cells, at least 0.
     places : Places
     last : float
         The largest l to come.
@@ -84,13 +80,13 @@ class Continuation:
     Attributes
     ----------
     strata : list of Stratum
-        Places by the face of Δ in which they lie, but for its corners.
+        Places by the face of Δ in which they lie, corners left out.
     fixed : (f,) int
-        Places on corners with one knot, which is the point of all members.
+        Places at corners with one knot, whose control point is the point of all members.
     points : (f, 3) float
         These points.
     left : (r,) int
-        Places that are not solved here: near the boundary of Δ, and where Newton's method is slow.
+        Places that are not solved here: those near the boundary of Δ, and those for which Newton's method is slow.
     """
 
     def __init__(self, patch: Patch, gaps: FloatArray, places: Places, last: float) -> None:
@@ -107,7 +103,7 @@ class Continuation:
                 continue
             if face.is_interior:
                 heights = shape.heights_of_columns(places.parameters[rows]) / shape.normal_lengths[:, None]
-                rows = rows[heights.min(axis=0) > NEAR_BOUNDARY * shape.size]
+                rows = rows[heights.min(axis=0) > MIN_BOUNDARY_DISTANCE * shape.size]
             if len(rows) and len(ladder) <= MAX_RUNGS:
                 stratum = Stratum(patch, face, gaps, places.at(rows), rows, ladder)
                 self.strata.append(stratum)
@@ -131,7 +127,7 @@ class Continuation:
 
 
 def _ladder(gap: float, last: float) -> FloatArray:
-    """Values of l from 0 on; the last one is not below `last`."""
+    """Ascending values of l, the first 0, the last one at least `last`."""
     rungs = [0.0, FIRST_RUNG / gap if gap * last > FIRST_RUNG else max(last, 1.0)]
     while rungs[-1] < last and len(rungs) <= MAX_RUNGS:
         rungs.append(2 * rungs[-1])
@@ -144,10 +140,10 @@ class Stratum:
     Attributes
     ----------
     knots : (n, d) float
-        Those of the face, in units of their extent, about the middle.
+        Those of the face, in units of their extents and relative to the middle of these.
     control_points : (n, 3) float
     rows, cell : (m,) int
-        Which places these are, and their cells.
+        Numbers of these places among all, and their cells.
     """
 
     def __init__(
@@ -166,7 +162,7 @@ class Stratum:
         self.ladder, self.solved = ladder, self._climb(ladder)
 
     def _climb(self, ladder: FloatArray) -> FloatArray:
-        """(rungs, d, m) solutions at all places but those for which this fails, which are left out."""
+        """(rungs, d, m) solutions; places for which this fails are dropped."""
         try:
             solved = MomentMap(self.knots, self.log_weights).inverse(self.p.T)[None]
         except ToleranceError:
@@ -175,7 +171,7 @@ class Stratum:
         steps = np.diff(ladder)
         for rung in range(1, len(ladder)):
             start = solved[-1]
-            if rung > 1:  # for large l, s is linear in it
+            if rung > 1:  # for large l, s is linear in l
                 start = start + (solved[-1] - solved[-2]) * (steps[rung - 1] / steps[rung - 2])
             s, found = self._solve(self.exponents(ladder[rung], self.cell), self.p, start, ACCEPTED_RESIDUAL)
             rows = np.flatnonzero(found)
@@ -194,7 +190,7 @@ class Stratum:
         s : (d, k m) float
         points : (k, m, 3) float
         found : (k m,) bool
-            False where Newton's method was too slow.
+            False if Newton's method was too slow.
         """
         count = len(logarithms)
         rung = np.clip(np.searchsorted(self.ladder, logarithms) - 1, 0, len(self.ladder) - 2)
@@ -208,31 +204,31 @@ class Stratum:
         return s, points.T.reshape(count, -1, 3), found
 
     def exponents(self, logarithms: FloatArray, cell: IntArray) -> FloatArray:
-        """(n, m) logarithms of the weights of each knot, for (m,) values of l, or one, and (m,) cells."""
+        """(n, m) logarithms of the weights of the knots for (m,) values of l, or one value, and (m,) cells."""
         with np.errstate(over="ignore"):
-            gaps = np.minimum(self.gaps[:, cell] * logarithms, FARTHEST_GAP)
+            gaps = np.minimum(self.gaps[:, cell] * logarithms, MAX_GAP_EXPONENT)
         return np.asarray(self.log_weights[:, None] - gaps)
 
     def _solve(
         self, weights: FloatArray, p: FloatArray, start: FloatArray, target: float
     ) -> tuple[FloatArray, BoolArray]:
-        """(d, m) torus coordinates of (d, m) places under (n, m) logarithms of weights, and (m,) which are found."""
+        """(d, m) torus coordinates of (d, m) places p under (n, m) logarithms of weights, and (m,) which are found."""
         s, solution, d = start, start.copy(), len(start)
         active = np.arange(start.shape[1])
         found = np.zeros(len(active), dtype=bool)
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             sums = self.summed @ exponentials(self.knots @ s + weights)
             moments = sums[1:] / sums[0]
             gradient, hessian = moments[:d] - p, moments[d:]
             hessian[:d] -= moments[:d] ** 2
             hessian[d:] -= moments[:1] * moments[1:d]
             residual = size(gradient)
-            # On the border of cells far below their neighbours the Hessian is singular to rounding.
-            with np.errstate(over="ignore", invalid="ignore"):  # NaN is not near, and is given up
+            # On the border of a cell whose neighbours are far below it, the Hessian is singular to rounding.
+            with np.errstate(over="ignore", invalid="ignore"):  # NaN is never near, and is given up
                 step = regularised_step(gradient, hessian, MIN_REGULARISATION * residual)
                 length = np.abs(step).sum(axis=0)
                 step *= LONGEST_STEP / np.maximum(length, LONGEST_STEP)
-            # As for `MomentMap`: how near a step comes is known before it is taken, if it is short.
+            # Like `MomentMap`: for a short step it is known beforehand how near it comes.
             after = -0.5 * np.exp(np.minimum(length, LONGEST_STEP)) * dot(gradient, step)
             near = residual <= target
             done = near | ((after <= target) & (length <= LONGEST_STEP))
@@ -246,13 +242,13 @@ class Stratum:
 
 
 def squares_of(knots: FloatArray) -> FloatArray:
-    """(1 or 3, n) squares of the coordinates of (n, d) knots, and for d = 2 their product."""
+    """(1 or 3, n) squares of the coordinates of (n, d) knots, for d = 2 followed by their product."""
     a = knots.T
     return np.concatenate([a**2, a[:1] * a[1:]])
 
 
 def exponentials(e: FloatArray) -> FloatArray:
-    """Turn (n, m) exponents into exponentials, in place, up to a factor for each column."""
+    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
     e -= e.max(axis=0)
     np.maximum(e, UNDERFLOW_EXPONENT, out=e)
     return np.exp(e, out=e)

@@ -1,4 +1,4 @@
-"""Families of patches that tend to a limit, on one complex: the triangulation is that of the limit."""
+"""Families of patches that tend to a limit, meshed on one complex: the triangulation follows the limit."""
 
 from __future__ import annotations
 
@@ -26,18 +26,17 @@ from gtb_cli.theory.joints import EdgeRef, Joint, Joints
 from gtb_cli.theory.moment import ACCEPTED_RESIDUAL
 from gtb_cli.theory.patch import Patch
 
-LAYERS = 4.0
+LAYER_CELLS = 4.0
 """Cells across the layer along the boundary in which a member differs from what it is inside."""
 
-STRAIGHT = 4.0
-"""Multiple of `knot_tolerance` by which the corners of a cell and of its own hull may differ: the same knots."""
+CORNER_TOLERANCES = 4.0
+"""Multiple of `knot_tolerance` by which corners of a cell and of its domain's hull may differ and be the same knots."""
 
-MANY_VERTICES = 20_000
-"""Vertices from which on the points of each member fill arrays of their own: more are not followed from weight to
-weight."""
+MAX_FOLLOWED_VERTICES = 20_000
+"""Vertices up to which members are solved together; the points of more would fill arrays of their own anyway."""
 
-TOGETHER = 32
-"""Largest number of members that are made together."""
+MAX_TOGETHER = 32
+"""Largest number of members that are solved together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +49,13 @@ class Degeneration:
     gaps : (n, c) float
         How far the lifting of each knot is below the plane of each cell, in the order of meshing.
     logarithms : (k,) float
-        Of x, without sign, for all members but the limit.
+        |log x| of all members but the limit.
     faces : (c, f) int
         Numbers of the faces of Δ that hold each face of each cell.
     borders : (c, f) bool
-        Whether a face of a cell is a smaller one than that face of Δ.
+        Whether a face of a cell has a lower dimension than that face of Δ.
     knots : Places
-        Knots inside Δ that are not corners of cells: if these are near each other, members may have peaks.
+        Those of knots inside Δ that are not corners of cells: near each other, such knots may make peaks of members.
     """
 
     patch: Patch
@@ -78,13 +77,13 @@ class Family:
     Attributes
     ----------
     samplers : tuple of Sampler
-        One for each patch, the limit last. All take a parameter by the patch of the limit that it lies in, and the
+        One for each patch, the limit last. All take parameters with the patch of the limit in which they lie, and the
         face of that patch's domain.
     joints : Joints or None
         How the patches of the limit are joined; None for a single one.
     thickness : tuple of float
-        For each member, as a fraction of Δ's size, how near to the boundary it differs from what it is inside; empty
-        where none does.
+        For each member the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
+        from what it is inside; empty if there is none.
     degeneration : Degeneration or None
         None for other families.
     """
@@ -116,7 +115,7 @@ class Family:
         """Return a complex like `uniform`, but with cells near the boundary as small as a member needs."""
         if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
             return self.uniform(resolution)
-        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYERS)
+        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYER_CELLS)
 
     def refined(self, tolerance: float, max_cells: int) -> Complex:
         """Refine the coarsest complex until it is within a tolerance of every member.
@@ -139,14 +138,14 @@ class Family:
 
 
 def approaching(patches: Sequence[Patch], limit: Patch, thickness: Sequence[float] = ()) -> Family:
-    """Patches with one Δ, and a patch with the same as their limit; `thickness` is that of all but the limit."""
+    """Patches and their limit, all with the same Δ; `thickness` is that of all but the limit."""
     return Family(
         (*(_linear(patch) for patch in patches), _linear(limit)), None, (*thickness, 0.0) if thickness else ()
     )
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
-    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface, by the decomposition of λ.
+    """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ.
 
     Raises
     ------
@@ -161,7 +160,7 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     gaps = [decomposition.gaps(k) for k in order]
     members = []
     for logarithm in logarithms:
-        # An affine lifting changes no point: the one that is 0 on a cell keeps all digits there.
+        # An affine lifting changes no point; the gaps, 0 on the cell itself, keep all digits there.
         whole = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
         members.append(Sampler(cells, "linear", True, wholes=whole, faces=faces))
     degeneration = Degeneration(
@@ -201,7 +200,7 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
     for index, k in enumerate(order):
         polygon = decomposition.polygons[k]
         corners, found = decomposition.knots[list(polygon)], cells[index].domain.vertices
-        tolerance = STRAIGHT * knot_tolerance(decomposition.knots)
+        tolerance = CORNER_TOLERANCES * knot_tolerance(decomposition.knots)
         if found.shape != corners.shape or np.abs(found - corners).max() > tolerance:
             raise DomainError(
                 f"lifting: cell {k} has a corner that is straight to rounding: knots that are meant to lie on a line, "
@@ -268,10 +267,10 @@ class Vertices:
         """(v, 3) points of some members at a time, in order, without the limit."""
         members = self.family.samplers[:-1]
         solved = self._continuation
-        count = TOGETHER
+        count = MAX_TOGETHER
         if solved is not None and self.family.degeneration is not None:
             knots = len(self.family.degeneration.gaps)
-            count = min(max(BLOCK_NUMBERS // (knots * solved.count), 1), TOGETHER)
+            count = min(max(BLOCK_NUMBERS // (knots * solved.count), 1), MAX_TOGETHER)
         for first in range(0, len(members), count):
             samplers = members[first : first + count]
             if solved is None or self.family.degeneration is None:
@@ -291,7 +290,7 @@ class Vertices:
     @cached_property
     def _continuation(self) -> Continuation | None:
         one = self.family.degeneration
-        if one is None or not len(one.logarithms) or len(self.mosaic.patch) > MANY_VERTICES:
+        if one is None or not len(one.logarithms) or len(self.mosaic.patch) > MAX_FOLLOWED_VERTICES:
             return None
         return Continuation(one.patch, one.gaps, one.places(self.mosaic), float(one.logarithms.max()))
 

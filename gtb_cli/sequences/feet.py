@@ -1,31 +1,32 @@
-"""The points of a surface that are nearest to others, found by Newton's method in torus coordinates."""
+"""The points of a surface nearest to given points, found by Newton's method in torus coordinates."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.newton import dot
 from gtb_cli.sequences.continuation import Stratum, exponentials, squares_of
 
 LONGEST_SLIDE = 2.0
 """Longest step of a nearest point, in torus coordinates of unit knots."""
 
-ROUNDING = 1e-14
+ROUNDING_DISTANCE = 1e-14
 """Distance, as a fraction of the control points' extent, below which all is rounding."""
 
-FOOT_STEPS = 40
-"""Largest number of steps to a nearest point: four mostly suffice, but towards an edge, which is infinitely far,
-each divides what is left by e."""
+MAX_FOOT_STEPS = 40
+"""Steps to a nearest point. Four mostly suffice, but towards an edge, which is infinitely far, each step only divides
+the remaining distance by e."""
 
-FLAT = 1e-3
-"""Curvature of half the squared distance, as a fraction of that of a plane's, below which it is taken for that."""
+MIN_CURVATURE_RATIO = 1e-3
+"""Ratio of the curvature of half the squared distance to that from a plane, below which the latter is used."""
 
 PAIRS = ((0, 0), (1, 1), (0, 1))
-"""Coordinates of the second derivatives, in order."""
+"""Pairs of coordinates by which second derivatives are taken, in order."""
 
 
 class Chart:
-    """What is summed to have the points of a stratum and their derivatives with respect to s."""
+    """Points of a stratum and their derivatives with respect to s, as quotients of sums over its knots."""
 
     def __init__(self, stratum: Stratum, middle: FloatArray, unit: float) -> None:
         self.stratum, self.dimension = stratum, stratum.knots.shape[1]
@@ -40,7 +41,7 @@ class Chart:
         return np.asarray((self.summed[self.count : self.count + 3] @ e) / e.sum(axis=0))
 
     def derivatives(self, s: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s: 11, 22, 12."""
+        """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s; see `PAIRS`."""
         sums = self.summed @ exponentials(self.stratum.knots @ s + weights)
         sums /= sums[0]
         d, a = self.dimension, sums[1 : self.count]
@@ -53,14 +54,14 @@ class Chart:
         return points, first, second
 
     def least_squares(self, points: FloatArray, start: FloatArray, weights: FloatArray, accuracy: float) -> FloatArray:
-        """(m,) squared distances of (3, m) points from the nearest ones, found by Newton's method from (d, m) starts.
+        """(m,) squared distances of (3, m) points from the surface, found by Newton's method from (d, m) starts.
 
-        Ends where a step would not shorten the squared distance by more than a fraction `accuracy`.
+        Ends when a step would not shorten the squared distance by more than a fraction `accuracy`.
         """
         s, active = start, np.arange(start.shape[1])
         squares = np.full(len(active), np.inf)
         best, least, reach = s, squares, np.full(len(active), LONGEST_SLIDE / 2)
-        for _ in range(FOOT_STEPS):
+        for _ in range(MAX_FOOT_STEPS):
             place, first, second = self.derivatives(s, weights)
             apart = place - points
             square = dot(apart, apart)
@@ -68,12 +69,12 @@ class Chart:
             gradient = np.stack([dot(each, apart) for each in first])
             reach = np.where(better, np.minimum(2 * reach, LONGEST_SLIDE), reach / 4)
             step = _descent(gradient, first, [dot(each, apart) for each in second], reach)
-            # A step that led farther away is taken back by three quarters.
+            # Three quarters of a step that led farther away are taken back.
             following = np.where(better, s + step, best + (s - best) / 4)
             best, least = np.where(better, s, best), np.where(better, square, least)
             squares[active] = least
             near = better & (-(gradient * step).sum(axis=0) <= accuracy * square)
-            going = np.flatnonzero(~near & (least > ROUNDING**2))
+            going = np.flatnonzero(~near & (least > ROUNDING_DISTANCE**2))
             if not len(going):
                 break
             active, s, points, weights = active[going], following[:, going], points[:, going], weights[:, going]
@@ -81,22 +82,17 @@ class Chart:
         return squares
 
 
-def dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) scalar products of (3, m) vectors."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
 def _descent(gradient: FloatArray, first: FloatArray, bends: list[FloatArray], reach: FloatArray) -> FloatArray:
-    """(d, m) steps towards the minimum of half the square: along each axis of its curvature at most (m,) `reach`.
+    """(d, m) steps towards the least squared distance: along each principal axis of its Hessian, at most (m,) `reach`.
 
-    By that curvature, or where it is not positive by what it would be on a plane.
+    Where the curvature along an axis is not positive, that of the distance from a plane is used.
     """
     xx = dot(first[0], first[0])
     if len(first) == 1:
         return _along(gradient[0], xx + bends[0], xx, reach)[None]
     yy, xy = dot(first[1], first[1]), dot(first[0], first[1])
     a, b, c = xx + bends[0], yy + bends[1], xy + bends[2]
-    # One axis may be straight to rounding, towards an edge that is infinitely far; steps along it must not be lost.
+    # Towards an edge, which is infinitely far, one curvature may vanish to rounding; steps along its axis must remain.
     turn = 0.5 * np.arctan2(2 * c, a - b)
     cos, sin = np.cos(turn), np.sin(turn)
     middle, radius = (a + b) / 2, np.hypot((a - b) / 2, c)
@@ -107,5 +103,5 @@ def _descent(gradient: FloatArray, first: FloatArray, bends: list[FloatArray], r
 
 
 def _along(gradient: FloatArray, curvature: FloatArray, plane: FloatArray, reach: FloatArray) -> FloatArray:
-    curvature = np.where(curvature > FLAT * plane, curvature, np.maximum(plane, 0.0))
+    curvature = np.where(curvature > MIN_CURVATURE_RATIO * plane, curvature, np.maximum(plane, 0.0))
     return np.clip(-gradient / np.maximum(curvature, np.finfo(float).tiny), -reach, reach)

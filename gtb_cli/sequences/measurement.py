@@ -1,4 +1,4 @@
-"""How far the members of a family of patches are from its limit."""
+"""Distances of the members of a family from its limit."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from gtb_cli.tessellation.lattice import MIN_SAMPLES
 from gtb_cli.tessellation.refinement import refine
 
 FILM_ACCURACY = 0.25
-"""Error of the distance from a film beside that of the meshes, as a fraction of it."""
+"""Error of the distance from a film, as a fraction of the meshes' chord error, in addition to it."""
 
 COARSEST_MEASURED = 4
-"""Least segments along each edge of the meshes that are measured."""
+"""Least number of segments along each edge of the meshes that are measured."""
 
 CELLS_SEARCHED = 512
-"""Roughly the cells of the complex from whose vertices and middles distances between surfaces are looked for."""
+"""Rough number of cells whose vertices and middles start the search for distances between surfaces."""
 
-MANY_PLACES = 2500
-"""Its vertices and middles of cells from which on all their distances from each other take too much memory: meshes are
-measured instead."""
+MAX_PLACES = 2500
+"""Vertices and middles up to which memory holds all distances between them; beyond that, meshes are measured."""
 
-MEASURED_FACES = 200_000
-"""More are not made for measuring; then distances are between coarser meshes."""
+MAX_MEASURED_FACES = 200_000
+"""Faces of a mesh that is measured; if more would be needed, distances are between coarser meshes."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,11 @@ class Accuracy:
     chord_error : float
         That of the meshes between which distances are measured, as a fraction of the diagonal of the limit.
     cells : int
-        Roughly what those meshes start from.
+        Rough number of cells from which those meshes are refined.
     points_in_all : int
         See `refine`.
     relative : float
-        Relative error of a distance that is found on the surfaces themselves: three digits are right.
+        Relative error of a distance between the surfaces themselves: three digits are right.
     """
 
     chord_error: float
@@ -60,19 +59,19 @@ class Accuracy:
 
 
 ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
-"""What is used for curves and for surfaces."""
+"""The accuracy for curves and for surfaces."""
 
 
 class Measurement:
     """Distances of surfaces from a limit.
 
-    The members of a degeneration are measured on the surfaces themselves, see `Separation`. Other surfaces, those whose
-    cells have thin ones among them or are many, are measured between meshes.
+    Distances of members of a degeneration are found on the surfaces themselves, see `Separation`; those of other
+    families, and of degenerations with too many places or some that cannot be followed, between meshes.
 
-    Both are meshed with the same triangulation, refined until either mesh is within a chord error of its surface, and
-    the Hausdorff distance between the meshes is taken (`surface_distance`: between cells, not vertices). So it is
-    off by twice that chord error at most, and by far less where surface and limit are nearly the same, as then the
-    meshes' errors are. It does not depend on the resolution of the meshes that are written.
+    For these, surface and limit are meshed with the same triangulation, refined until each mesh is within the chord
+    error of its surface. The Hausdorff distance is taken between cells, not vertices (`surface_distance`). It is off by
+    at most twice the chord error, and by far less if surface and limit, and so the errors of their meshes, are nearly
+    the same. It does not depend on the resolution of the meshes that are written.
     """
 
     def __init__(self, family: Family, film: Mesh | None, accuracy: Accuracy) -> None:
@@ -80,7 +79,7 @@ class Measurement:
         self.starts: dict[float, tuple[Complex, str]] = {}
 
     def resolution_for(self, cells: int) -> int:
-        """Segments along each edge of a complex of roughly so many cells."""
+        """Segments along each edge of a complex with roughly the given number of cells."""
         share = cells / self.family.cell_count(1)
         return max(COARSEST_MEASURED, math.floor(math.sqrt(share) if self.family.dimension == 2 else share))
 
@@ -94,7 +93,7 @@ class Measurement:
         return self.accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def distances(self, members: range) -> Iterator[tuple[float, float, str]]:
-        """Distances of members from the limit, from the limit with its film, and what is doubtful about them."""
+        """Distances of members from the limit, and from the limit with its film, and what is doubtful about them."""
         one, last = self.family.degeneration, len(self.family.samplers) - 1
         if self.on_surfaces is not None and one is not None and members.stop <= last:
             found = self.on_surfaces.distances(one.logarithms[members.start : members.stop])
@@ -105,11 +104,11 @@ class Measurement:
 
     @cached_property
     def on_surfaces(self) -> Separation | None:
-        """What measures members of a degeneration; None where it is another family, or has too many cells."""
+        """What measures the members of a degeneration; None for other families, and if there are too many places."""
         one = self.family.degeneration
         start = self.family.uniform(self.resolution_for(CELLS_SEARCHED))
         vertices, cells = len(start.patch), len(start.cells)
-        if one is None or vertices + cells > MANY_PLACES:
+        if one is None or vertices + cells > MAX_PLACES:
             return None
         middles = Places(start.cell_patch, start.corners.mean(axis=1), np.full(cells, INTERIOR))
         places = one.places(start).followed_by(middles).followed_by(one.knots)
@@ -120,7 +119,7 @@ class Measurement:
         return found if found.is_whole else None
 
     def between_meshes(self, member: int) -> tuple[float, float, str]:
-        """The same for one member, by meshes."""
+        """The same as `distances` for one member, between meshes."""
         limit, sampler = self.family.limit, self.family.samplers[member]
         mosaic, doubt = self.fine_for_limit(member)
         mosaic, other_doubt = self.refined(mosaic, sampler)
@@ -129,12 +128,12 @@ class Measurement:
         plain = 0.0 if sampler is limit else surface_distance(surface, ends).value
         filmed = plain
         if self.film is not None:
-            # Cells of the surface and of the film do not match, so that more would cost much.
+            # The cells of surface and film do not match, so a smaller error would take long.
             filmed = surface_distance(surface, _union(ends, self.film), FILM_ACCURACY * self.tolerance).value
         return plain, filmed, doubt or other_doubt
 
     def fine_for_limit(self, member: int) -> tuple[Complex, str]:
-        """The complex that a member's measurement starts from."""
+        """The complex, fine enough for the limit, from which a member is measured; and what is doubtful about it."""
         thickness = self.family.thickness[member] if self.family.thickness else 0.0
         if thickness not in self.starts:
             start = self.family.graded(self.resolution_for(self.accuracy.cells), member)
@@ -142,15 +141,15 @@ class Measurement:
         return self.starts[thickness]
 
     def refined(self, mosaic: Complex, sampler: Sampler) -> tuple[Complex, str]:
-        """The complex fine enough for a surface, or else as it is, and why."""
+        """The complex refined for a surface; if that takes too many faces, the complex as it is, and why."""
         try:
-            return refine(mosaic, sampler, self.tolerance, MEASURED_FACES, self.accuracy.points_in_all)[0], ""
+            return refine(mosaic, sampler, self.tolerance, MAX_MEASURED_FACES, self.accuracy.points_in_all)[0], ""
         except ToleranceError as error:
             return mosaic, str(error)
 
     @staticmethod
     def sampled(mosaic: Complex, sampler: Sampler) -> Mesh:
-        """The mesh of a surface."""
+        """The mesh of a surface on a complex."""
         return Mesh(sampler.points(mosaic.patch, mosaic.parameters, mosaic.face), mosaic.cells)
 
 

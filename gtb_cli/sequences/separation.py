@@ -1,8 +1,8 @@
-"""How far members of a degeneration are from its limit, on the surfaces themselves and not on meshes of them.
+"""Distances of the members of a degeneration from its limit, between the surfaces themselves and not between meshes.
 
-The largest distance is looked for from vertices of a coarse complex: these are the corners of cells, where it mostly
-is, and enough others to begin from. The nearest point to each is found on the other surface by Newton's method in torus
-coordinates; then the farthest ones move over their own surface as long as their distances grow.
+The search for the largest distance starts from the vertices of a coarse complex: the corners of cells, where it mostly
+is, and enough others. Newton's method in torus coordinates finds the point of the other surface nearest to each; then
+the farthest vertices move over their own surface as long as their distances grow.
 """
 
 from __future__ import annotations
@@ -13,42 +13,43 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.newton import dot
 from gtb_cli.sequences.continuation import Continuation, Places
-from gtb_cli.sequences.feet import ROUNDING, Chart, dot
+from gtb_cli.sequences.feet import ROUNDING_DISTANCE, Chart
 from gtb_cli.theory.patch import Patch
 
 LIMIT_EXPONENT = 40.0
-"""Exponent by which all knots outside a cell are below it, at least, on what is taken for the limit."""
+"""Least exponent by which knots outside a cell are below it on the member that stands for the limit."""
 
-PLACED = 1e-6
-"""How exactly vertices are placed, as a fraction of Δ's extents: they are on the surface wherever they are."""
+PLACE_ACCURACY = 1e-6
+"""Error of the vertices' parameters, as a fraction of Δ's extents: whatever it is, they lie on the surface."""
 
 FIRST_FEET = 8
-"""Vertices of each surface that are projected first: most others then cannot be the farthest."""
+"""Vertices of each surface that are projected first, which rules out most others as the farthest."""
 
-VERIFIED = 2
-"""Places of each surface whose nearest points are looked for from several sides first, then twice as many, …."""
+FIRST_VERIFIED = 2
+"""Vertices of each surface whose nearest points are first searched for from several starts; then twice as many, …."""
 
-NEAREST, CELLS = 4, 2
-"""Sides from which they are looked for: the nearest places of the other surface, and the nearest in so many cells."""
+NEAREST_VERTICES, NEAREST_CELLS = 4, 2
+"""The starts: the nearest vertices of the other surface, and the nearest vertex in each of so many cells."""
 
-CLIMBERS = 4
-"""Largest number of vertices of each surface that move."""
+MAX_CLIMBERS = 4
+"""Vertices of each surface that move, at most."""
 
-CLOSE = 0.9
-"""Fraction of the largest distance from which on vertices move, if no neighbour is farther."""
+CLOSE_SHARE = 0.9
+"""Fraction of the largest distance from which on vertices move, unless a neighbour is farther."""
 
-SHRINKAGE, GROWTH = 0.8, 2.0
-"""Ratios of the reach after and before a turn in which no point tried was farther, and one in which one was."""
+SHRINK_RATIO, GROWTH_RATIO = 0.8, 2.0
+"""Ratios of the reach after a turn to that before: if no point tried was farther, and if one was."""
 
-LONGEST_REACH = 4.0
+MAX_REACH = 4.0
 """Longest reach, in torus coordinates of unit knots; the first is 1."""
 
 TRIALS = 24
-"""Points tried around one that moves."""
+"""Points tried in each turn around a point that moves."""
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
-"""Angle between points that follow each other along a spiral, so that they are spread evenly."""
+"""Angle between successive points of a spiral that spreads them evenly."""
 
 
 class Spots(NamedTuple):
@@ -58,9 +59,9 @@ class Spots(NamedTuple):
     ----------
     surface : (m,) int
     row : (m,) int
-        A vertex: it tells the stratum, the cell, and where there is no stratum the point.
+        A vertex, which gives the stratum and the cell, or without a stratum the point.
     s : (m, 2) float
-        Torus coordinates in the stratum; the second is not used on an edge.
+        Torus coordinates in the stratum; the second one is unused on an edge.
     """
 
     surface: IntArray
@@ -79,27 +80,27 @@ class Separation:
     ----------
     patch : Patch
     gaps : (n, c) float
-        Of each knot in each cell, see `Continuation`.
+        See `Continuation`.
     places : Places
-        Vertices of a complex that follows the cells.
+        Those of the vertices of a complex that follows the cells.
     cells : (k, d + 1) int
         Of that complex.
     anchored : (v,) bool
-        Whether a vertex lies on the border of a cell, inside Δ or inside an edge of it: there, on the limit, steps in s
-        do not lead into the cell.
+        Whether a vertex lies on the border of a cell but inside Δ, or inside an edge of it: on the limit, steps in s
+        do not lead from there into the cell.
     accuracy : float
         Relative error of the distances.
 
     Attributes
     ----------
     is_whole : bool
-        Whether all places can be followed; else distances are not to be asked for.
+        Whether all places can be followed; otherwise there are no distances.
 
     Notes
     -----
-    About 3 ms for each member of Example 4.4, if many are measured together. Distances are those of points there are:
-    they are not too large but where a nearest point was not found; they are too small where the farthest point is
-    on a peak or ridge of a member between places whose distances are all below `CLOSE` of the largest.
+    About 3 ms for each member of Example 4.4, if many are measured together. Distances are those of actual points: one
+    is too large only if a nearest point was not found, and too small only if the farthest point is on a peak or ridge
+    between vertices whose distances are all below `CLOSE_SHARE` of the largest.
     On 13 patches with random knots, weights and control points, at five x each, 64 distances were within 0.02 % of the
     diagonal of those between fine meshes. One, at x = 1e5, was 0.4 % too small: a spike narrower than the cells.
     """
@@ -130,7 +131,7 @@ class Separation:
 
 
 class _Surfaces:
-    """Some members and the limit, which is the last, in units of the control points' extent about their middle."""
+    """Some members, and the limit last; points are scaled by the control points' extent about their middle."""
 
     def __init__(self, of: Separation, logarithms: FloatArray) -> None:
         self.of, self.logarithms = of, logarithms
@@ -139,7 +140,7 @@ class _Surfaces:
         self.points[:, of.fixed] = of.points
         for chart in of.charts:
             rows = chart.stratum.rows
-            s, points, _ = chart.stratum.solutions(logarithms, PLACED)
+            s, points, _ = chart.stratum.solutions(logarithms, PLACE_ACCURACY)
             self.s[:, rows, : len(s)] = np.moveaxis(s.reshape(len(s), len(logarithms), -1), 0, -1)
             self.points[:, rows] = (points - of.middle) / of.unit
 
@@ -151,7 +152,7 @@ class _Surfaces:
         bounds, near = self.nearest_vertices()
 
         def bound(way: IntArray, row: IntArray) -> None:
-            """Bound distances by those of points found from one side."""
+            """Bound distances by those of the feet found from one start."""
             foot = near[way, row]
             feet = Spots(target[way], foot, self.s[target[way], foot])
             bounds[way, row] = np.minimum(bounds[way, row], self.feet(self.points[source[way], row], feet))
@@ -159,14 +160,14 @@ class _Surfaces:
         first = np.argsort(-bounds, axis=1)[:, :FIRST_FEET]
         bound(np.repeat(ways, first.shape[1]), first.ravel())
         guess = _of_both(np.take_along_axis(bounds, first, axis=1).max(axis=1))
-        bound(*np.nonzero(bounds > CLOSE * guess[:, None]))
+        bound(*np.nonzero(bounds > CLOSE_SHARE * guess[:, None]))
         verified = np.zeros(bounds.shape, dtype=bool)
         low = np.zeros(len(ways))
         for turn in count():
             waiting = np.where(verified, -1.0, bounds)
-            number = min(VERIFIED << turn, bounds.shape[1])
+            number = min(FIRST_VERIFIED << turn, bounds.shape[1])
             row = np.argpartition(-waiting, number - 1, axis=1)[:, :number]
-            chosen = np.take_along_axis(waiting, row, axis=1) > CLOSE * low[:, None]
+            chosen = np.take_along_axis(waiting, row, axis=1) > CLOSE_SHARE * low[:, None]
             if not chosen.any():
                 break
             way, row = np.repeat(ways, number)[chosen.ravel()], row[chosen]
@@ -176,16 +177,16 @@ class _Surfaces:
             np.maximum.at(low, way, bounds[way, row])
             low = _of_both(low)
         heights = np.where(verified, bounds, 0.0)
-        way, row = np.nonzero((heights >= CLOSE * low[:, None]) & (low[:, None] > ROUNDING))
+        way, row = np.nonzero((heights >= CLOSE_SHARE * low[:, None]) & (low[:, None] > ROUNDING_DISTANCE))
         top = heights[way[:, None], self.of.neighbours[row]].max(axis=1) <= heights[way, row]
         way, row = way[top], row[top]
         order = np.lexsort((-heights[way, row], way))
         way, row = way[order], row[order]
-        few = np.arange(len(way)) - np.searchsorted(way, way) < CLIMBERS
+        few = np.arange(len(way)) - np.searchsorted(way, way) < MAX_CLIMBERS
         way, row = way[few], row[few]
         spots = Spots(source[way], row, self.s[source[way], row])
         np.maximum.at(low, way, self.climbed(spots, heights[way, row], target[way]))
-        return np.where(_of_both(low) > ROUNDING, _of_both(low), 0.0)[:k]
+        return np.where(_of_both(low) > ROUNDING_DISTANCE, _of_both(low), 0.0)[:k]
 
     def nearest_vertices(self) -> tuple[FloatArray, IntArray]:
         """(2 k, v) distances of vertices from the nearest ones of the other surface, and which these are."""
@@ -197,7 +198,7 @@ class _Surfaces:
         return np.sqrt(np.stack([each for each, _ in pairs])), np.stack([row for _, row in pairs])
 
     def distances(self, points: FloatArray, surface: IntArray) -> FloatArray:
-        """(m,) distances of (m, 3) points from surfaces, their nearest points looked for from several sides."""
+        """(m,) distances of (m, 3) points from surfaces, searched for from several starts."""
         if not len(points):
             return np.empty(0)
         rows = [self.starts(points[members], self.points[index]) for index, members in groups(surface)]
@@ -209,16 +210,16 @@ class _Surfaces:
         return np.asarray(self.feet(np.repeat(points, number, axis=0), starts).reshape(-1, number).min(axis=1))
 
     def starts(self, points: FloatArray, vertices: FloatArray) -> IntArray:
-        """(m, w) vertices near (m, 3) points: the nearest of all, and the nearest inside each of the nearest cells."""
+        """(m, w) vertices near (m, 3) points: the nearest of all, and the nearest one in each of the nearest cells."""
         squares = _squares_between(points, vertices)
         inner = squares[:, self.of.inner]
         nearest = inner.argmin(axis=2)
-        cells = np.argpartition(inner.min(axis=2), min(CELLS, inner.shape[1]) - 1, axis=1)[:, :CELLS]
+        cells = np.argpartition(inner.min(axis=2), min(NEAREST_CELLS, inner.shape[1]) - 1, axis=1)[:, :NEAREST_CELLS]
         inside = self.of.inner[cells, np.take_along_axis(nearest, cells, axis=1)]
-        return np.column_stack([np.argpartition(squares, NEAREST - 1, axis=1)[:, :NEAREST], inside])
+        return np.column_stack([np.argpartition(squares, NEAREST_VERTICES - 1, axis=1)[:, :NEAREST_VERTICES], inside])
 
     def climbed(self, spots: Spots, distances: FloatArray, target: IntArray) -> FloatArray:
-        """(m,) distances from other surfaces to which those of points grow that move over their own."""
+        """(m,) distances from target surfaces that points reach by moving over their own."""
         distances, s, reach = distances.copy(), spots.s.copy(), np.ones(len(spots.row))
         turn = 0
         while len(going := np.flatnonzero(reach > np.sqrt(self.of.accuracy))):
@@ -228,14 +229,14 @@ class _Surfaces:
             found = found.reshape(len(going), -1)
             best = found.argmax(axis=1)
             best_found = found[np.arange(len(going)), best]
-            # Less than that is not worth a turn.
+            # A smaller gain is not worth a turn.
             better = best_found > (1 + 1e-3 * self.of.accuracy) * distances[going]
             distances[going[better]] = best_found[better]
             s[going[better]] = trial.reshape(*found.shape, 2)[better, best[better]]
-            # What is in a corner of a cell stays there.
+            # A point in the corner of a cell stays there.
             stays = np.abs(found - distances[going, None]).max(axis=1) <= self.of.accuracy * distances[going]
-            reach[going] *= np.where(better, GROWTH, np.where(stays, 0.0, SHRINKAGE))
-            np.minimum(reach, LONGEST_REACH, out=reach)
+            reach[going] *= np.where(better, GROWTH_RATIO, np.where(stays, 0.0, SHRINK_RATIO))
+            np.minimum(reach, MAX_REACH, out=reach)
             turn += 1
         return distances
 
@@ -249,7 +250,7 @@ class _Surfaces:
         return result
 
     def feet(self, points: FloatArray, starts: Spots) -> FloatArray:
-        """(m,) distances of (m, 3) points from the points of surfaces that are nearest around starts."""
+        """(m,) distances of (m, 3) points from the nearest points of surfaces that are found from given starts."""
         distances = np.empty(len(points))
         for index, rows in groups(self.of.stratum[starts.row]):
             own = starts.at(rows)
@@ -264,14 +265,14 @@ class _Surfaces:
         return distances
 
     def weights(self, chart: Chart, spots: Spots) -> FloatArray:
-        """(n, m) logarithms of the weights that points see."""
+        """(n, m) logarithms of the weights at points."""
         return chart.stratum.exponents(self.logarithms[spots.surface], self.of.cell[spots.row])
 
 
 def _disc(turn: int) -> FloatArray:
-    """(t, 2) points evenly spread over the unit disc, along a spiral that starts elsewhere in each turn.
+    """(t, 2) points spread evenly over the unit disc, along a spiral that starts elsewhere in each turn.
 
-    Distances have ridges, where two nearest points are equally near: few directions lead up along these.
+    Distances have ridges, where two points are equally near; only a few directions lead upwards along a ridge.
     """
     k = np.arange(TRIALS)
     radius, angle = np.sqrt((k + 0.5) / TRIALS), GOLDEN_ANGLE * k + turn
@@ -279,25 +280,25 @@ def _disc(turn: int) -> FloatArray:
 
 
 def _neighbours(cells: IntArray, free: BoolArray) -> IntArray:
-    """(v, w) free vertices that have a cell in common with each vertex, and itself to fill the row."""
+    """(v, w) free vertices that share a cell with each vertex; the vertex itself fills the row."""
     corners = range(cells.shape[1])
     pairs = np.concatenate([cells[:, [i, j]] for i in corners for j in corners if i != j])
     return _table(pairs[free[pairs[:, 1]]], np.arange(len(free)))
 
 
 def _inner(cell: IntArray, free: IntArray) -> IntArray:
-    """(c, w) free vertices of each cell, one of them again and again to fill the row."""
+    """(c, w) free vertices of each cell; the first one fills the row."""
     number, first = np.unique(cell[free], return_index=True)
     return _table(np.column_stack([np.searchsorted(number, cell[free]), free]), free[first])
 
 
 def _of_both(distances: FloatArray) -> FloatArray:
-    """(2 k,) the larger one of the distances of k members there and back, twice."""
+    """(2 k,) the larger of the one-sided distances of k members, for both directions."""
     return np.tile(distances.reshape(2, -1).max(axis=0), 2)
 
 
 def _table(pairs: IntArray, filling: IntArray) -> IntArray:
-    """(k, w): in row i the j of all pairs (i, j), and what fills it."""
+    """(k, w): in row i the j of all pairs (i, j), then `filling`."""
     pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
     number = np.bincount(pairs[:, 0], minlength=len(filling))
     table = np.repeat(filling[:, None], max(int(number.max(initial=0)), 1), axis=1)
@@ -306,6 +307,6 @@ def _table(pairs: IntArray, filling: IntArray) -> IntArray:
 
 
 def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m, n) squares of the distances of (m, 3) points from (n, 3) points, up to rounding."""
+    """(m, n) squared distances of (m, 3) points from (n, 3) points, up to rounding."""
     columns = np.column_stack([-2 * b, np.ones(len(b)), np.einsum("ij,ij->i", b, b)])
     return np.asarray(np.maximum(np.column_stack([a, np.einsum("ij,ij->i", a, a), np.ones(len(a))]) @ columns.T, 0.0))
