@@ -32,25 +32,25 @@ MAX_SHARED_LOCATIONS = 4096
 class Complex:
     """Vertices and cells, without positions in space.
 
-    A vertex on a shared edge belongs to the first patch that has it; `corners` has the parameters that the
-    vertices of a cell have in the cell's own patch.
+    A vertex on a shared edge belongs to the first patch that has it; `corners` has the parameters of a cell's vertices
+    in the cell's own patch.
 
     Attributes
     ----------
     patch : (v,) int
         Patch of each vertex.
     parameters : (v, d) float
-        In that patch's domain.
+        In the domain of that patch.
     face : (v,) int
-        Number among that domain's faces.
+        Number of the face of that domain in whose interior the vertex lies.
     cells : (k, d + 1) int
     cell_patch : (k,) int
     own_corners : (k, d + 1, d) float or None
-        `corners`, where they are not just the parameters of the cells' vertices.
+        `corners`; None if they are just the parameters of the cells' vertices.
     collapsed : (c, 2) int
-        Pairs of vertices that are one point because an edge of a patch is.
+        Pairs of neighbouring vertices on edges of patches that are one point.
     sides : int
-        How many sides uniform triangles have, two on one shared edge counted once.
+        How many sides the cells of a uniform complex have; two that a joint makes one count once.
     """
 
     patch: IntArray
@@ -64,19 +64,19 @@ class Complex:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """(k, d + 1, d) parameters of each cell's vertices, in the domain of the cell's own patch."""
+        """(k, d + 1, d) parameters of the vertices of each cell, in the domain of the cell's own patch."""
         return self.parameters[self.cells] if self.own_corners is None else self.own_corners
 
     @property
     def is_simplicial(self) -> bool:
-        """Whether the vertices of a uniform complex tell its cells, and the sides of its cells, apart."""
+        """Whether no two cells of a uniform complex, and no two of their sides, have the same vertices."""
         if not are_proper(self.cells).all() or _repeated(self.cells).any():
             return False
         return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
 
     @cached_property
     def without_collapsed(self) -> tuple[IntArray, IntArray]:
-        """Cells with vertices that are one point made one, and the rows of those with no side left on one.
+        """Cells after vertices that are one point became one, and the rows of those that keep all their corners.
 
         Edges that are one point are never split: their ends become one, and the cells beside them vanish.
         """
@@ -88,9 +88,9 @@ class Complex:
 
     @property
     def further_places(self) -> tuple[IntArray, FloatArray]:
-        """(q, 2) vertices and patches, (q, d) parameters: where vertices of `without_collapsed` lie besides their own.
+        """(q, 2) vertices and patches, (q, d) parameters: further places of the vertices of `without_collapsed`.
 
-        On edges that patches share, along edges that are one point, and on an edge that its patch has twice.
+        They are on edges that patches share, on edges that are one point, and on an edge that its patch has twice.
         """
         cells, rows = self.without_collapsed
         row, k = np.nonzero(self.face[cells] != INTERIOR)
@@ -101,7 +101,7 @@ class Complex:
 
     @property
     def is_whole(self) -> bool:
-        """Whether each patch has a cell left where edges are one point, and no two cells the same vertices."""
+        """Whether `without_collapsed` leaves each patch a cell, and no two cells with the same vertices."""
         if not len(self.collapsed):
             return True
         cells, rows = self.without_collapsed
@@ -111,14 +111,14 @@ class Complex:
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
     """Triangulate each domain with `resolution` cells along an edge, and join them.
 
-    Where joined patches would have a side between the same two vertices inside each, as at the corner between two
-    edges that they share, they are cut around their centres; so are those with a tip, and there a side once more.
+    Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
+    corner between two edges that they share. So are patches with a tip, where one more side is halved.
 
     Parameters
     ----------
     patches : sequence of Patch
     joints : Joints or None
-        None for a single patch that stands for itself.
+        None for a single patch that is joined with nothing.
     resolution : int
     """
     parts = [triangulation(patch.domain, resolution) for patch in patches]
@@ -152,7 +152,7 @@ def alone(domain: Domain, part: Triangulation) -> Complex:
 
 
 def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
-    """Patches and corners of them between two edges that are the same curve, as at the tip of a cone."""
+    """Patches and their corners between two edges that are the same curve, as at the tip of a cone."""
     tips = []
     for joint in joints.shared:
         (index, edge), (other, following) = joint.first, joint.second
@@ -164,7 +164,7 @@ def _tips(patches: Sequence[Patch], joints: Joints) -> list[tuple[int, int]]:
 
 
 def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulation]) -> tuple[Complex, IntArray]:
-    """The complex of triangulated domains, and the patches with cells or sides that vertices do not tell apart."""
+    """The complex of triangulated domains, and the patches with cells or sides that share all their vertices."""
     is_surface = patches[0].dimension == 2
     offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
     owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
@@ -207,7 +207,7 @@ def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) ->
 
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
-    """A vertex of each cell, and of each side inside a patch, between the same boundary vertices as another one."""
+    """A vertex of each cell, and of each side inside a patch, with the same boundary vertices as another one."""
     cells = cells[on_boundary[cells].sum(axis=1) > 1]
     cells = cells[are_proper(label[cells])]
     flat = cells[on_boundary[cells].all(axis=1)]
@@ -219,7 +219,7 @@ def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntAr
 
 
 def _repeated(rows: IntArray) -> BoolArray:
-    """Which rows have the same entries, in any order, as another."""
+    """(m,) whether a row has the same entries, in any order, as another."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)
 
@@ -228,14 +228,14 @@ def _repeated(rows: IntArray) -> BoolArray:
 class Sampler:
     """Points and normals of several patches at parameters of either parametrisation.
 
-    With `shared_edges`, edges are sampled by their own data (linearly) in the toric parametrisation too, so that
-    patches which share an edge have the same points there.
+    With `shared_edges`, edges are sampled linearly, by their own data, even in the toric parametrisation, so that
+    patches that share an edge have the same points there.
 
-    Where `wholes` are given, each patch only says where a part of a larger one lies, which is evaluated in its place;
-    `faces` (patches, faces) has the number of the larger one's face that holds each face of the part.
+    If `wholes` are given, each patch only says where a part of a larger one lies, which is evaluated in its place;
+    `faces` (patches, faces) has the number of the face of the larger one that holds each face of the part.
 
-    With a `resolution`, all parameters at once may be those of triangulations with so many cells along an edge: linear
-    ones are found sooner then.
+    A `resolution` says that all parameters at once may be those of triangulations with so many cells along an edge:
+    linear ones are then found sooner.
     """
 
     patches: Sequence[Patch]
@@ -253,7 +253,7 @@ class Sampler:
     def points(self, patch: IntArray, parameters: FloatArray, face: IntArray, within: float = 0.0) -> FloatArray:
         """(m, 3) positions of (m, d) parameters, each in its own patch, known to lie on given faces.
 
-        Or of parameters that are nearer than `within`, a fraction of the domain's size: linear ones are found sooner.
+        Linear parameters may be off by `within`, a fraction of the domain's size: they are then found sooner.
         """
         result = np.empty((len(patch), 3))
         face = face if self.faces is None else self.faces[patch, face]
@@ -320,6 +320,6 @@ class Sampler:
 
 
 def _groups(patch: IntArray) -> Iterator[tuple[int, slice | IntArray]]:
-    """Rows of each patch; all rows as a slice where there is one patch only."""
+    """Rows of each patch; a slice of all rows if there is only one patch."""
     for index, rows in groups(patch):
         yield index, slice(None) if len(rows) == len(patch) else rows

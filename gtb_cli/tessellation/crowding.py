@@ -1,4 +1,4 @@
-"""Where the toric parametrisation puts vertices on top of each other, so that single triangles span most of a patch."""
+"""Crowding of vertices in the toric parametrisation, which may leave most of a patch to a few triangles."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 MAX_SIDE_FRACTION = 0.1
-"""Part of an edge, or inside of the domain, that one side of a triangle may span before vertices are said to crowd."""
+"""Part of an edge, or of the domain's size, that a side of a triangle may span before vertices are said to crowd."""
 
 MIN_RESOLUTION = 16
-"""Segments along each edge from which sides are not that wide by themselves."""
+"""Segments along each edge from which on even spacing gives no sides as wide as that."""
 
 COINCIDENT_FRACTION = 1e-9
 """Part of the domain's size below which the corners of a face are one point."""
 
 
 def crowding(spec: Patch | Model, resolution: int) -> list[str]:
-    """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing where they do not.
+    """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing if they do not.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
 
     Notes
     -----
-    Places are compared in the linear parametrisation, by ``μ = Σ_i T_i a_i``, in which a mesh is even: one more
-    evaluation of the patch, with its knots in place of the control points.
+    Places are compared by ``μ = Σ_i T_i a_i``, their parameters in the linear parametrisation, in which a mesh is even.
+    This takes one more evaluation of the patch, with the knots in place of the control points.
     """
     patches = spec.patches
     widest, lost, count = 0.0, 0, 0

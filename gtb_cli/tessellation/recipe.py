@@ -1,6 +1,6 @@
-"""From a spec to the finished mesh: how fine, tube or solid, attributes, watertight or not at all.
+"""From a spec to the finished mesh: how fine, as a tube or solid, with which attributes, and what it must be.
 
-The command line reads its options with this room; what computes is imported where a mesh is made.
+The command line reads its options with this module, so whatever computes is imported only when a mesh is made.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 BYTES_PER_FACE = 230
-"""Memory for a large mesh: measured, 1.17 GB for five million faces."""
+"""Memory for each face of a large mesh, as measured: 1.17 GB for five million faces."""
 
 SIZE_RESOLUTION = 16
-"""Segments of each edge of the mesh whose bounding box a percentage is of."""
+"""Segments along each edge of the mesh whose bounding box a percentage refers to."""
 
 AXIS_SHARE = 1 / 3
 """Fraction of a tube's tolerance that its middle line, and the polygon of its rings, may be off: on the outside of a
@@ -39,7 +39,7 @@ class Recipe:
     Attributes
     ----------
     resolution : int
-        Segments of each hull edge; another one than the default excludes a tolerance.
+        Segments along each hull edge; other values than the default exclude a tolerance.
     tolerance : float, str or None
         Largest distance between mesh and surface, in model units or as ``"1%"`` of the bounding box's diagonal;
         replaces `resolution`.
@@ -48,9 +48,9 @@ class Recipe:
     normals : bool
         Whether a surface gets its unit normals.
     radius : float or None
-        That of a tube around a curve.
+        Makes a tube of this radius around a curve.
     thickness : float or None
-        That of a solid beside a surface: on the side of the normals, or the other if negative.
+        Makes a solid of a surface: on the side of its normals, or if negative on the other side.
     attributes : tuple of str
         Of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
@@ -59,7 +59,8 @@ class Recipe:
     max_faces : int
         More are refused before they are made.
     weld : float, str or None
-        In place of the model's own: edges as near as this are one, in model units or as ``"0.01%"`` of the size.
+        Replaces the model's own: edges within this distance of each other are joined, in model units or as ``"0.01%"``
+        of the size.
     certify : bool
         Whether the tolerance is certain for a surface, too, and not only seen at samples.
 
@@ -157,7 +158,7 @@ class Recipe:
         return mesh, remarks + offset_folds
 
     def _seams(self, spec: Patch | Model) -> list[str]:
-        """What to know of the seams of a model."""
+        """Remarks on the seams of a model."""
         from gtb_cli.theory.model import Model
 
         if not isinstance(spec, Model):
@@ -167,7 +168,7 @@ class Recipe:
         return seam_remarks(spec)
 
     def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
-        """What to know of a model whose coarse mesh has sides with more than two faces."""
+        """A remark on a model whose mesh is so coarse that sides have more than two faces."""
         from gtb_cli.theory.model import Model
 
         if not isinstance(spec, Model) or self.tolerance is not None or self.resolution > 2 or mesh.is_curve:
@@ -182,7 +183,7 @@ class Recipe:
         ]
 
     def _faces_around(self, tolerance: float | None) -> int:
-        """Faces for each segment of a tube with a tolerance; 1 for other meshes, whose cells are their faces."""
+        """Faces around each segment of a tube with a tolerance; 1 for other meshes, whose cells are their faces."""
         if self.radius is None or tolerance is None:
             return 1
         from gtb_cli.meshes.tube import ring_size
@@ -238,7 +239,7 @@ class Recipe:
         return percentage(self.tolerance) / 100 * diagonal
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """How sure it is that the tolerance holds: certified for curves, or where asked for; None without one.
+        """How sure the tolerance is: certified for curves and on request, else sampled; None without a tolerance.
 
         The middle line of a tube is certified, its surface is not.
         """
@@ -248,7 +249,7 @@ class Recipe:
         return "certified" if certain else "sampled"
 
     def leaves_open(self, spec: Patch | Model) -> bool:
-        """Whether the mesh is that of a surface with a boundary."""
+        """Whether the mesh has a boundary: it is neither a tube nor a solid, and the spec is not a closed model."""
         from gtb_cli.theory.model import Model
 
         if self.radius is not None or self.thickness is not None:
@@ -329,7 +330,7 @@ def percentage(text: str) -> float:
 
 
 def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
-    """A model with another weld, in model units or percent of its size; what is no model, or with None, as it is."""
+    """A model with another weld, in model units or as a percentage of its size; else the spec as it is."""
     from gtb_cli.theory.model import Model
 
     if not isinstance(spec, Model) or weld is None:

@@ -1,4 +1,4 @@
-"""A complex that grows: its edges are split in the middle, and the cells beside them by pattern."""
+"""A complex that grows: its edges are split in the middle, and the cells beside them are cut by pattern."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
 from gtb_cli.theory.patch import Patch
 
 MAX_ASPECT_RATIO = 12.0
-"""A triangle that is split, and longer than this many times its height, has its longest edge split too: slivers get
-hardly thinner, and refinement ends."""
+"""Ratio of length to height from which on a triangle that is split has its longest edge split too: slivers then hardly
+get thinner, and refinement ends."""
 
 
 class Subdivision:
@@ -28,7 +28,7 @@ class Subdivision:
     points : (v, 3) float
     patches : sequence of Patch
     slim : float
-        Height of a triangle in Δ, in units of its longest side and of the slimmest one's at the start, that is thin.
+        Height of a triangle in Δ over its longest side, in units of the smallest such ratio at the start, that is thin.
     """
 
     def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
@@ -46,7 +46,7 @@ class Subdivision:
         return len(self.cells.cells)
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
-        """(k, 3) points of the first vertices of some cells, of the second ones …."""
+        """(k, 3) points of the first vertices of some cells, of the second ones, …."""
         cells = self.cells.cells.take(rows, axis=0)
         return [self.points.take(vertex, axis=0) for vertex in cells.T]
 
@@ -68,16 +68,16 @@ class Subdivision:
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
-        """Whether any side of all cells, or of some, is marked; column by column: short rows are slow to reduce."""
+        """Whether any side of each cell, or of some cells, is marked; by columns, as short rows are slow to reduce."""
         sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
         return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
     def mark_thin(self, marked: BoolArray) -> None:
-        """Mark the longest edge of thin triangles that have another one marked.
+        """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
 
-        And of those thin in Δ: else parts of a surface that bends to and fro along one could be split for ever.
-        Triangles beyond the edges that this marks are left as they are. Where a knot is near an edge of Δ, all are thin
-        over there, in space and in Δ along different sides: rule after rule would mark the whole neighbourhood.
+        Without those thin in Δ, parts of a surface that bends to and fro along an edge could be split for ever.
+        Triangles beyond the newly marked edges are left as they are: near a knot close to an edge of Δ all triangles
+        are thin, in space and in Δ along different sides, and marks would spread over the whole neighbourhood.
         """
         if not self.is_surface:
             return
@@ -93,9 +93,9 @@ class Subdivision:
         marked[sides[thin, longest[thin]]] = True
 
     def split(self, chosen: IntArray, middles: FloatArray) -> IntArray:
-        """Split edges at their (e, 3) middles, and the cells beside them; returns the cells that are new.
+        """Split edges at their (e, 3) middles, and the cells beside them; return the rows of cells that changed.
 
-        New edges come after all others: first the halves of those that were split, then those inside cells.
+        New edges come after all others: first the halves of split edges, then those inside cells.
         """
         count = len(self.edges.ends)
         old = self.edges.at(chosen)
@@ -146,14 +146,14 @@ class Subdivision:
         return _with_peaks(groups, _is_inside)
 
     def result(self) -> Complex:
-        """The complex; cells ordered by patch, else in the order in which they were made."""
+        """The complex, its cells ordered by patch, then as they were made."""
         order = np.argsort(self.cells.patch, kind="stable")
         cells = self.cells.at(order)
         return Complex(self.patch, self.parameters, self.face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
 def edges_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]:
-    """The sides of all cells, each once, and (k, 1 or 3) which are a cell's."""
+    """The sides of all cells, each once, and the (k, 1 or 3) sides of each cell."""
     k = start.cells.shape[1]
     if k == 2:
         edges = Edges(start.cells, start.cell_patch, start.corners, np.zeros(len(start.cells), dtype=np.int64))
@@ -172,9 +172,9 @@ def edges_of(start: Complex, patches: Sequence[Patch]) -> tuple[Edges, IntArray]
 
 
 def peaks_of(patch: Patch) -> list[FloatArray]:
-    """Parameters, inside Δ and on each edge of it, where much of a surface may be between samples of linear ones.
+    """Parameters, inside Δ and on each edge of it, near which samples may miss much of a surface.
 
-    These are the knots, as weights may be extreme, and the middles between neighbouring ones, as knots may crowd.
+    They are the knots, whose weights may be extreme, and the middles between neighbouring knots, which may crowd.
     """
     domain, knots = patch.domain, patch.knots
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
@@ -191,7 +191,7 @@ def _with_peaks(
     groups: Sequence[tuple[IntArray, FloatArray, FloatArray]],
     holds: Callable[[FloatArray, FloatArray], BoolArray],
 ) -> tuple[IntArray, FloatArray]:
-    """Rows, and peaks that their cells hold; groups are of rows, the corners of their cells, and peaks to be tried."""
+    """Rows of cells that hold peaks, and these; each group has rows, the corners of their cells, and peaks to try."""
     rows_found, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     for rows, corners, peaks in groups:
         for peak in peaks:
@@ -214,7 +214,7 @@ def _is_inside(corners: FloatArray, peak: FloatArray) -> BoolArray:
 
 
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """(k,) heights of (k, 3, 2) triangles over their longest sides, in units of these, and which sides they are."""
+    """(k,) ratios of height to longest side of (k, 3, 2) triangles, and which side is the longest."""
     a, b, c = (corners[:, i].T for i in range(3))
     squares = np.stack([((end - start) ** 2).sum(axis=0) for start, end in ((a, b), (b, c), (c, a))])
     area = np.abs(planar_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 FIRST_RESOLUTIONS = (1, 2, 3, 4)
-"""Cells along an edge from which refinement may start: the first with which no two cells have the same vertices,
-and no patch is left without cells."""
+"""Cells along an edge from which refinement may start: the first number is taken with which no two cells have the same
+vertices and each patch has a cell."""
 
 
 def tessellate(
@@ -58,15 +58,15 @@ def tessellate(
     max_faces : int
         More cells than this are refused before they are made.
     joints : Joints, optional
-        What `find_joints` says of a model's patches, where it is known.
+        Those of the model's patches, if known; see `find_joints`.
     certify : bool
-        Whether a tolerance is certain for a surface, too.
+        Whether the tolerance must be certain for a surface, too.
 
     Returns
     -------
     Mesh
-        With unit normals, if asked for, and parameters. Shared edges of a model's patches are sampled
-        once, by the curve's own data, and their vertices are one.
+        With parameters, and unit normals if asked for. Edges that patches of a model share are sampled once, by the
+        curve's own data, and their vertices are one.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def tessellate(
 
 
 def refuse_too_many(cells: int, max_faces: int) -> None:
-    """Raise `ToleranceError` where a mesh would have more than `max_faces` cells."""
+    """Raise `ToleranceError` if a mesh would have more than `max_faces` cells."""
     if cells > max_faces:
         raise ToleranceError(f"the mesh would have {cells} faces, more than {max_faces}: lower -n or raise --max-faces")
 
@@ -120,7 +120,7 @@ def refined(
     max_faces: int,
     certify: bool = False,
 ) -> tuple[Complex, FloatArray]:
-    """The coarsest complex that serves, refined until it holds a tolerance, and the points of its vertices."""
+    """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices."""
     from gtb_cli.tessellation.refinement import refine
 
     for coarsest in FIRST_RESOLUTIONS:
@@ -186,7 +186,7 @@ def _mesh(
 
 
 def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray, count: int) -> BoolArray:
-    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces look inwards."""
+    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces point inwards."""
     sides = sides_of(faces)
     owner, edge = np.repeat(face_patch, 3), sides.edge.ravel()
     body = merged(count, np.unique(np.stack([owner, owner[sides.first[edge]]], axis=1), axis=0))

@@ -1,4 +1,4 @@
-"""Vertices of welded seams: on the mean of the curves that are one."""
+"""Vertices of welded seams, on the mean of the curves that become one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> FloatArray:
-    """Move vertices of seams whose curves differ to the mean curve, and their corners to the mean of all corners there.
+    """Move vertices of welded seams to the mean of their curves, and corners to the mean of all corners there.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch],
 
 
 def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> None:
-    """Move the vertices at corners that are one, and those of edges that are points, to their mean."""
+    """Move vertices at corners that become one, and those of edges that are points, to their mean."""
     counts = [len(patch.domain.vertices) for patch in patches]
     offsets = np.cumsum([0, *counts])
 
