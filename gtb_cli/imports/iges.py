@@ -20,7 +20,7 @@ from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import LARGEST, NUMBER_PATTERN, SHOWN_CHARACTERS
-from gtb_cli.spec.copies import MAX_PATCHES
+from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 

@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import NamedTuple, cast
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.document import MAX_BYTES
+from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

@@ -22,7 +22,7 @@ from gtb_cli.imports import rhino_process
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, span_numbers, surface_spans
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import LARGEST
-from gtb_cli.spec.copies import MAX_PATCHES
+from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 

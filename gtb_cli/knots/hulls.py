@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.knots.domain import Domain, domain
+
+if TYPE_CHECKING:
+    from gtb_cli.knots.decomposition import RegularDecomposition
 
 START_FLOOR = 1e-17
 """Smallest distance from an edge used for a start, as a fraction of the next layer's: nearer points start there."""
@@ -113,6 +116,8 @@ def cells_with_gradients(hull: Hull, knots: FloatArray, w: FloatArray) -> tuple[
     cells = hull.cells  # other threads may change it
     planes = None if cells is None else cells.gradients(w)
     if cells is None or planes is None:
+        from gtb_cli.knots.decomposition import regular_decomposition  # for extreme weights only
+
         parts = regular_decomposition(knots, w)
         hull.cells = cells = _Cells.of(knots, parts)
         planes = cells.gradients(w)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -50,5 +49,7 @@ def reports_on(specs: Sequence[str], report: Callable[[str], Found]) -> tuple[li
 
 def json_of(rows: Sequence[tuple[str, dict[str, Any]]], several: bool) -> str:
     """Return one JSON object, or for several specs a list of objects, each with the name of its file."""
+    import json
+
     data = [{"file": name, **row} for name, row in rows] if several else rows[0][1]
     return json.dumps(data) + "\n"

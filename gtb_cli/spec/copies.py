@@ -12,17 +12,14 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.spec.document import Faults, shown
 from gtb_cli.spec.names import COUNTER
+from gtb_cli.spec.reader import COPY_KEYS
 from gtb_cli.spec.scanner import Path
 from gtb_cli.spec.values import COORDINATE, MAX_SIZE, SCALE, Check, Values, likely_word, name_fault, suggestion
 from gtb_cli.theory.patch import Patch
 
 AXES = ("x", "y", "z")
 
-COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate", "repeat"))
 ROTATE_KEYS = frozenset(("axis", "degrees", "about"))
-
-MAX_PATCHES = 20_000
-"""Largest number of patches in a model, copies and included files counted."""
 
 MAX_COPIED_POINTS = 2_000_000
 """Largest number of control points of all copies together: about 200 MB by the time they are meshed."""

@@ -12,6 +12,8 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 Repeated: TypeAlias = tuple[Path, int, int]
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
 MAX_BYTES = 10_000_000
 """Largest size of a spec; a patch of a thousand knots takes a hundred kilobytes."""
 
@@ -198,7 +200,7 @@ def _decode(data: bytes | str, source: str) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise SpecError(f"{source}: is UTF-16 text, a spec must be UTF-8")
     try:
-        return data.decode("utf-8-sig")
+        return data.removeprefix(BYTE_ORDER_MARK).decode()
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.spec.copies import MAX_PATCHES, Copy, carried_out, read_copy
 from gtb_cli.spec.document import shown
 from gtb_cli.spec.names import named_numbers
-from gtb_cli.spec.reader import MODEL_KEYS, PATCH_KEYS, Reader
+from gtb_cli.spec.reader import MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.spec.scanner import Path
 from gtb_cli.spec.values import POSITIVE, Values
-from gtb_cli.theory.joints import diagonal_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+
+if TYPE_CHECKING:
+    from gtb_cli.spec.copies import Copy
 
 Include = Callable[[str], tuple[Patch, ...]]
 """Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError`
@@ -70,6 +71,8 @@ class ModelReader:
             return None
         if weld is None:
             return model
+        from gtb_cli.theory.joints import diagonal_of
+
         distance, is_percentage = weld
         return replace(model, weld=distance * diagonal_of(model.patches) / 100 if is_percentage else distance)
 
@@ -111,6 +114,8 @@ class ModelReader:
 
     def _own(self, tables: list[object], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
         """The patches of this file, in order; `owners` has the names of the included ones before them."""
+        from gtb_cli.spec.copies import carried_out, read_copy  # one patch has none
+
         patches: dict[int, list[Patch]] = {}
         copies: dict[int, Copy] = {}
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}

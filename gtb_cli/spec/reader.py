@@ -10,11 +10,13 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals
 from gtb_cli.knots.hull import convex_hull
-from gtb_cli.spec.copies import COPY_KEYS
 from gtb_cli.spec.document import shown
 from gtb_cli.spec.scanner import Path
 from gtb_cli.spec.values import COORDINATE, POSITIVE, SCALE, Check, Values
 from gtb_cli.theory.patch import COEFFICIENTS, Patch
+
+MAX_PATCHES = 20_000
+"""Largest number of patches in a model, copies and included files counted."""
 
 PATCH_KEYS = frozenset(
     {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
@@ -23,6 +25,7 @@ PATCH_KEYS = frozenset(
 RIBBON = "ribbon"
 """Key of the second row of control points, for gtb fill, in the curves of a loop."""
 
+COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate", "repeat"))
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
 

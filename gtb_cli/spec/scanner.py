@@ -35,16 +35,12 @@ _GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
 _STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
 # Every match succeeds where it starts, and strings may lack their end: any text costs one pass.
 _WORDS = {
-    "toml": re.compile(
+    "toml": (
         rf'{_GAP}(?P<word>(?P<string>"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{{3,5}})?'
         rf"|'''(?:[^']++|'(?!''))*+(?:'{{3,5}})?|{_STRING}|'[^'\n]*+'?)"
-        r"|(?P<sign>[\[\]{},=])|[^\s\[\]{},=\"'#]++|.|\Z)",
-        re.DOTALL,
+        r"|(?P<sign>[\[\]{},=])|[^\s\[\]{},=\"'#]++|.|\Z)"
     ),
-    "json": re.compile(
-        rf'{_GAP}(?P<word>(?P<string>{_STRING})|(?P<sign>[\[\]{{}},:])|[^\s\[\]{{}},:"#]++|.|\Z)',
-        re.DOTALL,
-    ),
+    "json": rf'{_GAP}(?P<word>(?P<string>{_STRING})|(?P<sign>[\[\]{{}},:])|[^\s\[\]{{}},:"#]++|.|\Z)',
 }
 
 _ENTRY = r"[-+.\deE_]{1,60}(?![-+.\deE_])|[, \t\r\n]"
@@ -87,7 +83,7 @@ class Scanner:
     def __init__(self, text: str, format: Format, passes_numbers: bool = False) -> None:
         self._passes_numbers = passes_numbers
         self._text = text
-        self._words = _WORDS[format]
+        self._words = re.compile(_WORDS[format], re.DOTALL)
         self._is_toml = format == "toml"
         self._separator = "=" if self._is_toml else ":"
         self._stack = [_Open((), None, None if self._is_toml else ())]

@@ -6,11 +6,11 @@ from keyword import kwlist
 from typing import Any, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
-from gtb_cli.spec.copies import AXES, MAX_PATCHES
+from gtb_cli.spec.copies import AXES
 from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from gtb_cli.spec.includes import MAX_FILES
 from gtb_cli.spec.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
-from gtb_cli.spec.reader import MAX_KNOTS, NAMED_COEFFICIENTS
+from gtb_cli.spec.reader import MAX_KNOTS, MAX_PATCHES, NAMED_COEFFICIENTS
 from gtb_cli.spec.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 
 

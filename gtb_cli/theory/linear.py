@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,15 +19,20 @@ from gtb_cli.forks import in_forks
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.face import INTERIOR, Face
 from gtb_cli.knots.grid import grid_of
-from gtb_cli.knots.sheets import Sheets, sheets
 from gtb_cli.newton import put
 from gtb_cli.theory.basis import Location, block_length, face_knots
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.rectangle import is_rectangle, with_rasters
 from gtb_cli.threads import in_threads
 
+if TYPE_CHECKING:
+    from gtb_cli.knots.sheets import Sheets
+
 WORTH_THREADS = 20_000
 """Fewest points worth starting threads: fewer are found in less time than the start takes."""
+
+COARSEST_EVEN = 48
+"""Fewest cells along an edge whose vertices are found from a coarser lattice."""
 
 COARSE = 1e-10
 """Residual sufficient for points that only serve as starts of others."""
@@ -150,8 +156,10 @@ class LinearParametrization:
 
         Values interpolated from a few of them are their starts, all in the chart of the longest edge.
         """
-        if self.shape.dimension == 1:
+        if self.shape.dimension == 1 or resolution < COARSEST_EVEN:
             return None
+        from gtb_cli.knots.sheets import sheets  # a coarse mesh does not need it
+
         lattice, inner = sheets(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
             return None

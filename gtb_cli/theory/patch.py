@@ -16,7 +16,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.basis import Location, exponentials, partition_of_unity_coefficients
-from gtb_cli.theory.normals import NormalField
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 from gtb_cli.values import by_value
 
@@ -25,6 +24,8 @@ COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partiti
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from gtb_cli.theory.normals import NormalField
 
 
 class Made(NamedTuple):
@@ -339,4 +340,6 @@ class Patch:
 
     @cached_property
     def _normal_field(self) -> NormalField:
+        from gtb_cli.theory.normals import NormalField  # most meshes do not need them
+
         return NormalField(self.domain, self.log_products, self.control_points)

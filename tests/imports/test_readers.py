@@ -12,8 +12,8 @@ import pytest
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import curve_spans, span_matrices
 from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
-from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.loading import parse
+from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import IMPORTS

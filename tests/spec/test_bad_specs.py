@@ -13,10 +13,9 @@ from collections.abc import Iterator
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.copies import MAX_PATCHES
 from gtb_cli.spec.document import Faults
 from gtb_cli.spec.loading import load, parse
-from gtb_cli.spec.reader import MAX_KNOTS, MAX_UNITY
+from gtb_cli.spec.reader import MAX_KNOTS, MAX_PATCHES, MAX_UNITY
 from gtb_cli.spec.values import MAX_EXPRESSIONS
 from gtb_cli.spec.writer import dump
 from tests.specs import ARC, BAD_SPECS, GOOD_SPECS, SECONDS, Case, arrays, bad_specs

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.copies import MAX_PATCHES, reflected, rotation_matrix
+from gtb_cli.spec.copies import reflected, rotation_matrix
 from gtb_cli.spec.loading import load, parse
+from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.writer import dump
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
