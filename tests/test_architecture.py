@@ -216,7 +216,7 @@ def test_import_gtb_cli_imports_nothing(tmp_path):
 
 SLOW = {"scipy", "trimesh", "fractions", "tempfile", "concurrent.futures", "multiprocessing", "numpy.ma"}
 SLOW |= {f"gtb_cli.{name}" for name in ("theory.joints", "theory.normals", "knots.decomposition", "knots.sheets")}
-SLOW |= {"json", "gtb_cli.spec.copies", "gtb_cli.meshes.known"}
+SLOW |= {"json", "gtb_cli.spec.copies"}
 SLOW |= {"importlib.metadata", "decimal", "asyncio", "logging", "subprocess", "urllib.request", "unittest", "http"}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.meshes.known import largest_coordinates
 
 STL_HEADER_BYTES = 84
 """Bytes before the facets of a binary STL file; the last four are the number of facets."""
@@ -44,8 +45,6 @@ class Content:
 def single_half_steps(vertices: FloatArray) -> FloatArray:
     """Half the distance between neighbouring 32-bit numbers at the largest coordinate along each axis."""
     with np.errstate(over="ignore", invalid="ignore"):
-        from gtb_cli.meshes.known import largest_coordinates  # only readers know meshes
-
         steps = np.spacing(largest_coordinates(vertices).astype(np.float32)).astype(np.float64) / 2
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
