@@ -98,6 +98,10 @@ def _report(filling: Filling, console: Console) -> None:
         if angle > CORNER_ANGLE:
             names = f"{filling.sides[corner - 1].name} and {filling.sides[corner].name}"
             console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
+    if filling.sharp_turns:
+        console.warn(
+            f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
+        )
     if filling.folds:
         console.warn(f"the patch folds at {filling.folds} of some thousand places: try --fullness, or other ribbons")
     if filling.angle > 90:

@@ -31,8 +31,9 @@ from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.folds import folds
+from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.basis import Location, exponents, face_knots, shares
+from gtb_cli.theory.joints import edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -45,15 +46,16 @@ RIDGE_FRACTION = 1e-12
 FOLD_RINGS = 16
 """Rings of the mesh that is searched for folds."""
 
+FOLD_STEPS = 128
+"""Steps of the way across a side of that mesh, where it turns by more than a right angle: a surface that only turns
+fast turns by less in one of them."""
+
 FOLD_DISTANCE = 1e-6
 """Largest distance of its vertices from their places, as a fraction of the mean side."""
 
-MAX_SOUND_DEGREES = 1e-6
-"""Angle in degrees along an edge below which planes count as met: the rounding of coordinates of ordinary size."""
-
 MAX_TURNING_DEGREES = 90.0
-"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds: a patch that
-follows them further, in steps of a mesh or at once, faces the other way."""
+"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds and sharp turns:
+a patch that follows them further faces the other way, and then back."""
 
 CORNER_WIDTH = 0.02
 """Parameters closer than this to the ends of an edge are left out when angles are measured: they belong to corners."""
@@ -78,6 +80,8 @@ class Filling:
         Number of times that the degree of each side was raised.
     folds : int
         Number of places, among some thousand, at which the patch is turned over.
+    sharp_turns : int
+        Number of places at which it is not, but turns by more than a right angle from one of them to the next.
     remarks : tuple of str
     model : Model or None
         The model with its hole filled by the patch.
@@ -90,16 +94,12 @@ class Filling:
     corner_angles: FloatArray
     raises: tuple[int, ...]
     folds: int
+    sharp_turns: int
     remarks: tuple[str, ...]
     model: Model | None = None
 
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
-
-    @property
-    def is_sound(self) -> bool:
-        """Whether it neither folds nor turns over along an edge, and touches the given planes up to rounding."""
-        return not self.folds and not self.angle > MAX_SOUND_DEGREES
 
 
 def fill(
@@ -169,10 +169,19 @@ def fill(
     angle = max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan)
     if any(best.raises):
         remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
-    if best.folds:
+    if best.turns:
         remarks += _turning_planes(ordered, normals)
-    corner_angles = _corner_angles(unit, normals)
-    return Filling(patch, ordered, best.energy * size**2, angle, corner_angles, best.raises, best.folds, tuple(remarks))
+    return Filling(
+        patch,
+        ordered,
+        best.energy * size**2,
+        angle,
+        _corner_angles(unit, normals),
+        best.raises,
+        best.folds,
+        best.turns - best.folds,
+        tuple(remarks),
+    )
 
 
 class _Attempt(NamedTuple):
@@ -182,12 +191,13 @@ class _Attempt(NamedTuple):
     patch: Patch
     energy: float
     raises: tuple[int, ...]
+    turns: int
     folds: int
     turned: int
 
     @property
     def faults(self) -> int:
-        return self.folds + 1000 * self.turned
+        return self.turns + 1000 * (self.folds + self.turned)
 
 
 def _attempt(
@@ -205,7 +215,7 @@ def _attempt(
     shape, points, value = _solved(edges, fields, kind, fullness)
     patch = Patch(shape.knots, points, log_weights=shape.log_weights)
     turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
-    return _Attempt(shape, patch, value, tuple(times), _folds(shape, points), turned)
+    return _Attempt(shape, patch, value, tuple(times), *_folds(patch), turned)
 
 
 def _frame(sides: Sequence[Side]) -> tuple[FloatArray, float]:
@@ -269,21 +279,33 @@ def _with_exact_corners(patch: Patch, sides: Sequence[Side]) -> Patch:
     return patch.replace(control_points=points)
 
 
-def _folds(shape: Net, points: FloatArray) -> int:
-    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle."""
-    part = central_triangulation(domain(shape.knots, "unit"), FOLD_RINGS)
+def _folds(patch: Patch) -> tuple[int, int]:
+    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle: all, and folds.
+
+    At a fold it does so in one of many small steps across the side; elsewhere it is smooth, but turns sharply.
+    """
+    part = central_triangulation(patch.domain, FOLD_RINGS)
     inside = np.ones(len(part.parameters), dtype=bool)
     inside[part.boundary] = False
-    p = part.parameters[inside]
-    s = torus_of(shape.knots, shape.log_weights, p, starts(shape.knots, p), FOLD_DISTANCE)
     vertices = np.zeros((len(part.parameters), 3))
-    vertices[inside] = shares(exponents(shape.knots, shape.log_weights, s)).T @ points
-    for members, boundary in zip(shape.edges, part.boundary, strict=True):
-        curve = np.column_stack([points[members], np.ones(len(members))]) * np.exp(shape.log_weights[members])[:, None]
-        degree = len(members) - 1
-        curve /= np.array([float(math.comb(degree, j)) for j in range(degree + 1)])[:, None]
-        vertices[boundary], _ = points_and_tangents(curve, np.arange(len(boundary)) / len(boundary))
-    return folds(vertices, part.cells)
+    vertices[inside] = _shares_at(patch, part.parameters[inside]).T @ patch.control_points
+    for edge, boundary in enumerate(part.boundary):
+        vertices[boundary] = edge_points(patch, edge, len(boundary) + 1)[:-1]
+    ends = part.parameters[part.cells[folded_pairs(vertices, part.cells)]].mean(axis=2)
+    return len(ends), sum(_turns_over(patch, start, end) for start, end in ends)
+
+
+def _shares_at(patch: Patch, p: FloatArray) -> FloatArray:
+    """Return (n, m) values T of a patch's basis at (m, 2) linear parameters inside Δ."""
+    s = torus_of(patch.knots, patch.log_products, p, starts(patch.knots, p), FOLD_DISTANCE)
+    return shares(exponents(patch.knots, patch.log_products, s))
+
+
+def _turns_over(patch: Patch, start: FloatArray, end: FloatArray) -> bool:
+    """Whether normals on the way between two places in Δ turn by more than a right angle in one small step."""
+    t = _shares_at(patch, start + np.linspace(0, 1, FOLD_STEPS + 1)[:, None] * (end - start))
+    normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ patch.control_points for axis in patch.knots.T))
+    return bool(((normals[1:] * normals[:-1]).sum(axis=1) <= 0).any())
 
 
 def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
@@ -327,7 +349,7 @@ def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None])
     """Name the sides whose planes turn so far that the patch can hardly follow."""
     turns = [0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in normals]
     return [
-        f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch may fold there"
+        f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply there"
         for side, turn in zip(sides, turns, strict=True)
         if turn > MAX_TURNING_DEGREES
     ]

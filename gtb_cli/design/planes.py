@@ -36,7 +36,9 @@ def row_fields(
     times: list[int] = []
     for side, normal in zip(sides, normals, strict=True):
         if normal is None:
-            edge, field = raised(side.curve, _multiplications(side, least).start, side.multiplier), None
+            # A rational side stays as it is: its row is free, and many knots would make it no fairer.
+            count = _multiplications(side, least if len(side.multiplier) == 2 else 0).start
+            edge, field = raised(side.curve, count, side.multiplier), None
         else:
             edge, field = _touching(side, normal, _multiplications(side, least))
         edges.append(edge)

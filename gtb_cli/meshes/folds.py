@@ -11,7 +11,12 @@ FLAT_SINE = 64 * EPS
 
 
 def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
-    """(k,) triangles, consistently oriented, at a side of which the surface turns by more than a right angle.
+    """(k,) the first triangles of `folded_pairs`."""
+    return folded_pairs(vertices, cells)[:, 0]
+
+
+def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
+    """(k, 2) triangles, consistently oriented, between which the surface turns by more than a right angle.
 
     A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
     """
@@ -32,8 +37,7 @@ def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
         rows = np.where(looks[rows[:, :1]], rows, rows[:, ::-1])  # from a triangle with a normal to one without
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True
-    one, other = pairs.T
-    return np.asarray(one[(normals[one] * normals[other]).sum(axis=1) < 0])
+    return np.asarray(pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < 0])
 
 
 def folds(vertices: FloatArray, cells: IntArray) -> int:

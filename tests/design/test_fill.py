@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.fill import Filling, fill
+from gtb_cli.design.fill import Filling, _folds, fill
 from gtb_cli.design.holes import fill_hole, rings
 from gtb_cli.design.loops import bspline_pieces, loop_from_text, loop_or_model
 from gtb_cli.design.sides import Side, bernstein, bezier_form, curve_side, points_and_tangents, raised, stations
@@ -89,34 +89,38 @@ def assert_fills(filling: Filling, sides: list[Side]) -> None:
     assert len(filling.patch.domain.vertices) == len(sides)
 
 
-TWISTED = 150.0
-"""Degrees by which planes turn along a side from which on a patch may fold.
-
-Random loops that were found to fold turn by 168 degrees and more.
-"""
-
-
-def turning(sides: list[Side]) -> float:
-    """Largest angle in degrees between the given planes of one side."""
-    normals = [np.cross(points_and_tangents(side.curve, stations())[1], side.across) for side in sides]
-    unit = [n / np.linalg.norm(n, axis=1, keepdims=True) for n in normals]
-    return max(math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in unit)
-
-
 SEEDS = {5: range(8), 3: range(8), 4: range(8), 6: range(5), 7: range(3), 8: range(2), 9: (1, 4), 10: (3,), 12: (3,)}
-"""Of loops by their number of sides; planes of the last ones of 6 and 8 turn so far that the patch may fold."""
+"""Of loops by their number of sides; the patch of the last one of 6 turns sharply."""
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
 def test_random_loops_are_filled(n, seed):
+    """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     sides = random_sides(n, seed)
     filling = fill(sides)
-    if turning(sides) < TWISTED:
-        assert_fills(filling, sides)
-    else:  # the planes are met, at worst from the other side, and what is wrong is said
-        assert max(min(angle, 180 - angle) for angle in exact_angles(filling, sides)) < PLANES
-        said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
-        assert said == bool(filling.folds)
+    assert_fills(filling, sides)
+    said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
+    assert said == bool(filling.sharp_turns)
+
+
+@pytest.mark.parametrize(("height", "folded"), [(0.0, True), (0.02, False)])
+def test_a_fold_is_told_from_a_sharp_turn(height, folded):
+    """The image of ((x − 0.05)², y, h x) is folded along a line if h = 0; else it only turns there."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
+    knots = np.column_stack([x.ravel(), y.ravel()])
+    patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
+    turns, folds = _folds(patch)
+    assert turns > 0
+    assert folds == (turns if folded else 0)
+
+
+def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
+    """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
+    pentagon = load(SPECS / "pentagon.toml")
+    sides = [curve_side(pentagon.boundary(edge), None, f"edge {edge}") for edge in range(5)]
+    filling = fill(sides)
+    assert filling.raises == (0, 1, 1, 1, 0)
+    assert (filling.folds, filling.sharp_turns) == (0, 0)
 
 
 @pytest.mark.parametrize("n", mostly_long([12, 16], quick=0))
