@@ -129,7 +129,8 @@ def gtb() -> None:
     Generalized toric-Bézier patches: from a short text description to a mesh.
 
     A SPEC is a TOML or JSON file, or - for standard input. Data go to standard output unless -o names a file;
-    messages go to standard error. Exit status: 0 done, 1 a comparison or check said no, 2 an error, 130 after Ctrl-C.
+    messages go to standard error. Exit status: 0 done, 1 a comparison, check or requirement says no, 2 an error, 130
+    after Ctrl-C.
     """
 
 
