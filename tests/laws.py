@@ -20,7 +20,7 @@ from gtb_cli.theory.patch import Patch
 EPS = float(np.finfo(np.float64).eps)
 
 UNITY = 1e-14
-"""Of the partition of unity: sixty roundings."""
+"""Error of the partition of unity: sixty roundings."""
 
 RESIDUAL = 1e-12
 """What mathematics.md and the issue ask of the inverse moment map, as a fraction of the hull's size."""

@@ -219,7 +219,7 @@ def named(name: str) -> Patch:
 COORDINATES = st.one_of(
     st.integers(0, 4).map(float), st.floats(-3, 3, allow_subnormal=False).map(lambda x: round(x, 3))
 )
-"""Of knots: on a lattice, so that many are repeated or collinear, or anywhere."""
+"""Places of knots: on a lattice, so that many are repeated or collinear, or anywhere."""
 
 
 @st.composite

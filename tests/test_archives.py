@@ -107,7 +107,7 @@ def test_it_says_its_version_elsewhere(installed, tmp_path):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_works_elsewhere(name, installed, tmp_path):
-    """As its help shows it, in processes of its own and a folder that has specs and nothing else."""
+    """The example in its help runs in processes of its own, in a folder with specs and nothing else."""
     shutil.copytree(SPECS, tmp_path / "specs")
     result = shell(example_of(name), tmp_path, PYTHONPATH=str(installed))
     assert result.status == 0, result.err

@@ -23,7 +23,7 @@ CHOSEN = ("pentagon", "example-3.1", "box-corner")
 """A surface, a curve and a model."""
 
 DIAGONAL = 5.744562646538029
-"""Of the box of the pentagon's control points: √(2² + 2² + 5²)."""
+"""Diagonal of the box of the pentagon's control points: √(2² + 2² + 5²)."""
 
 ELSEWHERE = [
     {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
@@ -72,7 +72,7 @@ def nudge(folder: Path) -> None:
 
 
 def assert_as_shown(text: str) -> None:
-    """As the README shows it; here, too, the last digits may be others."""
+    """Compare with what the README shows; the last digits may differ here, too."""
     number = re.compile(r"\d[\d.]*(?:e-\d+)?")
     assert number.sub("#", text) == number.sub("#", FAILURE)
     found, shown = (np.array(number.findall(each), dtype=float) for each in (text, FAILURE))

@@ -211,7 +211,7 @@ def test_the_owner_is_kept_where_the_system_allows_it(may, tmp_path, monkeypatch
     assert (tmp_path / "new").stat().st_mode == (mode if may else mode & ~stat.S_ISUID)
 
 
-# --- what is no regular file -----------------------------------------------------------------------------------------
+# --- what is not a regular file --------------------------------------------------------------------------------------
 
 
 def test_devices_are_written_to_directly():
@@ -326,7 +326,7 @@ def test_a_rename_that_fails_leaves_no_temporary_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize("links", [True, False])
 @pytest.mark.parametrize("failing", ["a", "b", "c", "record"])
 def test_a_rename_that_fails_takes_back_the_others(failing, links, tmp_path, monkeypatch):
-    """As in a folder where only the owner of a file may replace it: together or not at all."""
+    """This happens in a folder where only the owner of a file may replace it: all are replaced, or none."""
     old = {"a": "old", "c": "old", "record": "old"}
     for name, text in old.items():
         (tmp_path / name).write_text(text)
@@ -373,7 +373,7 @@ def test_a_new_folder_goes_again_when_a_file_elsewhere_cannot_be_renamed(tmp_pat
 
 
 def test_what_is_unfinished_can_be_discarded_from_outside(tmp_path):
-    """As a process does that leaves at once."""
+    """A process that leaves at once does so."""
     with StagedFiles(tmp_path / "deep" / "out") as staged:
         staged.add("a", [b"new"])
         staged.add_path(str(tmp_path / "b"), [b"new"])

@@ -21,7 +21,7 @@ GOLDEN = REPOSITORY / "tests" / "golden"
 OPTIONS = ("-n", 3)
 
 MILLIONTH = 1e-6
-"""Of the model's size: a change of one control point by this is no rounding."""
+"""Fraction of the model's size: a control point that moves by this is not a rounding error."""
 
 
 def test_the_meshes_of_the_specs_stay_what_they_were(tmp_path):

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, evenly, largest, points_at_torus, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice, evenly, largest, points_at_torus, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.theory.basis import exponents, torus_coordinates
@@ -350,7 +350,7 @@ def one_weight(probe: Probe) -> Outcome:
     logs = exponents(patch.knots - patch.domain.center, patch.log_products, s)
     worst = 0.0
     n = len(patch.knots)
-    for k in np.unique(np.linspace(0, n - 1, min(n, WEIGHTS_TRIED)).astype(np.int64)).tolist():
+    for k in choice(n, WEIGHTS_TRIED):
         growth = INFINITE_WEIGHT_LOG + float((logs.max(axis=0) - logs[k]).max())
         heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
         worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))

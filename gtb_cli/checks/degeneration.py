@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import EPS
-from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count, triangulation
@@ -89,7 +89,7 @@ def toric_degeneration(probe: Probe) -> Outcome:
             return not_applicable("a knot is so near to its cell's plane that it does not fade within floats")
     far = degenerate(patch, math.e, exponent * (patch.lifting - patch.lifting.max()))
     p, expected = [], []
-    for index in np.unique(np.linspace(0, len(limit) - 1, min(len(limit), MAX_CELLS)).astype(np.int64)).tolist():
+    for index in choice(len(limit), MAX_CELLS):
         cell = limit[index]
         finest = math.isqrt(2 * CELL_SAMPLES // cell_count(cell.domain, 1)) if cell.dimension == 2 else CELL_SAMPLES
         places = triangulation(cell.domain, max(2, finest)).parameters

@@ -189,7 +189,12 @@ def evenly(count: int, dimension: int) -> FloatArray:
     return np.asarray((0.5 + np.arange(1.0, count + 1)[:, None] * steps) % 1.0)
 
 
+def choice(count: int, most: int) -> list[int]:
+    """Return at most `most` indices below `count`, evenly spread from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)).tolist()
+
+
 def largest(values: FloatArray) -> float:
     """Return the largest violation: 0 if there are none, infinite if one is not a number."""
-    worst = float(values.max(initial=0.0))
+    worst = float(values.max(initial=0.0)) + 0.0  # not -0
     return math.inf if math.isnan(worst) else worst

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.checks.probe import Probe, largest, points_at_torus
+from gtb_cli.checks.probe import Probe, choice, largest, points_at_torus
 from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.design.isocurve import isocurve
 from gtb_cli.theory.basis import torus_coordinates
@@ -28,9 +28,8 @@ def boundaries(probe: Probe) -> Outcome:
     patch, domain = probe.patch, probe.patch.domain
     r = len(domain.vertices)
     worst = 0.0
-    edges = np.unique(np.linspace(0, r - 1, min(r, MAX_EDGES)).astype(np.int64)).tolist()
     fractions = np.arange(1, EDGE_PARAMETERS + 1)[:, None] / (EDGE_PARAMETERS + 1)
-    for edge in edges:
+    for edge in choice(r, MAX_EDGES):
         start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
         u = start + fractions * (end - start)
         worst = max(worst, largest(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]])))

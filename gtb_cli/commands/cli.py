@@ -72,9 +72,9 @@ class LazyGroup(click.Group):
         """Find the command that the arguments name, or suggest the one that was meant."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            import difflib
+            from difflib import get_close_matches
 
-            likely = difflib.get_close_matches(name, COMMANDS, n=1)
+            likely = get_close_matches(name, COMMANDS, n=1)
             suggestion = f" Did you mean {likely[0]}?" if likely else ""
             raise click.UsageError(f"No such command: {name or repr(name)}.{suggestion}", ctx)
         return super().resolve_command(ctx, args)
@@ -190,10 +190,12 @@ def _complete(arguments: Sequence[str]) -> None:
 
 def _usage_text(error: click.UsageError) -> str:
     if isinstance(error, click.NoSuchOption) and error.ctx is not None:
-        known = [name for param in error.ctx.command.params for name in param.opts]
-        begun = [name for name in known if name.startswith(error.option_name)]
-        if begun:
-            return f"No such option '{error.option_name}'. Did you mean {' or '.join(begun)}?"
+        from difflib import get_close_matches
+
+        name, known = error.option_name, [name for param in error.ctx.command.params for name in param.opts]
+        meant = [other for other in known if other.startswith(name)] or get_close_matches(name, known, n=1)
+        if meant:
+            return f"No such option '{name}'. Did you mean {' or '.join(meant)}?"
     text = " ".join(error.format_message().split())
     if text.endswith("?") or error.ctx is None:
         return text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -124,7 +124,7 @@ def mesh(
         raise click.UsageError("--deps: make knows files only, and not standard input or output")
     book = None
     if resume and manifest is None:
-        raise click.UsageError("--resume: needs --manifest FILE, by which it knows what is up to date")
+        raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
 
@@ -174,7 +174,7 @@ def _write_file(task: Task, output: str, console: Console, manifest: Manifest | 
         progress.label = shown_input(task.path)
         with about(progress.label):
             task.options.recipe.check_size(task.spec)
-        made = next(workers.results(_attempted_whole, [task], _encoded))
+        made = next(workers.results(partial(_attempted, encode=_encoded_whole), [task], _encoded))
         if isinstance(made, GtbError):
             raise made
         progress.advance(faces)
@@ -233,7 +233,7 @@ def _write_folder(
             files = stack.enter_context(OneByOne(folder, manifest, [os.path.join(folder, name) for name in names]))
         else:
             files = stack.enter_context(StagedFiles(folder))
-        encoded = workers.results(_attempted_whole, tasks, _attempted)
+        encoded = workers.results(partial(_attempted, encode=_encoded_whole), tasks, _attempted)
         stack.enter_context(closing(encoded))
         sizes = [options.recipe.faces(task.spec) if isinstance(task, Task) else 0 for task in planned]
         progress = stack.enter_context(console.progress(2 * sum(sizes)))
@@ -326,6 +326,12 @@ def _encoded(task: Task) -> Encoded:
     return Encoded(blocks, size, warnings, expected_bytes(mesh), measures, lines)
 
 
+def _encoded_whole(task: Task) -> Encoded:
+    """Make the same as a single block, which a process can send to another."""
+    made = _encoded(task)
+    return made._replace(blocks=[b"".join(made.blocks)])
+
+
 def _entry(task: Task, made: Encoded, name: str) -> Entry:
     """Return the entry of a mesh file in the manifest."""
     from gtb_cli.shell.manifest import Entry
@@ -335,18 +341,10 @@ def _entry(task: Task, made: Encoded, name: str) -> Entry:
     return Entry(name, settings, made.measures, task.sums or {}, made.warnings)
 
 
-def _attempted(task: Task) -> Encoded | GtbError:
-    """Return what `_encoded` returns, or the error it raises."""
+def _attempted(task: Task, encode: Callable[[Task], Encoded] = _encoded) -> Encoded | GtbError:
+    """Return what `encode` returns, or the error it raises."""
     try:
-        return _encoded(task)
-    except Exception as error:  # noqa: BLE001 -- likewise
-        return _fault(task.path, error)
-
-
-def _attempted_whole(task: Task) -> Encoded | GtbError:
-    try:
-        encoded = _encoded(task)
-        return encoded._replace(blocks=[b"".join(encoded.blocks)])
+        return encode(task)
     except Exception as error:  # noqa: BLE001 -- likewise
         return _fault(task.path, error)
 

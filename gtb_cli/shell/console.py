@@ -107,7 +107,7 @@ class Console:
         else:
             self._progress.say(line)
 
-    def report(self, output: str, size: str, warnings: Iterable[str]) -> None:
+    def report(self, output: str, size: str, warnings: Iterable[str] = ()) -> None:
         """Print what was written to an output, and the warnings."""
         prefix = "" if output == STANDARD else f"{output}: "
         for warning in warnings:

@@ -95,7 +95,7 @@ class Manifest:
         self._known: dict[str, Any] = {}
         if resume:
             if self._is_direct:
-                raise click.UsageError("--resume: needs --manifest FILE, by which it knows what is up to date")
+                raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
             self._known = known_entries(path, versions(PACKAGES), settings)
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self._is_direct else folder

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import DomainError, RequirementError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.console import Console
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import about, is_folder, read_spec, shown_input, write_blocks
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, suffix_of
@@ -101,7 +101,7 @@ def _write_cells(spec: Patch | Model, path: str, output: str, console: Console) 
         except DomainError as fault:
             raise DomainError(f"{_short(str(fault))}. VTU files hold exact cells; PLY files, a mesh") from None
     write_blocks(output, [data])
-    console.note(f"{'' if output == STANDARD else f'{output}: '}{cells} exact {'cell' if cells == 1 else 'cells'}")
+    console.report(output, f"{cells} exact {'cell' if cells == 1 else 'cells'}")
 
 
 def _write_cad(
@@ -118,14 +118,14 @@ def _write_cad(
         if recipe.require and body.shells:
             raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     write_blocks(output, [body.data])
-    prefix = "" if output == STANDARD else f"{output}: "
+    warnings = []
     if found.reasons:
         name, reason = found.reasons[0]
         others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
-        console.warn(f"{prefix}fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
+        warnings.append(f"fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
     counts = {"exact": body.faces - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
     bodies = {"solid": body.solids, "open shell": body.shells}
     parts = [f"{count} {name}{'s' if count > 1 else ''}" for name, count in bodies.items() if count]
-    console.note(f"{prefix}{', '.join([f'{faces} faces', *parts])}")
+    console.report(output, ", ".join([f"{faces} faces", *parts]), warnings)

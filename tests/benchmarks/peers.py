@@ -14,7 +14,7 @@ from gtb_cli.theory.patch import Patch
 Evaluation = Callable[[], np.ndarray]
 
 DEGREE = 3
-"""Of bicubic patches, whose knots are the integers from 0 up to it both ways, the first coordinate running first."""
+"""Degree of bicubic patches; their knots are the integers 0 to 3 both ways, the first coordinate running first."""
 
 ENDS = [0.0] * (DEGREE + 1) + [float(DEGREE)] * (DEGREE + 1)
 """Knots of the splines, with one span."""

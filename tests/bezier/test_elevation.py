@@ -19,7 +19,7 @@ from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS, load
 
 ROUNDING = 1e-13
-"""Of the extent: sums of a few dozen products."""
+"""Fraction of the extent: sums of a few dozen products."""
 
 PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
 

@@ -24,11 +24,11 @@ SLACK = 1e-9
 """Part of the tolerance by which a sample may exceed it through rounding."""
 
 STEPS = 10
-"""Of the lattice on which triangles are sampled."""
+"""Segments of each side of the lattice on which triangles are sampled."""
 
 
 def random_surface(seed: int) -> Patch:
-    """Of a convex polygon with 3 to 7 sides, knots on these and inside, weights up to a thousand times others."""
+    """A surface with 3 to 7 sides, knots on these and inside, and weights up to a thousand times others."""
     rng = np.random.default_rng(seed)
     sides = int(rng.integers(3, 8))
     angles = 2 * np.pi * (np.arange(sides) + 0.6 * rng.random(sides)) / sides

@@ -106,6 +106,7 @@ def test_help_opens_with_an_example(name):
         (["qqq"], "No such command: qqq. Try 'gtb --help'."),
         ([""], "No such command: ''."),
         (["--frob"], "No such option"),
+        (["mesh", "--nrmals"], "No such option '--nrmals'. Did you mean --normals?"),
         (["mesh"], "Missing argument 'SPEC...'. Try 'gtb mesh --help'."),
         (["mesh", PENTAGON, "--normal"], "--normals"),
         (["mesh", PENTAGON, "-f", "fbx"], "'fbx' is not one of 'obj', 'ply', 'stl', 'glb'"),

@@ -26,7 +26,7 @@ control_points = [[1, 0, 0], [0, 0, 0], [0, -1, 0], [1, -1, 0]]
 
 @pytest.fixture
 def failing(monkeypatch):
-    """As if the basis did not add up to 1; the second failure has no number, the third an infinite one."""
+    """The basis seems not to add up to 1; the second failure has no number, the third an infinite one."""
 
     def replaced(prop):
         if prop.name == "partition of unity":

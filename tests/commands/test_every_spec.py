@@ -19,7 +19,7 @@ from tests.shell import SPECS, gtb
 from tests.specs import load
 
 TOLERANCE = 0.1
-"""Of the size of a patch."""
+"""Fraction of the size of a patch."""
 
 MOVES: dict[str, tuple[float, Callable[[Patch], Patch]]] = {
     "points 1e-9": (1e-9, lambda patch: patch.replace(control_points=patch.control_points * 1e-9)),
@@ -97,7 +97,7 @@ COLLAPSED = {
 
 
 def numbers_of_glb(data: bytes) -> np.ndarray:
-    """All numbers of a GLB file that are no whole numbers, as its description says."""
+    """All numbers of a GLB file that its description does not declare whole."""
     length = int.from_bytes(data[12:16], "little")
     tree = json.loads(data[20 : 20 + length])
     assert not re.search(rb"NaN|Infinity", data[20 : 20 + length])

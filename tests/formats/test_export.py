@@ -155,7 +155,7 @@ def test_the_order_of_vertices_and_cells_is_kept(tmp_path):
 
 FRESH = """
 import hashlib, sys
-sys.modules["PIL"] = None  # a picture library is no part of the package's requirements
+sys.modules["PIL"] = None  # the package does not require a picture library
 from gtb_cli.vocabulary import FORMATS
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.meshes.mesh import Mesh

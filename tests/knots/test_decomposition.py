@@ -434,7 +434,7 @@ def test_locate_refuses_other_points(points):
 
 
 def test_neighbours_of_a_border_agree_on_its_corners():
-    """Gaps of a few 1e-13 on the fold x = 1/2: joined on its left, where knot 5 is no corner, and not on its right."""
+    """Gaps of a few 1e-13 on the fold x = 1/2: joined on its left, where knot 5 is inside a side, not on its right."""
     knots = np.array([[0, 0], [2, 0], [2, 2], [0, 2], [0.5, 0.5], [0.5, 1], [1.5, 0], [0, 1], [0.5, 1.5]])
     steps = np.array([-2, -2, -1, 2, -2, 1, 2, -3, -2])
     decomposition = regular_decomposition(knots, -np.abs(knots[:, 0] - 1) + 1e-13 * steps)

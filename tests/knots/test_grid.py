@@ -10,7 +10,7 @@ import pytest
 from gtb_cli.knots.grid import Raster, grid_of, raster_of
 
 ROUNDING = 1e-13
-"""Of exponentials of numbers up to 60, a few dozen roundings of these."""
+"""Error of exponentials of numbers up to 60: a few dozen roundings of these."""
 
 COLUMNS = {"equal": [-1.5, -0.5, 0.5, 1.5], "thirds": [0, 1 / 3, 2 / 3, 1], "irrational": [0, math.sqrt(2), 2, 3]}
 

@@ -18,7 +18,7 @@ POLYGONS = {
 SMALLEST = STRIDE * COARSEST + 3
 
 ROUNDING = 1e-11
-"""Of polynomials of size 10 that are extrapolated by half a dozen nodes, twice."""
+"""Error of polynomials of size 10 that are extrapolated by half a dozen nodes, twice."""
 
 
 def inner(shape, resolution):
@@ -28,7 +28,7 @@ def inner(shape, resolution):
 
 
 def polynomial(p):
-    """Of degree 2 in each direction of a lattice, even of a quadrilateral's; less than what polynomials follow."""
+    """A polynomial of degree 2 in each direction of a lattice, even of a quadrilateral's; fewer than are reproduced."""
     return np.stack([p[:, 0] * p[:, 1] - p[:, 1] ** 2, 1 + p[:, 0] - p[:, 0] ** 2])
 
 

@@ -35,7 +35,7 @@ def area(shape):
 
 
 def rounding(shape):
-    """Of an area, relative."""
+    """Relative error of an area."""
     return 64 * EPS * (1 + np.abs(shape.vertices).max() / shape.size)
 
 

@@ -20,7 +20,7 @@ from tests.specs import load
 from tests.tiny_meshes import curve, surface
 
 ROUNDING = 1e-13
-"""Of meshes of size 1 to 10."""
+"""Error for meshes of size 1 to 10."""
 
 
 def moved(mesh: Mesh, *by: float) -> Mesh:

@@ -11,7 +11,7 @@ from gtb_cli.meshes.nearest import NearestCells, cell_distances, middles
 from tests.tiny_meshes import surface
 
 ROUNDING = 1e-12
-"""Of coordinates of size 1 to 10."""
+"""Error for coordinates of size 1 to 10."""
 
 
 def triangles(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -164,8 +164,8 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     found : dict
         `points` (m, 3) and `cells`, in any order; and, where the reader gives them, `normals`, `uv` and `attributes`
         (by name) of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each
-        point, and the number of `animations`. Of a reader that only counts, `vertices`, `cells` and
-        `bounds`, each of which may be None.
+        point, and the number of `animations`. A reader that only counts gives `vertices`, `cells` and `bounds`, each of
+        which may be None.
     tolerance : float
         Relative to the largest coordinate.
 

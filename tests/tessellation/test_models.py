@@ -399,7 +399,7 @@ def gap(model: Model, joint: Joint, count: int = 17) -> float:
 
 @pytest.mark.parametrize("seed", mostly_long(range(4)))
 def test_a_hundred_random_closed_pairs_have_no_crack(seed):
-    """Of all the cells; of some the mesh, and that each patch alone has the same points on its edges."""
+    """All cells fit; for some pairs so do the mesh, and the points of each patch alone on its edges."""
     rng = np.random.default_rng(seed)
     for number in range(100 if seed else 30):
         model = closed_pair(rng)

@@ -99,7 +99,7 @@ def test_too_many_faces_are_refused_with_their_number():
 
 
 def test_an_edge_that_three_patches_share_is_not_confused_with_others():
-    """With -n 3 it has as many faces, so that a finer mesh is no cure."""
+    """With -n 3 it has as many faces, so that a finer mesh does not help."""
     corners = ([0, 0, 1], [0, 1, -1], [0, -1, -1])
     fans = Model(tuple(Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1, 0, 0], corner]) for corner in corners))
     assert len(fans.joints.crowded) == 1

@@ -25,7 +25,7 @@ BETA_ERROR = 1e-12
 """Relative error of a β of these tests: a rounding of each of up to nine logarithms, times exponents up to 20."""
 
 CLASSICAL_ERROR = 1e-14
-"""Of the values of classical bases, all of which are at most 1, and of points of size 1."""
+"""Error of the values of classical bases, all at most 1, and of points of size 1."""
 
 ROOTS = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
 """The knots of Example 2.1."""

@@ -19,7 +19,7 @@ FORMULA_ERROR = 1e-14
 """Relative error of a printed product of powers: a few roundings, times exponents up to 3."""
 
 POINT_ERROR = 1e-13
-"""Of points of size 5."""
+"""Error of points of size 5."""
 
 
 def test_example_2_1_basis():

@@ -26,13 +26,13 @@ from tests.patches import bicubic, bumps, irrational_curve
 from tests.shell import SPECS
 
 EXACT = 4e-15
-"""Of numbers of size 1 after a few operations."""
+"""Error of numbers of size 1 after a few operations."""
 
 ROUNDING = 1e-12
-"""Of points: exponents of a few hundred are rounded to 1e-13 of themselves."""
+"""Error of points: exponents of a few hundred are rounded to 1e-13 of themselves."""
 
 HUGE = 1e-10
-"""Of points at x = 1e300, whose exponents are in the thousands."""
+"""Error of points at x = 1e300, whose exponents are in the thousands."""
 
 CURVE_KNOTS = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
 DIGITS = 60

@@ -25,7 +25,7 @@ from tests.patches import NAMES, SHIFT, SURFACES, bezier_triangle, bicubic, bump
 EPS = float(np.finfo(np.float64).eps)
 
 SHARED_ERROR = 1e-12
-"""Of points of size 1 on an edge that two patches share: the residual twice, and the slope there."""
+"""Error of points of size 1 on an edge that two patches share: the residual twice, and the slope there."""
 
 STEPS = 60
 """Evaluations of μ for a point, on the average of a few hundred: a tenth of it where weights are tame."""
@@ -220,7 +220,7 @@ def test_corners_are_exactly_the_corners(name):
 # Even meshes
 
 RESOLUTION = 70
-"""Of meshes that are found from coarser ones; lower ones are not."""
+"""Segments of an edge at which a mesh is found from a coarser one; with fewer it is not."""
 
 
 def hostile(name):

@@ -16,10 +16,10 @@ from tests.marks import mostly_long
 from tests.patches import SURFACES, bicubic, collapsed_edge, named, pentagon
 
 NORMAL_ERROR = 1e-11
-"""Of a unit normal: a hundred times that of T, for the angle between the two derivatives."""
+"""Error of a unit normal: a hundred times that of T, for the angle between the two derivatives."""
 
 LIMIT_ERROR = 1e-9
-"""Of a normal 10^-DIGITS of the hull's size from an edge, where layers of knots are at least 0.01 apart."""
+"""Error of a normal 10^-DIGITS of the hull's size from an edge, where layers of knots are at least 0.01 apart."""
 
 DIGITS = 1000
 
