@@ -21,8 +21,8 @@ weights = [1, 1, 1, 1, 1, 5]
 """A dome whose knots are in millimetres, as its control points are."""
 
 AREA, SUMMIT = 7551.2, 45.014
-"""Its area and highest point, by a toric and a linear mesh of 400 segments for each edge, with the knots divided by 45; they agree to 4
-digits."""
+"""Its area and highest point, by a toric and a linear mesh of 400 segments for each edge, with the knots divided by 45;
+they agree to 4 digits."""
 
 
 @pytest.fixture
