@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import permutations
 
 import numpy as np
@@ -225,9 +226,13 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
 
 def end_tangents(probe: Probe) -> Outcome:
     """Compare directions near the ends with those to the next distinct control point."""
+    return _worst(_end_tangent(probe, _End.of(probe, end)) for end in (0, 1))
+
+
+def _worst(outcomes: Iterable[Outcome]) -> Outcome:
+    """Return the first outcome that does not hold, otherwise the one with the largest violation."""
     worst = Outcome("holds", 0.0, 0.0, "")
-    for end in (0, 1):
-        found = _end_tangent(probe, _End.of(probe, end))
+    for found in outcomes:
         if found.status != "holds":
             return found
         if (found.value or 0.0) >= (worst.value or 0.0):
@@ -273,26 +278,25 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
     ends = [_End.of(probe, end) for end in (0, 1)]
     if ends[0].lead is None:
         return not_applicable("all control points coincide")
-    k = [1 / end.places[1] for end in ends]
-    worst = Outcome("holds", 0.0, 0.0, "")
-    for end, near, far in ((ends[0], k[0], k[1]), (ends[1], k[1], k[0])):
-        length = end.places[-1]
-        moved = probe.merged.replace(control_points=end.vectors, edge_scale=np.array(k))
-        log_length = end.logs[1] - end.logs[0] + np.log(near) - far / near * np.log(far * length)
-        best, step = _smallest_error(end, moved, near, far)
-        if best > MAX_NEGLECTED or abs(log_length) > DEPTH_LOG:
-            return not_applicable("the limit is not reached within the range of floats")
-        u = end.at + end.sign * step * length
-        quotient = moved.evaluate(np.array([u]))[0] / abs(u - end.at)
-        scale = np.exp(log_length) * float(np.abs(end.vectors).max())
-        expected = np.exp(log_length) * end.vectors[end.next_row]
-        value = largest(np.abs(quotient - expected) / scale)
-        found = within_rounding(value, best, "difference from the formula, of its length; k_0 and k_1 as it demands")
-        if found.status != "holds":
-            return found
-        if (found.value or 0.0) >= (worst.value or 0.0):
-            worst = found
-    return worst
+    k_0, k_1 = (1 / end.places[1] for end in ends)
+    pairs = ((ends[0], k_0, k_1), (ends[1], k_1, k_0))
+    return _worst(_end_tangent_length(probe, end, near, far) for end, near, far in pairs)
+
+
+def _end_tangent_length(probe: Probe, end: _End, near: float, far: float) -> Outcome:
+    length = end.places[-1]
+    scales = np.array([near, far] if end.sign > 0 else [far, near])
+    moved = probe.merged.replace(control_points=end.vectors, edge_scale=scales)
+    log_length = end.logs[1] - end.logs[0] + np.log(near) - far / near * np.log(far * length)
+    best, step = _smallest_error(end, moved, near, far)
+    if best > MAX_NEGLECTED or abs(log_length) > DEPTH_LOG:
+        return not_applicable("the limit is not reached within the range of floats")
+    u = end.at + end.sign * step * length
+    quotient = moved.evaluate(np.array([u]))[0] / abs(u - end.at)
+    scale = np.exp(log_length) * float(np.abs(end.vectors).max())
+    expected = np.exp(log_length) * end.vectors[end.next_row]
+    value = largest(np.abs(quotient - expected) / scale)
+    return within_rounding(value, best, "difference from the formula, of its length; k_0 and k_1 as it demands")
 
 
 def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[float, float]:

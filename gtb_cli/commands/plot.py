@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
@@ -57,28 +58,16 @@ class Variation(NamedTuple):
     texts: tuple[str, ...]
 
 
-def size_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float]:
-    """Read width and height."""
-    numbers = numbers_of(ctx, param, value) or ()
-    if len(numbers) != 2 or not all(INCHES[0] <= number <= INCHES[1] for number in numbers):
-        raise click.BadParameter(f"{value!r}: expected width,height in inches, such as 6,4.5", ctx, param)
-    return numbers[0], numbers[1]
+def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tuple[float, ...]]:
+    """Return the reader of as many numbers as there are limits, each within its own."""
 
+    def read(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, ...]:
+        numbers = numbers_of(ctx, param, value) or ()
+        if len(numbers) != len(limits) or not all(a <= x <= b for x, (a, b) in zip(numbers, limits, strict=True)):
+            raise click.BadParameter(f"{value!r}: expected {expected}", ctx, param)
+        return numbers
 
-def camera_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float]:
-    """Read two angles."""
-    numbers = numbers_of(ctx, param, value) or ()
-    if len(numbers) != 2 or not (abs(numbers[0]) <= 360 and abs(numbers[1]) <= 90):
-        raise click.BadParameter(f"{value!r}: expected azimuth,elevation in degrees, such as -60,30", ctx, param)
-    return numbers[0], numbers[1]
-
-
-def stretch_of(ctx: click.Context, param: click.Parameter, value: str) -> tuple[float, float, float]:
-    """Read three factors."""
-    numbers = numbers_of(ctx, param, value) or ()
-    if len(numbers) != 3 or not all(1e-6 <= number <= 1e6 for number in numbers):
-        raise click.BadParameter(f"{value!r}: expected three positive factors, such as 1,1,0.2", ctx, param)
-    return numbers[0], numbers[1], numbers[2]
+    return read
 
 
 def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
@@ -113,12 +102,17 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
     help="Format, whatever FIG is called; png on standard output.",
 )
 @click.option(
-    "--size", callback=size_of, default="6,4.5", show_default=True, metavar="W,H", help="Width and height in inches."
+    "--size",
+    callback=several_of("width,height in inches, such as 6,4.5", INCHES, INCHES),
+    default="6,4.5",
+    show_default=True,
+    metavar="W,H",
+    help="Width and height in inches.",
 )
 @click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
 @click.option(
     "--camera",
-    callback=camera_of,
+    callback=several_of("azimuth,elevation in degrees, such as -60,30", (-360, 360), (-90, 90)),
     default="-60,30",
     show_default=True,
     metavar="AZ,EL",
@@ -126,7 +120,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 )
 @click.option(
     "--stretch",
-    callback=stretch_of,
+    callback=several_of("three positive factors, such as 1,1,0.2", *[(1e-6, 1e6)] * 3),
     default="1,1,1",
     show_default=True,
     metavar="X,Y,Z",

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import Domain
@@ -81,8 +81,7 @@ def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
     stretch = (1 - share**RING_GRADING) / np.where(share < 1, 1 - share, 1.0)
     corners = (centre + (part.parameters - centre) * stretch[:, None])[part.cells]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    areas = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
-    return corners.mean(axis=1), areas
+    return corners.mean(axis=1), np.abs(planar_cross(first, second)) / 2
 
 
 def moments_energy(

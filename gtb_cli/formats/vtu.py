@@ -148,12 +148,12 @@ def _triangle_places(degree: int) -> Iterator[tuple[int, ...]]:
     for inset in range(degree // 3 + 1):
         side = degree - 3 * inset
         ring = [(side, 0, 0), (0, side, 0), (0, 0, side)][: 3 if side else 1]
-        for k in range(1, side):
-            ring.append((side - k, k, 0))
-        for k in range(1, side):
-            ring.append((0, side - k, k))
-        for k in range(1, side):
-            ring.append((k, 0, side - k))
+        inner = range(1, side)
+        ring += [
+            *((side - k, k, 0) for k in inner),
+            *((0, side - k, k) for k in inner),
+            *((k, 0, side - k) for k in inner),
+        ]
         yield from (tuple(share + inset for share in place) for place in ring)
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
@@ -104,18 +105,8 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
             top = int(np.argmax(values[:, index]))
             text = names[variant] if names else subscript(symbol, index)
             edge = {0: "left", len(t) - 1: "right"}.get(top, "center")
-            ax.annotate(
-                text,
-                (float(t[top]), float(values[top, index])),
-                {"left": (5, 3), "right": (-3, 3)}.get(edge, (0, 3)),
-                textcoords="offset points",
-                ha=edge,
-                va="bottom",
-                color=colour,
-                fontsize=9,
-                zorder=7,
-                bbox=HALO,
-            )
+            place, offset = (float(t[top]), float(values[top, index])), {"left": 5, "right": -3}.get(edge, 0)
+            note(ax, text, place, (offset, 3), ha=edge, va="bottom", color=colour, fontsize=9, bbox=HALO)
     low, high = (float(x) for x in curves[0].domain.vertices[:, 0])
     ax.set_xlim(low, high)
     ax.set_ylim(bottom=0)
@@ -132,11 +123,8 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
         heights: dict[float, int] = {}
         for i, place in enumerate(curves[0].knots[:, 0].tolist()):
             again = heights[place] = heights.get(place, -1) + 1
-            ax.annotate(
-                subscript("a", i), (place, 0.0), (9 * ((place == low) - (place == high)), 8 + 9 * again),
-                textcoords="offset points",
-                xycoords=ax.get_xaxis_transform(), ha="center", fontsize=8, color="#555555", zorder=7,
-            )  # fmt: skip
+            offset = (9 * ((place == low) - (place == high)), 8 + 9 * again)
+            note(ax, subscript("a", i), (place, 0.0), offset, xycoords=ax.get_xaxis_transform(), color="#555555")
 
 
 def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
@@ -180,32 +168,14 @@ def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str], corners: Fl
             near = LABEL_WIDTH * float(np.ptp(corners))
             row = 0 if place[0] - last[0] >= near or last[0] < last[1] else 1
             last[row] = place[0]
-            ax.annotate(
-                text,
-                place,
-                (0, 7 + 24 * row),
-                textcoords="offset points",
-                ha="center",
-                va="bottom",
-                fontsize=8,
-                zorder=7,
-            )
+            note(ax, text, place, (0, 7 + 24 * row), va="bottom")
             continue
         x, y = _inward(np.array(place), corners)
         across = 0.0 if abs(x) < 0.3 else float(np.sign(x))
         sharp = bool((corners == place).all(axis=1).any())  # edges run above and below
         up = float(not sharp) if abs(y) < 0.3 else float(np.sign(y))
-        ax.annotate(
-            text,
-            place,
-            (5 * across, 6 * up),
-            textcoords="offset points",
-            ha={0: "center", 1: "left", -1: "right"}[int(across)],
-            va={0: "center", 1: "bottom", -1: "top"}[int(up)],
-            fontsize=8,
-            zorder=7,
-            bbox=HALO,
-        )
+        ha, va = ("center", "left", "right")[int(across)], ("center", "bottom", "top")[int(up)]
+        note(ax, text, place, (5 * across, 6 * up), ha=ha, va=va, bbox=HALO)
 
 
 def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
@@ -225,10 +195,8 @@ def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
 def _number_edges(ax: Axes, corners: FloatArray) -> None:
     for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
         along = (b - a) / np.hypot(*(b - a))
-        ax.annotate(
-            f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), textcoords="offset points", ha="center",
-            va="center", fontsize=7.5, color=LINE_COLOURS[0], rotation=_upright(along), zorder=6,
-        )  # fmt: skip
+        style = {"va": "center", "fontsize": 7.5, "color": LINE_COLOURS[0], "rotation": _upright(along), "zorder": 6}
+        note(ax, f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), **style)
 
 
 def _upright(along: FloatArray) -> float:
@@ -280,14 +248,8 @@ def _draw_lifted_line(ax: Axes, found: RegularDecomposition, numbered: bool) -> 
             rising = i not in found.absent and any(
                 t[a] <= x < t[b] and heights[b] > heights[a] for a, b in found.polygons
             )
-            ax.annotate(
-                f"{height:.4g}", (x, height), (-5 if rising else 5, 4), textcoords="offset points",
-                ha="right" if rising else "left", fontsize=8, zorder=7,
-            )  # fmt: skip
-            ax.annotate(
-                subscript("a", i), (x, floor), (0, -15), textcoords="offset points", ha="center", fontsize=8,
-                annotation_clip=False,
-            )  # fmt: skip
+            note(ax, f"{height:.4g}", (x, height), (-5 if rising else 5, 4), ha="right" if rising else "left")
+            note(ax, subscript("a", i), (x, floor), (0, -15), annotation_clip=False)
     ax.margins(x=0.07)
     ax.set_ylim(floor, float(heights.max()) + 0.14 * (float(np.ptp(heights)) or 1.0))
     ax.set_xticks([])
@@ -302,15 +264,10 @@ def label_all(ax: Axes, places: FloatArray, labels: Sequence[str]) -> None:
         direction = place - middle
         length = float(np.hypot(*direction))
         x, y = (direction / length if length else np.array([0.7, 0.7])) * 9
-        ax.annotate(
-            text,
-            place,
-            (x, y),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=8,
-            color=INK,
-            zorder=7,
-            bbox=HALO,
-        )
+        note(ax, text, place, (x, y), va="center", color=INK, bbox=HALO)
+
+
+def note(ax: Axes, text: str, place: ArrayLike, offset: tuple[float, float], **style: Any) -> None:
+    """Write a text beside a place, by an offset in points to the right and upwards."""
+    defaults = {"textcoords": "offset points", "ha": "center", "fontsize": 8, "zorder": 7}
+    ax.annotate(text, place, offset, **{**defaults, **style})  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_paths
-from gtb_cli.pictures.planar import basis_values
+from gtb_cli.pictures.planar import HALO, basis_values, note
 from gtb_cli.pictures.raster import Raster
 from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, scene_of, scenes_of, triad
 from gtb_cli.tessellation.attributes import with_attributes
@@ -218,8 +218,5 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
         texts = [f"λ={value:.4g}" for value in found.lifting.tolist()] + [subscript("a", i) for i in range(len(flat))]
         for k, (place, text) in enumerate(zip(seen[:, :2].tolist(), texts, strict=True)):
             above = k < len(flat)
-            ax.annotate(
-                text, place, (0, 6 if above else -6), textcoords="offset points", ha="center",
-                va="bottom" if above else "top", fontsize=8, zorder=7, color=INK if above else LINE_COLOURS[0],
-                bbox={"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.7},
-            )  # fmt: skip
+            va, colour = ("bottom", INK) if above else ("top", LINE_COLOURS[0])
+            note(ax, text, place, (0, 6 if above else -6), va=va, color=colour, bbox={**HALO, "alpha": 0.7})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.options import Function, numbers_of
+from gtb_cli.shell.options import Function, numbers_of, taken
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
@@ -178,14 +178,8 @@ def limit_options(function: Function) -> Function:
     )
     @click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way.")
     @functools.wraps(function)
-    def command(
-        *args: Any,
-        xs: tuple[float, ...],
-        lifting: tuple[float, ...] | int | None,
-        moves: dict[int, int],
-        steps: tuple[float, ...] | None,
-        **values: Any,
-    ) -> object:
-        return function(*args, limit=LimitRequest(xs, lifting, moves, steps), **values)
+    def command(*args: Any, **values: Any) -> object:
+        limit = LimitRequest(**taken(values, LimitRequest))
+        return function(*args, limit=limit, **values)
 
     return command

@@ -18,6 +18,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
     from click.shell_completion import CompletionItem
 
     from gtb_cli.theory.model import Model
@@ -240,6 +241,11 @@ def console_option(function: Function) -> Function:
     return command
 
 
+def taken(values: dict[str, Any], kind: type[DataclassInstance]) -> dict[str, Any]:
+    """Take those options out of `values` that are fields of a dataclass, and return them."""
+    return {field.name: values.pop(field.name) for field in fields(kind) if field.name in values}
+
+
 def text_options(function: Function) -> Function:
     """Add ``-o``, ``--spec-format`` and ``-q``, as every command has that makes text of a spec."""
     return output_option(spec_format_option(console_option(function)))
@@ -326,15 +332,11 @@ def mesh_options(*more: str) -> Callable[[Function], Function]:
                 raise click.UsageError("-n and --tolerance exclude each other")
             if values["radius"] is not None and values["uv"]:
                 raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
-            of_mesh, of_file = (
-                {field.name: values.pop(field.name) for field in fields(kind) if field.name in values}
-                for kind in (Recipe, MeshOptions)
-            )
             try:
-                recipe = Recipe(resolution or RESOLUTION, **of_mesh)
+                recipe = Recipe(resolution or RESOLUTION, **taken(values, Recipe))
             except DomainError as error:
                 raise click.UsageError(f"--{error}") from None
-            return function(*args, options=MeshOptions(recipe, **of_file), **values)
+            return function(*args, options=MeshOptions(recipe, **taken(values, MeshOptions)), **values)
 
         return command
 
