@@ -37,10 +37,10 @@ MOST_LIKENED = 200
 FINE_SAMPLES = 1025
 """Points of a polygon that replaces a curve, with an error of a millionth of the size."""
 
-SAME_CURVE = 1e-5
+SAME_CURVE_DISTANCE = 1e-5
 """Distance of two curves, relative to their size, below which they differ only in their parameters."""
 
-FAR_WELD = 0.01
+FAR_WELD_FRACTION = 0.01
 """Fraction of an edge's size; welding over a larger distance raises a warning."""
 
 
@@ -102,14 +102,14 @@ def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str 
     apart, size = float(np.sqrt(nearest.min(axis=1).max())), float(np.ptp(way, axis=0).max())
     # Both ways, since a curve may be only a part of the other.
     places = np.sort(nearest.argmin(axis=1))
-    if apart > SAME_CURVE * size or np.diff(places).max() > FINE_SAMPLES / 4:
+    if apart > SAME_CURVE_DISTANCE * size or np.diff(places).max() > FINE_SAMPLES / 4:
         return None
     ours, theirs = (len(edge_curve(patches[p], e).points) for p, e in (first, second))
     way_out = "knots and weights must be the same"
     if ours != theirs:
         lower, higher = (first, second) if ours < theirs else (second, first)
         least, by = min(ours, theirs), abs(ours - theirs)
-        elevates = _is_elevated(patches, lower, higher, by, SAME_CURVE * size)
+        elevates = _is_elevated(patches, lower, higher, by, SAME_CURVE_DISTANCE * size)
         way_out = f"gtb elevate --by {by} of the one with {least} makes" if elevates else "no gtb elevate makes"
         way_out += " them equal"
     return f"the same curve as {{}}, but at other parameters ({ours} control points against {theirs}): {way_out}"
@@ -190,9 +190,9 @@ def seam_remarks(model: Model) -> list[str]:
         names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
         lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
         sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
-        far = sum(joint.distance > FAR_WELD * size for joint, size in zip(welded, sizes, strict=True))
+        far = sum(joint.distance > FAR_WELD_FRACTION * size for joint, size in zip(welded, sizes, strict=True))
         if far:
-            lines.append(f"{far} of them were farther apart than {FAR_WELD:.0%} of their edges")
+            lines.append(f"{far} of them were farther apart than {FAR_WELD_FRACTION:.0%} of their edges")
     near = near_misses(joints, patches)
     for first, second, reason in near[:MOST_SHOWN]:
         lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")

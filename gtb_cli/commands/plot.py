@@ -28,7 +28,7 @@ FIGURE_FORMATS = ("png", "svg", "pdf")
 
 PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
 
-INCHES, PIXELS = (0.5, 40.0), 60_000_000
+SIDE_INCHES, MAX_PIXELS = (0.5, 40.0), 60_000_000
 """Smallest and largest width and height of a figure, and its largest number of pixels."""
 
 DEFAULT_X = (1.0, 10.0, 100.0)
@@ -103,7 +103,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 )
 @click.option(
     "--size",
-    callback=several_of("width,height in inches, such as 6,4.5", INCHES, INCHES),
+    callback=several_of("width,height in inches, such as 6,4.5", SIDE_INCHES, SIDE_INCHES),
     default="6,4.5",
     show_default=True,
     metavar="W,H",
@@ -230,8 +230,10 @@ def _look(
     dpi: int,
     **others: Any,
 ) -> Look:
-    if size[0] * size[1] * dpi * dpi > PIXELS:
-        raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {PIXELS // 10**6}M pixels")
+    if size[0] * size[1] * dpi * dpi > MAX_PIXELS:
+        raise click.UsageError(
+            f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {MAX_PIXELS // 10**6}M pixels"
+        )
     from gtb_cli.pictures.camera import Camera
     from gtb_cli.pictures.look import Look, settings
 

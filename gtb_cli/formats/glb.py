@@ -46,7 +46,7 @@ MAX_REPEATED = 3_000_000
 MAX_PIECES = 50_000
 """Largest number of primitives in all nodes; even the smallest takes some time."""
 
-_NOWHERE = np.eye(4)
+_IDENTITY = np.eye(4)
 
 TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
 """Keys of a node's own transformation."""
@@ -265,7 +265,7 @@ class _Scene:
         else:
             inner = {child for node in nodes for child in node.get("children", ())}
             roots = [index for index in range(len(nodes)) if index not in inner]
-        stack = [(_index(root), _NOWHERE, 0) for root in reversed(roots)]
+        stack = [(_index(root), _IDENTITY, 0) for root in reversed(roots)]
         seen = set()
         while stack:
             index, above, depth = stack.pop()
@@ -293,7 +293,7 @@ class _Scene:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             self._count(len(positions))
             points = positions.astype(np.float64)
-            if not (place == _NOWHERE).all():
+            if not (place == _IDENTITY).all():
                 points = points @ place[:3, :3].T + place[:3, 3]
             indices: NDArray[Any] = np.arange(len(points))
             if "indices" in primitive:

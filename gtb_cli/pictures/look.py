@@ -55,7 +55,7 @@ and PDF."""
 NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
 """Metadata that would change from day to day, or from one version of matplotlib to the next."""
 
-MISSING = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
+NO_MATPLOTLIB = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
 
 LETTER_WIDTH = 0.62
 """Width of a letter of a title, as a fraction of the font size, with a little room."""
@@ -126,7 +126,7 @@ def settings() -> AbstractContextManager[None]:
     try:
         import matplotlib.figure
     except ImportError:
-        raise ExportError(MISSING) from None
+        raise ExportError(NO_MATPLOTLIB) from None
     finally:
         if collecting:
             gc.enable()

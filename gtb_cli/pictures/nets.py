@@ -15,7 +15,7 @@ from gtb_cli.theory.patch import Patch
 LINE_SEGMENTS = 96
 """Segments of a line along a surface."""
 
-SMOOTH, NEAR_ENDS, CLOSEST = 240, 48, 1e-15
+CURVE_SEGMENTS, END_POINTS, END_DISTANCE = 240, 48, 1e-15
 """Segments of a curve, further points near each end, and the distance of the first as a fraction of Δ: a curve leaves
 its ends like t^h, where h, the distance of the next knot, may be small."""
 
@@ -82,7 +82,8 @@ def edge_path(patch: Patch, edge: int) -> FloatArray:
 def curve_path(curve: Patch) -> FloatArray:
     """Return (m, 3) points along a curve: evenly spread in its own parameter, and denser towards the ends."""
     low, high = curve.domain.vertices[:, 0].tolist()
-    even, near = np.linspace(0, 1, SMOOTH + 1)[1:-1], np.geomspace(CLOSEST, 1 / SMOOTH, NEAR_ENDS)[:-1]
+    even = np.linspace(0, 1, CURVE_SEGMENTS + 1)[1:-1]
+    near = np.geomspace(END_DISTANCE, 1 / CURVE_SEGMENTS, END_POINTS)[:-1]
     share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
     return curve.evaluate((low * (1 - share) + high * share).clip(low, high))
 

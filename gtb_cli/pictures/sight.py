@@ -18,7 +18,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-FINE, FINE_MODEL, FINE_CURVE = 40, 14, 256
+PATCH_SEGMENTS, MODEL_SEGMENTS, CURVE_SEGMENTS = 40, 14, 256
 """Segments of each edge of a patch, of each of many patches of a model, and of a curve."""
 
 FULL_DETAIL_PATCHES = 4
@@ -88,7 +88,7 @@ def sight_of(shape: Patch | Model, resolution: int | None = None, name: str | No
     """See a spec: its mesh with exact normals, control net, knots and curvature."""
     patches = shape.patches
     surface = patches[0].dimension == 2
-    fine = (FINE if len(patches) <= FULL_DETAIL_PATCHES else FINE_MODEL) if surface else FINE_CURVE
+    fine = (PATCH_SEGMENTS if len(patches) <= FULL_DETAIL_PATCHES else MODEL_SEGMENTS) if surface else CURVE_SEGMENTS
     mesh = tessellate(shape, resolution or fine, parametrization="linear")
     scalars = {}
     if surface:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FINE, FINE_MODEL, FINE_GRAPH = 64, 16, 48
+PATCH_SEGMENTS, MODEL_SEGMENTS, GRAPH_SEGMENTS = 64, 16, 48
 """Segments of each edge of a patch, of each patch of a model, and of the graph of a basis function."""
 
 GRAPH_HEIGHT = 0.62
@@ -48,7 +48,7 @@ PARAMETER_LINES = "#1F3A52"
 def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     """Draw a surface, or the patches of a model, shaded by its exact normals."""
     patches = shape.patches
-    fine = look.resolution or (FINE_MODEL if len(patches) > 4 else FINE)
+    fine = look.resolution or (MODEL_SEGMENTS if len(patches) > 4 else PATCH_SEGMENTS)
     mesh = tessellate(shape, fine, parametrization="linear")
     surface = surface_of(mesh, len(patches))
     if look.curvature is not None:
@@ -147,7 +147,7 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
             raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
     symbol = "β" if look.unnormalised else "T"
     flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
-    fine = look.resolution or (FINE if len(indices) <= 4 else FINE_GRAPH)
+    fine = look.resolution or (PATCH_SEGMENTS if len(indices) <= 4 else GRAPH_SEGMENTS)
     mesh = tessellate(flat, fine, parametrization="toric", normals=False)
     assert mesh.parameters is not None
     plane = (mesh.parameters - patch.domain.center) / patch.domain.size

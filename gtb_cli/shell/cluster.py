@@ -35,10 +35,10 @@ ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
 PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
 """Packages on which the bytes of a file depend: all workers must have the same versions as this process."""
 
-ONE_THREAD = "OPENBLAS_NUM_THREADS"
+THREADS_VARIABLE = "OPENBLAS_NUM_THREADS"
 """Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it."""
 
-MISSING = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
+NO_DASK = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
 
 
 def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> Generator[R]:
@@ -88,7 +88,7 @@ def _connected(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
-        raise GtbError(MISSING) from None
+        raise GtbError(NO_DASK) from None
 
     class Connection(Client):  # type: ignore[misc]
         def __del__(self) -> None:  # closing a client that never connected takes long and prints messages
@@ -172,6 +172,8 @@ def _check_workers(client: Any, address: str) -> None:
                 raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
             if found != expected:
                 raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process has {expected}")
-    for worker, threads in client.run(os.getenv, ONE_THREAD).items():
+    for worker, threads in client.run(os.getenv, THREADS_VARIABLE).items():
         if threads != "1":
-            raise GtbError(f"--cluster {address}: {worker} was started without {ONE_THREAD}=1, and digits depend on it")
+            raise GtbError(
+                f"--cluster {address}: {worker} was started without {THREADS_VARIABLE}=1, and digits depend on it"
+            )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
 
-ANIMATED = "glb"
+ANIMATION_FORMAT = "glb"
 """The format that holds an animation."""
 
 LIMIT_LABEL = "limit"
@@ -163,25 +163,25 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
 def _is_animated_file(options: MeshOptions, output: str) -> bool:
     suffix = suffix_of(output)
     if output == STANDARD or is_device(output):
-        if options.format != ANIMATED:
+        if options.format != ANIMATION_FORMAT:
             raise click.UsageError(
                 "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"
             )
         return True
-    if suffix == ANIMATED and options.format not in (None, ANIMATED):
+    if suffix == ANIMATION_FORMAT and options.format not in (None, ANIMATION_FORMAT):
         raise click.UsageError(
             f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
         )
-    if suffix in FORMATS and suffix != ANIMATED:
+    if suffix in FORMATS and suffix != ANIMATION_FORMAT:
         raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
-    return suffix == ANIMATED
+    return suffix == ANIMATION_FORMAT
 
 
 def _check_kind(options: MeshOptions, patch: Patch) -> None:
     """Refuse a format that cannot hold the meshes before they are made."""
     if options.format == "stl" and patch.dimension == 1:
         raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
-    if options.format == ANIMATED and options.ascii:
+    if options.format == ANIMATION_FORMAT and options.ascii:
         raise ExportError("GLB has no text form: expected obj, ply or stl with --ascii")
 
 
@@ -237,7 +237,7 @@ def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, s
         for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
             meshes.append(member.mesh)
             entries.append(sequence.entry(member, label, "label"))
-            warnings = [text for text in options.warnings(member.mesh, ANIMATED) if text not in said]
+            warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
             said.update(warnings)
             _say(f"{file}{label}", sequence, member, warnings, out.console)
     extras = {"sequence": sequence.record(entries)}

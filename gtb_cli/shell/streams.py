@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 STDIN = "<stdin>"
 """Name of standard input in messages."""
 
-UNSAFE = '/\\:*?"<>|'
+UNSAFE_CHARACTERS = '/\\:*?"<>|'
 """Characters that some file systems do not allow in names."""
 
-MAX_STEM = 200
+MAX_STEM_BYTES = 200
 """Longest stem of a file name, in bytes: every file system allows it with a suffix."""
 
 
@@ -188,10 +188,10 @@ def is_device(output: str) -> bool:
 
 def file_stem(name: str | None) -> str:
     """Turn any name into the stem of a file name that stays in its folder and is not hidden."""
-    kept = "".join(c if c.isprintable() and c not in UNSAFE else "_" for c in name or "").strip()
+    kept = "".join(c if c.isprintable() and c not in UNSAFE_CHARACTERS else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
-    return kept.encode("utf-8")[:MAX_STEM].decode("utf-8", "ignore").rstrip() or "patch"
+    return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"
 
 
 def stem_of(path: str) -> str | None:

@@ -458,7 +458,7 @@ def test_file_stems_stay_in_their_folder(name):
     assert stem
     assert stem[0] not in ".- "
     assert not set(stem) & set('/\\:*?"<>|\0\n\r\t')
-    assert len(stem.encode("utf-8")) <= streams.MAX_STEM
+    assert len(stem.encode("utf-8")) <= streams.MAX_STEM_BYTES
     assert streams.file_stem(stem) == stem
 
 
