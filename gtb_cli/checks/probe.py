@@ -191,7 +191,8 @@ def evenly(count: int, dimension: int) -> FloatArray:
 
 def choice(count: int, most: int) -> list[int]:
     """Return at most `most` indices below `count`, evenly spread from the first to the last."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)).tolist()
+    spread: list[int] = np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)).tolist()
+    return spread
 
 
 def largest(values: FloatArray) -> float:

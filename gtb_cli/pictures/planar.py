@@ -123,8 +123,8 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
         heights: dict[float, int] = {}
         for i, place in enumerate(curves[0].knots[:, 0].tolist()):
             again = heights[place] = heights.get(place, -1) + 1
-            offset = (9 * ((place == low) - (place == high)), 8 + 9 * again)
-            note(ax, subscript("a", i), (place, 0.0), offset, xycoords=ax.get_xaxis_transform(), color="#555555")
+            beside = (9 * ((place == low) - (place == high)), 8 + 9 * again)
+            note(ax, subscript("a", i), (place, 0.0), beside, xycoords=ax.get_xaxis_transform(), color="#555555")
 
 
 def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
