@@ -56,8 +56,9 @@ def test_energy_agrees_with_differences(name, kind):
 
     q = p[inside][::7]
     form = np.zeros((len(patch.knots),) * 2)
-    for _, _, knots, s, _ in patch.rational_basis.locations(q, "linear"):
-        form += moments_energy(knots / size, patch.log_products, s * size, np.ones(len(s[0])), kind)
+    for where in patch.rational_basis.locations(q, "linear"):
+        ones = np.ones(where.s.shape[1])
+        form += moments_energy(where.knots / size, patch.log_products, where.s * size, ones, kind)
     value = np.einsum("ik,ij,jk->", patch.control_points, form, patch.control_points)
     if kind == "dirichlet":
         expected = sum((((at(q + d) - at(q - d)) / (2 * h)) ** 2).sum() for d in (x, y)) * size**2
