@@ -121,10 +121,14 @@ class ModelReport:
     joints: tuple[Finding, ...]
 
     def __repr__(self) -> str:
-        findings = (*self.joints, *(found for part in self.patches for found in part.findings))
-        return f"<ModelReport {self.name or 'without a name'}: {counts(findings)}>"
+        return f"<ModelReport {self.name or 'without a name'}: {counts(self.findings)}>"
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """All findings: those about the joints, then those about each patch."""
+        return (*self.joints, *(found for part in self.patches for found in part.findings))
 
     @property
     def holds(self) -> bool:
         """Whether no property of a patch or joint fails."""
-        return all(part.holds for part in (*self.patches, Report(self.name, self.joints)))
+        return all(finding.status != "fails" for finding in self.findings)

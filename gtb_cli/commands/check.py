@@ -55,7 +55,7 @@ def check(
     where the paper states it, and what was measured. A property whose conditions are not met is "not applicable", and
     a number without a verdict is "measured". In a model, each patch and the joints between patches are checked; what
     fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
-    --json asks for everything. Exit status 1 if a property fails, 2 if a spec cannot be read.
+    --json asks for everything. Exit status 1 if a property or requirement fails, 2 if a spec cannot be read.
     """
     from gtb_cli.checks.check import check as measure
     from gtb_cli.checks.report import Report, counts
@@ -85,10 +85,7 @@ def check(
         text = ""
         for name, row in rows:
             if several and not in_full:
-                parts = (row,) if isinstance(row, Report) else row.patches
-                every = [found for part in parts for found in part.findings]
-                every += [] if isinstance(row, Report) else row.joints
-                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {counts(every)}\n"
+                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {counts(row.findings)}\n"
                 continue
             text += f"{printable(name)}\n" if several else ""
             text += _table(row.findings, colours) if isinstance(row, Report) else _model_text(row, colours)
@@ -116,18 +113,9 @@ def _model_data(report: ModelReport) -> dict[str, Any]:
 
 def _data(found: Finding) -> dict[str, Any]:
     """Return a finding as plain data; numbers that are not finite become null, since JSON cannot write them."""
-    figures = {key: x if x is not None and math.isfinite(x) else None for key, x in _figures(found).items()}
-    return {
-        "name": found.name,
-        "reference": found.reference,
-        "status": found.status,
-        **figures,
-        "reason": found.reason,
-    }
-
-
-def _figures(found: Finding) -> dict[str, float | None]:
-    return {"value": found.value, "bound": found.bound}
+    value, bound = (x if x is not None and math.isfinite(x) else None for x in (found.value, found.bound))
+    named = {"name": found.name, "reference": found.reference, "status": found.status}
+    return {**named, "value": value, "bound": bound, "reason": found.reason}
 
 
 def _table(findings: tuple[Finding, ...], colours: bool) -> str:

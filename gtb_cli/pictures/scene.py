@@ -50,7 +50,7 @@ BACK_BRIGHTNESS = 0.78
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles with a unit normal and a colour at each vertex; no normals: all are equally bright.
+    """Triangles, each with a colour, and unit normals at their vertices; without normals all are equally bright.
 
     Attributes
     ----------

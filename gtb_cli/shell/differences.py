@@ -15,20 +15,17 @@ TABLE_DIGITS = 9
 
 def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
     """Warn if the answer does not quite fit the question."""
+    both = f"{names[0]}, {names[1]}"
     if found.asked and found.asked < found.tolerance:
-        console.note(
-            f"{names[0]}, {names[1]}: tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: "
-            "the numbers in the files are no finer at this size"
-        )
+        finest = "the numbers in the files are no finer at this size"
+        console.note(f"{both}: tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: {finest}")
     if found.turned:
-        console.warn(f"{names[0]}, {names[1]}: {found.turned} faces are turned: they look to the other side")
+        console.warn(f"{both}: {found.turned} faces are turned over")
     for remark in found.remarks:
-        console.warn(f"{names[0]}, {names[1]}: {remark}")
+        console.warn(f"{both}: {remark}")
     if not found.is_proved:
-        console.warn(
-            f"{names[0]}, {names[1]}: nothing farther apart than {found.distance:.3g} was found, but it is not proved: "
-            f"between samples it could be {found.bound:.3g}"
-        )
+        what = f"nothing farther apart than {found.distance:.3g} was found, but it is not proved"
+        console.warn(f"{both}: {what}: between samples it could be {found.bound:.3g}")
 
 
 def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
