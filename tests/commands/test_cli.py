@@ -452,7 +452,7 @@ ANY_CHARACTER = st.integers(0, 0xD7FF) | st.integers(0xE000, 0x10FFFF)
 
 
 @given(st.lists(ANY_CHARACTER.map(chr)).map("".join) | st.text("aé😀 .-", min_size=100, max_size=300))
-@example("a" * (streams.MAX_STEM - 1) + " b")
+@example("a" * (streams.MAX_STEM_BYTES - 1) + " b")
 def test_file_stems_stay_in_their_folder(name):
     stem = streams.file_stem(name)
     assert stem
