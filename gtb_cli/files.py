@@ -208,7 +208,7 @@ class StagedFiles:
     def _keep_old(self, targets: Iterable[str]) -> None:
         """Give a second name to files that are about to be replaced."""
         for target in targets:
-            if os.path.lexists(target):
+            if os.path.lexists(target) and not _is_protected(target):
                 name = self._old.setdefault(target, _temporary_name(target))
                 _unfinished[name] = None
                 with suppress(OSError):  # it got one before an interruption, or the file system has no second names
@@ -311,6 +311,16 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
             _make_like(file.fileno(), temporary, old)
         _write(file, blocks)
         os.fsync(file.fileno())
+
+
+def _is_protected(path: str) -> bool:
+    """Whether a sticky folder keeps this process from removing a file, and also a second name that it gave it."""
+    try:
+        folder, file = os.stat(os.path.dirname(os.path.abspath(path))), os.lstat(path)
+    except OSError:  # removed meanwhile
+        return False
+    allowed = (0, folder.st_uid, file.st_uid)
+    return hasattr(os, "geteuid") and bool(folder.st_mode & stat.S_ISVTX) and os.geteuid() not in allowed
 
 
 def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:

@@ -358,6 +358,23 @@ def test_a_rename_that_fails_takes_back_the_others(failing, links, tmp_path, mon
         assert "record" not in found
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs users with numbers")
+def test_files_of_others_in_a_sticky_folder_get_no_second_names(tmp_path, monkeypatch):
+    """They could not be removed again: hidden files were left beside them."""
+    for name in ("a", "b"):
+        (tmp_path / name).write_text("old")
+    tmp_path.chmod(0o1777)
+    monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    linked = []
+    monkeypatch.setattr(os, "link", lambda *names: linked.append(names))
+    stage(tmp_path, {"a": [b"new"], "b": [b"new"]}, None)
+    assert not linked
+    (tmp_path / "own").write_text("old")
+    monkeypatch.undo()
+    stage(tmp_path, {"a": [b"newer"], "own": [b"new"]}, None)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "newer", "b": "new", "own": "new"}
+
+
 def test_a_new_folder_goes_again_when_a_file_elsewhere_cannot_be_renamed(tmp_path, monkeypatch):
     def refuse(*_):
         raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
