@@ -66,7 +66,7 @@ EXPECTED_NOT_TO_APPLY = {
 """Properties with conditions that patches of ordinary size in `specs/` do not always fulfil."""
 
 
-@pytest.mark.parametrize("name", PATCHES)
+@pytest.mark.parametrize("name", mostly_long(PATCHES, 10))
 def test_every_spec_has_the_properties(name):
     report = check(spec(name))
     assert report.holds

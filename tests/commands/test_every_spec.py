@@ -64,7 +64,7 @@ def root(following: dict[int, int], vertex: int) -> int:
 
 @pytest.mark.parametrize("options", mostly_long(OPTIONS, 2), ids=str)
 @pytest.mark.parametrize("move", MOVES)
-@pytest.mark.parametrize("name", ["cubic-bezier", "bezier-triangle", "pentagon", "repeated-knot"])
+@pytest.mark.parametrize("name", mostly_long(["cubic-bezier", "pentagon", "bezier-triangle", "repeated-knot"], 2))
 def test_patches_may_be_tiny_huge_or_far_away(name, move, options):
     patch = load(SPECS / f"{name}.toml")
     growth, moved = MOVES[move]

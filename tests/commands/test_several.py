@@ -83,7 +83,9 @@ def test_a_spec_in_a_folder_is_not_overwritten(folder):
 
 def test_a_large_model_fits_on_a_screen_and_long_says_all():
     teapot = PENTAGON.replace("pentagon", "teapot") if isinstance(PENTAGON, str) else PENTAGON.with_name("teapot.toml")
-    assert len(gtb("info", teapot).text.splitlines()) <= 24
+    short = gtb("info", teapot).text
+    assert len(short.splitlines()) <= 24
+    assert "open edges        rim-1 edge 0; " in short
     assert gtb("info", teapot, "--long").text.count("linear precision") == 32
 
 

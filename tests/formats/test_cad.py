@@ -192,6 +192,7 @@ def test_a_closed_model_of_real_knots_is_a_fitted_solid(tmp_path: Path) -> None:
     assert volume(shape) == pytest.approx(expected, rel=VOLUME)
 
 
+@long
 def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     patch = pentagon()
     found = sheets_of(patch, 2e-3)

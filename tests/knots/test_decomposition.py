@@ -353,7 +353,7 @@ def contains(polygon, point):
 def test_locate_by_brute_force(d):
     rng = np.random.default_rng(7)
     borders = 0
-    for _ in range(40):
+    for _ in range(15):
         knots = np.concatenate([rng.integers(0, 9, (9, d)), [[0] * d, [8] * d, [0, 8][-d:]]]).astype(float)
         decomposition = regular_decomposition(knots, rng.integers(0, 5, 12))
         polygons = [[[Fraction(x) for x in knots[i]] for i in polygon] for polygon in decomposition.polygons]
@@ -368,7 +368,7 @@ def test_locate_by_brute_force(d):
             ]
             assert cell == holders[0]
             borders += len(holders) > 1
-    assert borders > 100
+    assert borders > 30
 
 
 def test_locate_on_knots_beside_the_hull_and_in_one_cell():

@@ -186,7 +186,7 @@ def test_the_closed_solid_is_watertight(options):
     assert volume(mesh) > 3
 
 
-@pytest.mark.parametrize("name", ["teapot", "box-corner"])
+@pytest.mark.parametrize("name", mostly_long(["box-corner", "teapot"]))
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_open_models_are_open_at_their_openings_only(name, options):
     model = MODELS[name]
@@ -279,7 +279,7 @@ def farthest(a: np.ndarray, b: np.ndarray) -> float:
     return float(max(cKDTree(b).query(a)[0].max(), cKDTree(a).query(b)[0].max()))
 
 
-@pytest.mark.parametrize("name", mostly_long(reversed(NAMES), quick=2))
+@pytest.mark.parametrize("name", mostly_long(reversed(NAMES)))
 def test_other_words_give_the_same_surface(name):
     rng = np.random.default_rng(sum(map(ord, name)))
     model, other = MODELS[name], in_other_words(MODELS[name], rng)
@@ -463,7 +463,7 @@ def test_a_tube_of_two_halves_ends_in_two_rings_between_the_same_vertices():
     assert len(mesh.vertices) - len(mesh.edges) + len(mesh.cells) == 0
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", mostly_long([2, 3]))
 @pytest.mark.parametrize("options", [*({"resolution": n} for n in (2, 3)), {"tolerance": 0.05}], ids=str)
 def test_slices_of_a_melon_have_two_edges_that_are_points(count, options):
     def slice_of(number: int) -> Patch:

@@ -81,7 +81,7 @@ def diagonal(shape: Patch) -> float:
     return float(np.linalg.norm(np.ptp(shape.control_points, axis=0)))
 
 
-def largest_distance(shape: Patch, mesh: Mesh, samples: int = 60_000) -> float:
+def largest_distance(shape: Patch, mesh: Mesh, samples: int = 30_000) -> float:
     """From random points of the surface to the cells in whose parameters they lie: no less than to the mesh."""
     rng = np.random.default_rng(7)
     each = max(3, samples // len(mesh.cells))
@@ -165,7 +165,7 @@ def concave(inner: tuple[float, float]) -> Patch:
     return Patch(knots, points, [1, 2**-0.5, 1, 1, 2**-0.5, 1, 1, 2**-0.5, 1], [1, 2, 1, 2, 4, 2, 1, 2, 1])
 
 
-@pytest.mark.parametrize("inner", [(-3, -3), (1, 1)], ids=["one to one", "folding"])
+@pytest.mark.parametrize("inner", [(-3, -3), pytest.param((1, 1), marks=long)], ids=["one to one", "folding"])
 @pytest.mark.parametrize("tolerance", mostly_long([0.06, 0.006]))
 def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
     """By the nearest triangles; where the surface itself folds over its boundary, too."""
@@ -214,7 +214,7 @@ def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
     assert largest_distance(shape, tessellate(shape, n, parametrization="linear")) > reached * (1 - NOISE)
 
 
-@pytest.mark.parametrize("name", mostly_long(["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"], 2))
+@pytest.mark.parametrize("name", mostly_long(["pentagon", "nonagon", "hexagon", "bezier-triangle", "trapezoid"]))
 def test_few_triangles_are_thin(name):
     """Longest side over height: 1.15 for an equilateral triangle; the README says what was measured."""
     shape = load(SPECS / f"{name}.toml")

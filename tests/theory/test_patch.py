@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 
 from tests.laws import LAWS
+from tests.marks import long
 from tests.patches import NAMES, any_patch, named
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=long if name == "sixty_knots" else ()) for name in NAMES])
 def test_a_named_patch_obeys(name):
     for law in LAWS:
         law(named(name))
