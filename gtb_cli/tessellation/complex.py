@@ -264,6 +264,26 @@ class Sampler:
             result[rows] = points
         return result
 
+    def near(
+        self,
+        patch: IntArray,
+        parameters: FloatArray,
+        face: IntArray,
+        guesses: FloatArray,
+        within: float,
+        found: FloatArray | None = None,
+    ) -> FloatArray:
+        """`points`, found from guesses where these are not NaN; see `LinearParametrization.near`."""
+        result = np.empty((len(patch), 3))
+        face = face if self.faces is None else self.faces[patch, face]
+        for index, rows in _groups(patch):
+            own = None if found is None else np.full((len(patch[rows]), 2), np.nan)
+            where = self._linear[index].near(parameters[rows], face[rows], guesses[rows], within, own)
+            result[rows] = self.evaluated[index].points_at(where, len(patch[rows]))
+            if found is not None and own is not None:
+                found[rows] = own
+        return result
+
     def _points(self, index: int, u: FloatArray, face: IntArray, within: float) -> FloatArray:
         """(m, 3) positions on one patch."""
         patch = self.evaluated[index]

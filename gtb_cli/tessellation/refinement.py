@@ -16,7 +16,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.distance import to_segments, to_triangles
+from gtb_cli.meshes.distance import to_segments
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
@@ -29,6 +29,7 @@ from gtb_cli.tessellation.lattice import (
     quadratic_heights,
     steps_for,
 )
+from gtb_cli.tessellation.sampling import Sampling
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
@@ -129,7 +130,7 @@ class _Refinement:
             raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
         self.start = start
         self.mesh = Subdivision(start, points, sampler.patches, THIN_HEIGHT)
-        self.growth = Growth()
+        self.samples, self.growth = Sampling(self.mesh, sampler), Growth()
         self.sizes = np.array([patch.domain.size for patch in sampler.patches])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([not certify and patch.dimension == 2 and is_flat(patch, tolerance)
@@ -150,22 +151,12 @@ class _Refinement:
         """Sample the middle of the edges that were not sampled yet."""
         edges = self.mesh.edges
         new = np.arange(len(self.error), len(edges.ends))
-        sample, distance = self.along(new, np.array([0.5]), 0.0)
+        middle, distance = self.samples.middles(new)
         inside = self.flat.take(edges.patch[new]) & (edges.face[new] == INTERIOR)
-        self.middle = self.growth.append("middle", self.middle, sample[:, 0])
-        self.bend = self.growth.append("bend", self.bend, distance[:, 0])
-        self.error = self.growth.append("error", self.error, np.where(inside, 0.0, distance[:, 0]))
+        self.middle = self.growth.append("middle", self.middle, middle)
+        self.bend = self.growth.append("bend", self.bend, distance)
+        self.error = self.growth.append("error", self.error, np.where(inside, 0.0, distance))
         self.roughness = self.growth.append("roughness", self.roughness, np.full(len(new), np.nan))
-
-    def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
-        """(e, f, 3) points at fractions of the curves of some edges, and their (e, f) distances from the edges."""
-        rows = np.repeat(rows, len(fractions))
-        edges = self.mesh.edges.at(rows)
-        t = np.tile(fractions, len(rows) // len(fractions))[:, None]
-        u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
-        sample = self.sampler.points(edges.patch, u, edges.face, within)
-        distance = to_segments(sample, *self.mesh.ends(rows))
-        return sample.reshape(-1, len(fractions), 3), distance.reshape(-1, len(fractions))
 
     def advance(self, marked: BoolArray) -> None:
         """Split edges and sample what is new."""
@@ -174,6 +165,7 @@ class _Refinement:
         self.refuse_hopeless(marked)
         before = len(self.mesh)
         changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0))
+        self.samples.follow(chosen)
         self.error[chosen] = 0.0
         unknown, old = np.zeros(len(self.mesh) - before, dtype=bool), changed[changed < before]
         self.certified[old] = not self.certify
@@ -282,7 +274,7 @@ class _Refinement:
             fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE_STEPS)
             doubts[:] = False
         cell, u = self.mesh.peaks_inside(rows)
-        fails |= np.isin(rows, cell[self.distance(cell, u) > self.tolerance])
+        fails |= np.isin(rows, cell[self.samples.at(cell, u, self.nearby) > self.tolerance])
         return rows[fails], rows[doubts]
 
     def steps_at(self, rows: IntArray) -> IntArray:
@@ -341,8 +333,7 @@ class _Refinement:
         for begin in range(0, len(rows), length):
             block = slice(begin, begin + length)
             part = rows[block]
-            u = np.einsum("wc,kcd->kwd", weights, cells.corners[block]).reshape(-1, 2)
-            distance = self.distance(np.repeat(part, len(weights)), u).reshape(len(part), -1)
+            distance = self.samples.inside(part, weights, self.nearby)
             fails[block] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(expected_of @ self.heights(part, self.mesh.corners(part))).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
@@ -362,7 +353,7 @@ class _Refinement:
         """(e, f, 3) points of edges at fractions, quarters among them; notes how far and how rough they are."""
         if not len(rows):
             return np.empty((0, len(fractions), 3))
-        samples, distance = self.along(rows, fractions, self.nearby)
+        samples, distance = self.samples.along(rows, fractions, self.nearby)
         # At its quarters a parabola is three quarters as far from its chord as in the middle.
         off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * self.bend[rows, None]).max(axis=1)
         self.roughness[rows] = np.fmax(self.roughness[rows], off)
@@ -378,9 +369,3 @@ class _Refinement:
         edges = self.mesh.edges.at(rows)
         sample = self.sampler.points(edges.patch, u, edges.face)
         np.maximum.at(self.error, rows, to_segments(sample, *self.mesh.ends(rows)))
-
-    def distance(self, cell: IntArray, u: FloatArray) -> FloatArray:
-        """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
-        inside = np.zeros(len(cell), dtype=np.int64)
-        sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inside, self.nearby)
-        return to_triangles(sample, *self.mesh.corners(cell))

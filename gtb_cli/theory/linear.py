@@ -7,6 +7,7 @@ it, so that patches that share an edge share its points. Each face has its own m
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -150,6 +151,45 @@ class LinearParametrization:
             rows[...] = np.frombuffer(data, count=rows.size).reshape(rows.shape)
             rest.append(np.frombuffer(data, dtype=np.int64, offset=rows.nbytes))
         return np.concatenate(rest)
+
+    def near(
+        self, p: FloatArray, faces: IntArray, guesses: FloatArray, within: float, found: FloatArray | None = None
+    ) -> Iterator[Location]:
+        """Locate (m, 2) points on given faces from (m, 2) guesses, for which nearby points' corrections serve.
+
+        Guesses are NaN where there are none; they count inside Δ alone, in the chart of the longest edge. The right
+        corrections are written to `found`, if given, where there are any.
+        """
+        chart, inner = self._longest, np.flatnonzero(faces == INTERIOR)
+        moments, known = chart.moments, inner[~np.isnan(guesses[inner, 0])]
+        if moments.bezier_shift is not None:  # nothing is sooner found than there
+            yield from self._locations(p, faces, within, 0)
+            return
+        length = block_length(len(self.shape.knots))
+        face = self.shape.faces[INTERIOR]
+
+        def located(rows: IntArray) -> tuple[Location, IntArray, FloatArray | None]:
+            places = chart.columns(p.take(rows, axis=0))
+            s, left = moments.nearly(places, np.ascontiguousarray(guesses.take(rows, axis=0).T), within)
+            new = None if found is None else moments.corrections(places, s)
+            return Location(rows, face, moments.knots, s, None), rows[left], new
+
+        unknown = np.ones(len(p), dtype=bool)
+        unknown[known] = False
+        blocks = [known[begin : begin + length] for begin in range(0, len(known), length)]
+        for location, left, new in in_threads(located, blocks, worth=len(known) > WORTH_THREADS):
+            if found is not None and new is not None:
+                found[location.rows] = new.T
+            unknown[left] = True
+            yield location
+        rest = np.flatnonzero(unknown)
+        for location in self._locations(p[rest], faces[rest], within, 0):
+            yield location._replace(rows=rest[location.rows])
+        if found is not None:
+            rest = rest[faces[rest] == INTERIOR]
+            with suppress(ToleranceError):
+                places = chart.columns(p[rest])
+                found[rest] = moments.corrections(places, moments.inverse(places.T, COARSE)).T
 
     def _evenly(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.

@@ -119,8 +119,8 @@ class MomentMap:
         target = max(TARGET_RESIDUAL, within)
         unit = self._unit(np.ascontiguousarray(p.T))
         safe = self._hull.starts(unit)
-        if self._bezier_shift is not None:
-            return np.asarray((safe + self._bezier_shift) / self._extents[:, None])
+        if self.bezier_shift is not None:
+            return np.asarray((safe + self.bezier_shift) / self._extents[:, None])
         s = safe.copy()
         if len(unit) == 2:
             part = self._corrections.part(unit)
@@ -140,7 +140,7 @@ class MomentMap:
             self._learn(part[seldom], unit[:, seldom], safe[:, seldom], s[:, seldom])
         return np.asarray(s / self._extents[:, None])
 
-    def nearly(self, p: FloatArray, corrections: FloatArray) -> tuple[FloatArray, IntArray]:
+    def nearly(self, p: FloatArray, corrections: FloatArray, within: float = 0.0) -> tuple[FloatArray, IntArray]:
         """(d, m) torus coordinates of (d, m) points from their approximate `corrections`.
 
         Also the indices of the points not found in this way.
@@ -151,7 +151,7 @@ class MomentMap:
         bound = self._reach[:-1] @ np.abs(start) + self._reach[-1]
         if not bound.max(initial=0.0) <= SAFE_EXPONENT:
             start[:, ~(bound <= SAFE_EXPONENT)] = np.nan
-        found, left = self._short_steps(unit, start, TARGET_RESIDUAL)
+        found, left = self._short_steps(unit, start, max(TARGET_RESIDUAL, within))
         found /= self._extents[:, None]
         return found, left
 
@@ -168,7 +168,7 @@ class MomentMap:
         return np.asarray(unit)
 
     @cached_property
-    def _bezier_shift(self) -> FloatArray | None:
+    def bezier_shift(self) -> FloatArray | None:
         """(d, 1) common error of all starts for Bézier weights times affine factors; None for other weights.
 
         For these, p has the parameters of Bernstein polynomials, and logarithms alone give its torus coordinates.
