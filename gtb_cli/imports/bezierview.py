@@ -17,7 +17,7 @@ SEGMENT_KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
 """Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
 rectangle with additional nets of normals (PN), rational triangle."""
 
-MOST_SIDES = 100
+MAX_SIDES = 100
 """Largest number of sides of a polyhedron's face."""
 
 
@@ -101,7 +101,7 @@ def _polyhedron(words: Words) -> list[Patch]:
     points = words.rows(vertices, 3, "vertices x y z")
     patches = []
     for _ in range(faces):
-        sides = words.whole("the number of corners of a face", 3, MOST_SIDES)
+        sides = words.whole("the number of corners of a face", 3, MAX_SIDES)
         corners = [words.whole("the index of a vertex", 0, vertices - 1) for _ in range(sides)]
         patches.append(polygon(points[corners]))
     return patches

@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
-from gtb_cli.imports.words import LARGEST
+from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.spec.document import place, read, shown
 from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.scanner import Path
@@ -133,8 +133,8 @@ def _number(value: object, path: Path) -> float:
             number = float(value)
         except OverflowError:
             number = math.inf
-    if not abs(number) <= LARGEST:
-        raise _Fault(path, f"expected a number up to {LARGEST:g}, got {shown(value)}")
+    if not abs(number) <= MAX_MAGNITUDE:
+        raise _Fault(path, f"expected a number up to {MAX_MAGNITUDE:g}, got {shown(value)}")
     return number
 
 

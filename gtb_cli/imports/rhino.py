@@ -21,7 +21,7 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports import rhino_process
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, span_numbers, surface_spans
 from gtb_cli.imports.readers import Found
-from gtb_cli.imports.words import LARGEST
+from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
@@ -117,8 +117,8 @@ class _Net:
         rows = np.array(form["rows"])
         knots = [_knots(row) for row in form["knots"]]
         for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
-            if not (np.abs(values) <= LARGEST).all():
-                raise DomainError(f"{what}: expected numbers up to {LARGEST:g}")
+            if not (np.abs(values) <= MAX_MAGNITUDE).all():
+                raise DomainError(f"{what}: expected numbers up to {MAX_MAGNITUDE:g}")
         return _Net(form["degrees"], knots, counts, rows)
 
     @property

@@ -12,7 +12,7 @@ from gtb_cli.errors import SpecError
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
 """Numbers as C, C++ and Fortran write them."""
 
-LARGEST = 1e100
+MAX_MAGNITUDE = 1e100
 """Largest coordinate or weight: the product of three of them does not overflow."""
 
 SHOWN_CHARACTERS = 60
@@ -105,8 +105,9 @@ class Words:
         for _ in range(count * width):
             word = self.peek()
             value = float(word.lower().replace("d", "e")) if NUMBER_PATTERN.fullmatch(word) else math.nan
-            if not abs(value) <= LARGEST:
-                self.fail(f"expected {what}, got {word[:SHOWN_CHARACTERS]!r}, which is not a number up to {LARGEST:g}")
+            if not abs(value) <= MAX_MAGNITUDE:
+                shown = repr(word[:SHOWN_CHARACTERS])
+                self.fail(f"expected {what}, got {shown}, which is not a number up to {MAX_MAGNITUDE:g}")
             values.append(value)
             self._next += 1
         return read_only(values).reshape(count, width)

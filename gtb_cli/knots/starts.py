@@ -7,12 +7,12 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 
 PARTS = 64
-"""Number of parts of the box around Δ, in each direction."""
+"""Parts of the box around Δ in each direction."""
 
-COARSE = 8
-"""Number of coarse parts in each direction, used where the fine ones have no correction yet."""
+COARSE_PARTS = 8
+"""Coarse parts in each direction, used where the fine ones have no correction yet."""
 
-FARTHEST = 1.0
+MAX_MOVE_EXPONENT = 1.0
 """Largest exponent by which the slope of a correction may move a start: a larger move would mislead."""
 
 
@@ -32,7 +32,7 @@ class Corrections:
 
     def __init__(self, low: FloatArray, high: FloatArray) -> None:
         self.low, self.high = low, high
-        count = PARTS * PARTS + COARSE * COARSE
+        count = PARTS * PARTS + COARSE_PARTS * COARSE_PARTS
         self.places = np.zeros((2, count))
         self.values = np.full((2, count), np.nan)
         self.slopes = np.zeros((2, 2, count))
@@ -62,7 +62,7 @@ class Corrections:
     def _coarse(self, part: IntArray) -> IntArray:
         """Numbers of the coarse parts that contain the given parts."""
         row, column = np.divmod(part, PARTS)
-        return np.asarray(PARTS * PARTS + row * COARSE // PARTS * COARSE + column * COARSE // PARTS)
+        return np.asarray(PARTS * PARTS + row * COARSE_PARTS // PARTS * COARSE_PARTS + column * COARSE_PARTS // PARTS)
 
     def __call__(self, part: IntArray, p: FloatArray) -> FloatArray:
         """(2, m) corrections at (2, m) points; 0 in parts without one."""
@@ -73,6 +73,6 @@ class Corrections:
         move = p - self.places.take(part, axis=1)
         slope = self.slopes.take(part, axis=2)
         turn = slope[:, 0] * move[0] + slope[:, 1] * move[1]
-        turn[~(np.abs(turn) < FARTHEST)] = 0.0
+        turn[~(np.abs(turn) < MAX_MOVE_EXPONENT)] = 0.0
         turn += self.values.take(part, axis=1)
         return np.asarray(np.nan_to_num(turn, copy=False))

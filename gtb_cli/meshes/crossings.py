@@ -7,19 +7,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.meshes.nearest import spatial_order
 
-DEPTH = 1e-9
+CROSSING_DEPTH = 1e-9
 """Depth, relative to the largest extent, below which triangles only touch: the rounding of coplanar surfaces."""
 
-MOST_PAIRS = 1 << 20
-"""Number of pairs of boxes held at a time, in about 100 MB."""
+PAIR_BATCH = 1 << 20
+"""Pairs of boxes held at a time, in about 100 MB."""
 
-MOST_COMPARED = 50_000_000
+MAX_COMPARED_PAIRS = 50_000_000
 """Largest number of pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
 triangles overlapped, the comparison would never end."""
-
-BITS = 20
-"""Bits of each coordinate in the key that orders triangles so that neighbours stay together."""
 
 
 def crossing_cells(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
@@ -41,7 +39,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     pairs : (p, 2) int
         Pairs of cells without a common vertex, each pair once. Triangles that touch, or lie in one plane, do not cross.
     is_complete : bool
-        Whether all pairs were compared: at most `MOST_COMPARED` are near each other.
+        Whether all pairs were compared: at most `MAX_COMPARED_PAIRS` are near each other.
 
     Notes
     -----
@@ -49,11 +47,11 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
-    depth = DEPTH * float(np.ptp(vertices, axis=0).max())
+    depth = CROSSING_DEPTH * float(np.ptp(vertices, axis=0).max())
     compared = 0
     for pairs in _near_pairs(vertices, cells) if len(cells) > 1 else ():
         compared += len(pairs)
-        if compared > MOST_COMPARED:
+        if compared > MAX_COMPARED_PAIRS:
             return np.concatenate(found), False
         one, other = cells[pairs].transpose(1, 0, 2)
         apart = ~(one[:, :, None] == other[:, None]).any(axis=(1, 2))
@@ -67,7 +65,7 @@ def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
     """Blocks of (p, 2) pairs of cells whose boxes overlap."""
     corners = vertices[cells]
     low, high = corners.min(axis=1), corners.max(axis=1)
-    order = np.argsort(_curve_places((low + high) / 2), kind="stable")
+    order = spatial_order((low + high) / 2)
     levels = [(low[order], high[order])]
     while len(levels[-1][0]) > 1:
         levels.append(_parents(*levels[-1]))
@@ -77,7 +75,7 @@ def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
         if level == 0:
             yield order[pairs]
             continue
-        if len(pairs) > MOST_PAIRS // 4:
+        if len(pairs) > PAIR_BATCH // 4:
             half = len(pairs) // 2
             stack += [(level, pairs[half:]), (level, pairs[:half])]
             continue
@@ -94,17 +92,6 @@ def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]
     """Boxes around pairs of boxes; a single last box stays as it is."""
     first = np.arange(0, len(low), 2)
     return np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
-
-
-def _curve_places(points: FloatArray) -> IntArray:
-    """(k,) positions of points along Morton's curve."""
-    extent = float(np.ptp(points, axis=0).max()) or 1.0
-    grid = ((points - points.min(axis=0)) * (((1 << BITS) - 1) / extent)).astype(np.int64)
-    place = np.zeros(len(points), dtype=np.int64)
-    for bit in range(BITS):
-        for axis in range(3):
-            place |= ((grid[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return place
 
 
 def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, cross_of_columns
+from gtb_cli.newton import dot
 
 BLOCK_POINTS = 8192
 """Number of points that are measured together: their arrays stay in the processor's cache."""
@@ -33,11 +34,11 @@ def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArra
     """The same for (3, m) arrays: whole columns are several times faster than rows of three."""
     ab, ac, relative = b - a, c - a, points - a
     normal = cross_of_columns(ab, ac)
-    square = _dot(normal, normal)
+    square = dot(normal, normal)
     safe = np.where(square > 0, square, 1.0)
-    v = _dot(relative, cross_of_columns(ac, normal)) / safe
-    w = _dot(relative, cross_of_columns(normal, ab)) / safe
-    result = np.abs(_dot(relative, normal)) / np.sqrt(safe)
+    v = dot(relative, cross_of_columns(ac, normal)) / safe
+    w = dot(relative, cross_of_columns(normal, ab)) / safe
+    result = np.abs(dot(relative, normal)) / np.sqrt(safe)
     other = np.flatnonzero((square <= 0) | (v < 0) | (w < 0) | (v + w > 1))
     if len(other):
         relative, ab, ac = (each.take(other, axis=1) for each in (relative, ab, ac))  # faster than [:, other]
@@ -48,11 +49,7 @@ def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArra
 
 def _to_side(relative: FloatArray, direction: FloatArray) -> FloatArray:
     """(m,) squares of the distances of (3, m) points from the segments from the origin to `direction`."""
-    square = _dot(direction, direction)
-    t = np.clip(_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    square = dot(direction, direction)
+    t = np.clip(dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
     apart = relative - t * direction
-    return _dot(apart, apart)
-
-
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    return dot(apart, apart)

@@ -21,8 +21,8 @@ SMOOTH_COSINE = math.cos(math.radians(15))
 """Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share
 the normal. A solid is 3 % too thin on an edge between patches at this angle."""
 
-SAME = 1 - 1e-9
-"""Cosine of the angle, a few seconds of arc, within which two normals count as equal."""
+SAME_NORMAL_COSINE = 1 - 1e-9
+"""Cosine of the angle, nine seconds of arc, within which two normals count as equal."""
 
 MAX_MITRE = 2.0
 """Largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°."""
@@ -210,7 +210,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
     agree |= known | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
-    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < SAME])
+    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < SAME_NORMAL_COSINE])
     if not len(wrong):
         return mesh.normals
     chosen = np.flatnonzero(np.isin(vertex, wrong))

@@ -69,7 +69,7 @@ def test_triangles_that_touch_or_lie_in_one_plane_do_not_cross():
 
 
 def test_too_many_near_pairs_are_not_compared(monkeypatch):
-    monkeypatch.setattr("gtb_cli.meshes.crossings.MOST_COMPARED", 100)
+    monkeypatch.setattr("gtb_cli.meshes.crossings.MAX_COMPARED_PAIRS", 100)
     vertices = np.random.default_rng(5).random((60, 3))
     assert not crossing_pairs(vertices, np.arange(60).reshape(20, 3))[1]
     assert crossing_pairs(vertices[:3], np.array([[0, 1, 2]]))[1]
