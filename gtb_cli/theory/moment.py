@@ -56,7 +56,8 @@ SEEING_REACH = 1.0
 """Torus coordinates of unit knots within which a start is not halved further, since all knots count there."""
 
 MIN_REGULARISATION = 1e-8
-"""Smallest regularisation, as a multiple of the residual: rounding of the Hessian's determinant hides a smaller one."""
+"""Smallest regularisation of two unknowns, as a multiple of the residual: rounding of the Hessian's determinant hides a
+smaller one. One unknown has none: between knots 1e-11 of the hull apart, the curvature is 1e-22."""
 
 FIRST_REGULARISATION = 1e-2
 """First regularisation, over the residual, also after a refused step; `MAX_REFUSALS` of these shorten steps."""
@@ -340,6 +341,7 @@ class MomentMap:
         solution, active = at.s.copy(), np.arange(len(at.value))
         sigma = np.full(len(active), FIRST_REGULARISATION)
         refusals = np.zeros(len(active), dtype=np.int64)
+        lowest = MIN_REGULARISATION if len(p) == 2 else 0.0
         for _ in range(MAX_ITERATIONS):
             residual = size(at.gradient)
             going = (residual > target) & ((refusals < MAX_REFUSALS) | (residual > ACCEPTED_RESIDUAL))
@@ -361,9 +363,7 @@ class MomentMap:
                 at = trial
             else:
                 at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
-            sigma = np.where(
-                lower, np.maximum(sigma / 16, MIN_REGULARISATION), np.clip(sigma * 8, FIRST_REGULARISATION, 1e9)
-            )
+            sigma = np.where(lower, np.maximum(sigma / 16, lowest), np.clip(sigma * 8, FIRST_REGULARISATION, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         solution[:, active] = at.s
         residuals = np.zeros(solution.shape[1])

@@ -388,6 +388,26 @@ def test_points_that_look_as_if_on_a_line_are_found(name):
     assert np.abs(found - p).max() <= RESIDUAL * shape.size
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(
+    ("knots", "weights"),
+    [
+        ([0, 5.6e-11, 1], [0.18, 6.9e7, 1.3e11]),
+        ([0, 0.004, 1 - 1.8e-10, 1 - 1.1e-11, 1], [7.4e-11, 6.8e-4, 2.3e-10, 1.4e11, 2.1e10]),
+        (
+            [0, 2.6e-6, 0.12, 0.27, 0.2700001, 0.8, 0.9, 1 - 2.3e-12, 1],
+            [7.5e-3, 4e-2, 4e10, 11, 3e9, 1e11, 0.02, 0.015, 2e-12],
+        ),
+    ],
+)
+def test_points_between_knots_that_nearly_coincide_are_found(knots, weights, mirrored):
+    # Regularised steps were a millionth of what they should be: refused at residuals up to 1e-9.
+    knots = (1 - np.array(knots) if mirrored else np.array(knots))[:, None]
+    patch = Patch(knots, np.column_stack([knots, 0 * knots]), weights)
+    gaps = 10.0 ** np.random.default_rng(8).uniform(-12, -1, 200)
+    assert error(patch, np.concatenate([gaps, 1 - gaps])[:, None]) <= RESIDUAL
+
+
 # The map itself
 
 
