@@ -28,6 +28,9 @@ LINEARITHMIC = 1.25
 FITTED = 3
 """Sizes, the largest ones, to which the exponent is fitted."""
 
+GROWN = 1.25
+"""Time, in units of the smallest size's, from which on growth is told from the time of starting."""
+
 
 def rows() -> Iterator[Row]:
     """Each command at each size, beside the smallest one, and then the exponent of its growth."""
@@ -75,7 +78,7 @@ def growth(what: str, unit: str, sizes: tuple[int, ...], arguments: Callable[[in
         yield Row(
             f"{what}, {size:,} {unit}, {megabytes:,.0f} MB, beside {sizes[0]:,}", seconds, times[0], seconds / times[0]
         )
-    grown = [(n, t - times[0]) for n, t in zip(sizes, times, strict=True) if t > 2 * times[0]][-FITTED:]
+    grown = [(n, t - times[0]) for n, t in zip(sizes, times, strict=True) if t > GROWN * times[0]][-FITTED:]
     exponent = 0.0
     if len(grown) > 1:
         exponent = float(np.polyfit(*np.log(np.array(grown)).T, 1)[0])
