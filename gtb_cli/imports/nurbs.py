@@ -83,7 +83,7 @@ def surface_spans(
 
 
 def span_numbers(degree: int, knots: FloatArray, count: int) -> IntArray:
-    """Numbers k of the spans [t_k, t_{k+1}] of a B-spline basis that are not empty; refuse what is no basis."""
+    """Numbers k of the spans [t_k, t_{k+1}] of a B-spline basis that are not empty; refuse any other knots."""
     if not 1 <= degree <= MAX_DEGREE:
         raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
     if not degree < count <= MAX_CONTROL_POINTS:
