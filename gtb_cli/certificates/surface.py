@@ -6,12 +6,14 @@ In the linear parametrisation Σ T_i a_i = u. So for the affine map l from a tri
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups
 from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric, joined
+from gtb_cli.errors import ToleranceError
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.patch import Patch
 
@@ -148,8 +150,9 @@ class SurfaceCertificate:
         at_corner = domain.incidence & np.roll(domain.incidence, 1, axis=1)
         self.ahead = np.where(at_corner, 0.0, ahead.sum(axis=2))
         self.block = max(64, block_length(len(patch.knots)) // WORK_ARRAYS)
+        self.work = 0
 
-    def failing(self, u: FloatArray, points: FloatArray, tolerance: float) -> BoolArray:
+    def failing(self, u: FloatArray, points: FloatArray, tolerance: float, most_work: float = math.inf) -> BoolArray:
         """Which triangles are not certified.
 
         Parameters
@@ -159,6 +162,13 @@ class SurfaceCertificate:
         points : (k, 3, 3) float
             Their corners in the mesh, nearly the points of the surface at u.
         tolerance : float
+        most_work : float
+            Knots times places and pieces, that `work` may grow to.
+
+        Raises
+        ------
+        ToleranceError
+            It would grow further.
         """
         charts = self.charts
         whole = triangles(u - charts.domain.center, points - self.middle)
@@ -173,6 +183,7 @@ class SurfaceCertificate:
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
                     here = todo.at(some)
+                    self.work += len(self.points) * len(some)
                     found, pieces, which = charts.covers(chart - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(chart - 1, pieces, here.owner[which], whole, tolerance, fails)
@@ -184,6 +195,11 @@ class SurfaceCertificate:
             open_[rows] = ~self._near_corner(todo.at(rows), whole.at(todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
+            if self.work > most_work:
+                raise ToleranceError(
+                    f"tolerance: {tolerance:g} takes too long to certify, {np.unique(todo.owner[open_]).size} of "
+                    f"{len(u)} faces are not certain yet: take a larger one, or leave out --certify"
+                )
             todo = todo.at(open_).quartered(charts, at_corner[open_])
         fails[todo.owner] = True
         return fails
@@ -231,6 +247,7 @@ class SurfaceCertificate:
                 rows = rows[~fails[owner[rows]]]
                 if not len(rows):
                     continue
+                self.work += len(self.points) * len(rows)
                 far, open_ = self._compared(number, pieces.at(rows), whole.at(owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
                 left.append(pieces.at(rows[open_]))

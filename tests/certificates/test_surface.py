@@ -13,6 +13,7 @@ from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation import certificate
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
@@ -202,6 +203,12 @@ def test_what_cannot_be_certified_is_refused(tmp_path, options):
 
 
 @long
+def test_certificates_that_take_too_long_are_refused(monkeypatch):
+    monkeypatch.setattr(certificate, "MOST_WORK", 1000)
+    with pytest.raises(ToleranceError, match=r"0\.5 takes too long to certify, .* or leave out --certify"):
+        tessellate(load(SPECS / "pentagon.toml"), tolerance=0.5, certify=True, normals=False)
+
+
 def test_a_model_is_certified_patch_by_patch():
     """Edges that patches share have the vertices of both."""
     cube = load(SPECS / "rounded-cube.toml")
