@@ -330,7 +330,7 @@ def test_options_exclude_each_other_as_on_the_command_line(pentagon):
         ({"resolution": 2.5}, "resolution: expected a whole number"),
         ({"radius": -1}, "radius: must be positive"),
         ({"thickness": 0}, "thickness: must be a number other than zero"),
-        ({"radius": 1, "thickness": 1}, "not both"),
+        ({"radius": 1, "thickness": 1}, "radius: excludes thickness"),
     ):
         with pytest.raises(DomainError, match=message):
             gtb_cli.Recipe(**change)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gtb_cli.knots import hulls
+from gtb_cli.knots import decomposition, hulls
 from gtb_cli.theory.moment import MomentMap
 
 KNOTS = np.random.default_rng(3).random((12, 2)) * [1.0, 0.5]
@@ -20,8 +20,8 @@ def cells(weights):
 def asked(monkeypatch):
     """Count the decompositions that are made."""
     made = []
-    whole = hulls.regular_decomposition
-    monkeypatch.setattr(hulls, "regular_decomposition", lambda knots, w: made.append(1) or whole(knots, w))
+    whole = decomposition.regular_decomposition
+    monkeypatch.setattr(decomposition, "regular_decomposition", lambda knots, w: made.append(1) or whole(knots, w))
     hulls._hull.cache_clear()
     return made
 
