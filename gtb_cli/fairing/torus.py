@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.knots.domain import domain
 from gtb_cli.theory.basis import exponents
 from gtb_cli.theory.moment import MomentMap
@@ -17,6 +17,9 @@ MAX_HALVINGS = 30
 
 DESCENT_FRACTION = 1e-4
 """Fraction of the descent predicted by the slope that a step must reach."""
+
+FINISHED_SHARE = 1e-6
+"""Residual, as a multiple of the one that is asked for, from which on a point is left where it is."""
 
 REGULARISATION = 1e-3
 """Regularisation of the Hessian, as a multiple of the residual."""
@@ -35,12 +38,12 @@ def torus_of(knots: FloatArray, logs: FloatArray, p: FloatArray, s: FloatArray, 
 
     They minimise log Σ c ω e^<a, s> − <p, s>, by damped Newton steps for many points of one net together.
     """
-    target = p.T
+    s, left = np.array(s), np.arange(len(p))
     features = np.vstack([knots.T, knots[:, 0] ** 2, knots[:, 0] * knots[:, 1], knots[:, 1] ** 2])
+    value, t = _objective(knots, logs, p.T, s)
     for _ in range(NEWTON_STEPS):
-        value, t = _objective(knots, logs, target, s)
         moments = features @ t
-        gradient = moments[:2] - target
+        gradient = moments[:2] - p.T[:, left]
         residual = np.abs(gradient).max(axis=0)
         if residual.max() <= within:
             return s
@@ -49,14 +52,18 @@ def torus_of(knots: FloatArray, logs: FloatArray, p: FloatArray, s: FloatArray, 
         xy = moments[3] - moments[0] * moments[1]
         step = -np.array([yy * gradient[0] - xy * gradient[1], xx * gradient[1] - xy * gradient[0]]) / (xx * yy - xy**2)
         slope = (gradient * step).sum(axis=0)
-        length = np.ones(len(p))
+        coarse = residual > max(FINISHED_SHARE * within, 16 * EPS)
+        left, value, step, slope = left[coarse], value[coarse], step[:, coarse], slope[coarse]
+        limit, length = value + 1e-13 * (1 + np.abs(value)), np.ones(len(left))
+        high, t = np.arange(len(left)), t[:, coarse]
         for _ in range(MAX_HALVINGS):
-            new, _ = _objective(knots, logs, target, s + length * step)
-            high = ~(new <= value + DESCENT_FRACTION * length * slope + 1e-13 * (1 + np.abs(value)))
-            if not high.any():
+            new = s[:, left[high]] + length[high] * step[:, high]
+            value[high], t[:, high] = _objective(knots, logs, p.T[:, left[high]], new)
+            high = high[~(value[high] <= limit[high] + DESCENT_FRACTION * length[high] * slope[high])]
+            if not len(high):
                 break
             length[high] /= 2
-        s = s + length * step
+        s[:, left] += length * step
     return MomentMap(knots, logs).inverse(p)
 
 
