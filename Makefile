@@ -53,7 +53,7 @@ gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, afte
 	@$(RUN) tests.gallery
 
 browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view
-	@{ command -v chromium && command -v chromedriver || command -v firefox-esr && command -v Xvfb; } >/dev/null \
+	@{ { command -v chromium && command -v chromedriver; } || { command -v firefox-esr && command -v Xvfb; }; } >/dev/null \
 	|| { echo "expected a browser: apt-get install chromium chromium-driver, or firefox-esr xvfb libgl1-mesa-dri"; exit 2; }
 	@$(RUN) pytest tests/pictures/test_browser.py
 
