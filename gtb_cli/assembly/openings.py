@@ -8,20 +8,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.theory.joints import (
-    CURVE_TOLERANCE,
-    EDGE_SAMPLES,
-    Curve,
-    EdgeRef,
-    Joints,
-    diagonal_of,
-    edge_curve,
-    edge_curves,
-    edge_name,
-    edge_points,
-    meeting,
-    touching,
-)
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name, edge_points
+from gtb_cli.theory.joints import EDGE_SAMPLES, Joints, diagonal_of, meeting, touching
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -116,7 +116,8 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     if not count:
         return []
     from gtb_cli.assembly.openings import obstacles
-    from gtb_cli.theory.joints import edge_name, find_joints
+    from gtb_cli.theory.edges import edge_name
+    from gtb_cli.theory.joints import find_joints
     from gtb_cli.theory.model import Model
 
     patches = spec.patches

@@ -13,7 +13,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvature_at
-from gtb_cli.theory.joints import EdgeRef, edge_name
+from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch

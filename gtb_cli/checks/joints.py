@@ -9,7 +9,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.assembly.seams import joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
-from gtb_cli.theory.joints import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points
+from gtb_cli.theory.joints import EDGE_SAMPLES
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -110,7 +110,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.assembly.openings import near_misses
     from gtb_cli.assembly.seams import joints as seams_of
-    from gtb_cli.theory.joints import edge_name
+    from gtb_cli.theory.edges import edge_name
 
     joints, seams = model.joints, seams_of(model)
     if not in_full:

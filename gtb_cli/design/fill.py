@@ -33,7 +33,7 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.basis import Location, exponents, face_knots, shares
-from gtb_cli.theory.joints import edge_points
+from gtb_cli.theory.edges import edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -11,7 +11,7 @@ from gtb_cli.design.fill import Filling, fill
 from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, face_knots
-from gtb_cli.theory.joints import EdgeRef, edge_name
+from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

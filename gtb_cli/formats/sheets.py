@@ -12,7 +12,7 @@ from gtb_cli.bezier.pieces import MAX_DEGREE, bezier_charts
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.cad import Sheet
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
-from gtb_cli.theory.joints import EdgeRef
+from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -22,7 +22,8 @@ from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
 from gtb_cli.theory.basis import BLOCK_NUMBERS
 from gtb_cli.theory.degeneration import cells_of
-from gtb_cli.theory.joints import EdgeRef, Joint, Joints
+from gtb_cli.theory.edges import EdgeRef
+from gtb_cli.theory.joints import Joint, Joints
 from gtb_cli.theory.moment import ACCEPTED_RESIDUAL
 from gtb_cli.theory.patch import Patch
 

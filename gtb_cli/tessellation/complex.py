@@ -21,7 +21,8 @@ from gtb_cli.theory.parametrization import Parametrization, toric_locations
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
-    from gtb_cli.theory.joints import EdgeRef, Joints
+    from gtb_cli.theory.edges import EdgeRef
+    from gtb_cli.theory.joints import Joints
     from gtb_cli.theory.linear import LinearParametrization
 
 MAX_SHARED_LOCATIONS = 4096

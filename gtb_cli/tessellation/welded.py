@@ -9,7 +9,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.theory.joints import EdgeRef, Joints, edge_points_at
+from gtb_cli.theory.edges import EdgeRef, edge_points_at
+from gtb_cli.theory.joints import Joints
 from gtb_cli.theory.patch import Patch
 
 

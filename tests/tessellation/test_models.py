@@ -19,7 +19,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
-from gtb_cli.theory.joints import Joint, edge_points, find_joints
+from gtb_cli.theory.edges import edge_points
+from gtb_cli.theory.joints import Joint, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long

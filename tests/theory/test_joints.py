@@ -8,7 +8,8 @@ import pytest
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory import joints as room
-from gtb_cli.theory.joints import edge_points, find_joints
+from gtb_cli.theory.edges import edge_points
+from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.patch import Patch
 from tests.specs import SPECS, load
 
