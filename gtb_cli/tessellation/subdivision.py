@@ -8,6 +8,7 @@ from functools import reduce
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
@@ -104,6 +105,8 @@ class Subdivision:
         child = np.full((count, 2), -1)
         child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
         places = old.middles
+        if len(self.collapsed):
+            self._collapse(old, vertex[chosen])
         self.patch = self.growth.append("patch", self.patch, old.patch)
         self.parameters = self.growth.append("parameters", self.parameters, places)
         self.face = self.growth.append("face", self.face, old.face)
@@ -125,6 +128,14 @@ class Subdivision:
         before = len(self)
         self.cells = self.cells.replaced(self.growth, rows, pieces)
         return np.concatenate([rows, np.arange(before, len(self))])
+
+    def _collapse(self, old: Edges, vertex: IntArray) -> None:
+        """Note which halves of edges, split at new vertices, are points because the edges are."""
+        rows = np.flatnonzero(old.face != INTERIOR)
+        known, ends = (np.sort(pairs, axis=1) @ [1 << 32, 1] for pairs in (self.collapsed, old.ends[rows]))
+        rows = rows[np.isin(ends, known)]
+        halves = [np.column_stack([old.ends[rows, end], vertex[rows]]) for end in (0, 1)]
+        self.collapsed = np.concatenate([self.collapsed, *halves])
 
     def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
         """Edges on the boundary of Δ with peaks between their ends, and these; see `peaks_of`."""

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.tessellation.complex import Sampler, joined_complex
+from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
@@ -115,6 +117,19 @@ def test_collapsed_edges_are_found_and_leave_no_flat_faces():
     mesh = tessellate(globe(), 6)
     a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
     assert np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 1e-3
+
+
+def test_halves_of_a_collapsed_edge_are_collapsed():
+    """The pole became several vertices, cells came twice, and the whole refinement was done again, more finely."""
+    shape = globe()
+    start = joined_complex(shape.patches, shape.joints, 2)
+    points = Sampler(shape.patches, "linear", True).points(start.patch, start.parameters, start.face)
+    mesh = Subdivision(start, points, shape.patches, 0.01)
+    pole = mesh.edges.middles.argmax(axis=0)[1:]
+    assert mesh.edges.face[pole].all()
+    mesh.split(pole, points[mesh.edges.ends[pole, 0]])
+    assert mesh.result().is_whole
+    assert len(mesh.result().without_collapsed[0]) == len(start.without_collapsed[0])
 
 
 def test_order_direction_and_orientation_of_patches_do_not_matter():
