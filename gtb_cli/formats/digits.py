@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 
 Words: TypeAlias = NDArray[np.uint32]
 
@@ -24,6 +24,7 @@ BLOCK_ROWS = 8192
 _WORD = np.dtype("<u4")
 _HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
 _MAX_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
+_MAX_SHORT_DECIMALS = 9  # with these, decimals fit in 32 bits
 _MAX_WHOLE = 1e18  # likewise for the divisors of the whole part
 _SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bits
 
@@ -45,7 +46,7 @@ def decimals(vertices: FloatArray) -> int:
         Digits after the point.
     """
     with np.errstate(over="ignore"):
-        size = float(np.ptp(vertices, axis=0).max(initial=0.0)) or float(np.abs(vertices).max(initial=0.0))
+        size = float(np.ptp(bounds_of(vertices), axis=0).max()) or float(np.abs(vertices).max())
     if size == 0.0 or not np.isfinite(size):
         return 8
     return max(8, 8 - int(np.floor(np.log10(size))))
@@ -56,34 +57,34 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     rows, columns = values.shape
     size = np.abs(values)
     whole = np.floor(size)
+    size -= whole
     scale = 10.0 ** min(digits, _MAX_DECIMALS)  # exact: so is every power of ten up to the 22nd
-    scaled = (size - whole) * scale
+    scaled = size * scale
     if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
         line = prefix + f" %.{digits}f" * columns + "\n"
         written: str = line * rows % tuple(values.ravel().tolist())
         return written.encode("ascii")
 
-    fraction = _round_exactly(size - whole, scale, scaled)
+    fraction = _round_exactly(size, scale, scaled)
     carry = fraction >= scale
     whole[carry] += 1.0
     fraction[carry] = 0.0
 
-    groups = _groups(int(whole.max()), 2)
-    fours, rest = divmod(digits - 3, 4)
-    words, text = _lines(prefix, rows, columns, groups + 2 + fours + (rest > 0))
-    head = _head(b" ", 2, signed=True, alone=not groups)
-    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, 100 * np.signbit(values))
-    remainder = fraction.astype(np.int64)
-    divisor = 10 ** (digits - 3)
-    upper = remainder // divisor
-    words[..., groups + 1] = _table(b".", 3, 3).take(upper)
-    for place in range(fours):
-        remainder -= upper * divisor
-        divisor //= 10_000
+    # The point follows a single digit in its word, and begins one of its own otherwise.
+    top = int(whole.max())
+    parts = [(b".", 3)] if top > 9 else []
+    fours, rest = divmod(digits - 3 * len(parts), 4)
+    parts += fours * [(b"", 4)] + (rest > 0) * [(b"", rest)]
+    groups = _groups(top, 2)
+    words, text = _lines(prefix, rows, columns, groups + 1 + len(parts))
+    head = _head(b" ", 2, signed=True, alone=not groups) if top > 9 else _head(b" ", 1, signed=True, tail=b".")
+    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, len(head) // 2 * np.signbit(values))
+    remainder, divisor = fraction.astype(np.int32 if digits <= _MAX_SHORT_DECIMALS else np.int64), 10**digits
+    for place, (lead, count) in enumerate(parts, groups + 1):
+        divisor //= 10**count
         upper = remainder // divisor
-        words[..., groups + 2 + place] = _table(b"", 4, 4).take(upper)
-    if rest:
-        words[..., -1] = _table(b"", rest, rest).take(remainder - upper * divisor)
+        words[..., place] = _table(lead, count, count).take(upper)
+        remainder -= upper * divisor
     return _compressed(text)
 
 
@@ -111,15 +112,19 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
 
 def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
     """Return one line for each row of `cells`: the prefix, then each 1-based reference, repeated after every lead."""
-    numbers = cells.astype(np.int64) + 1
-    top = int(numbers.max())
+    first, top = int(cells.min()), int(cells.max()) + 1
+    if top - first <= cells.size:  # most numbers occur several times
+        numbers, places = np.arange(first + 1, top + 1), cells - first
+    else:
+        numbers, places = cells.ravel() + 1, np.arange(cells.size).reshape(cells.shape)
     groups = [_groups(top, 4 - len(lead)) for lead in leads]
-    words, text = _lines(prefix, len(cells), cells.shape[1], sum(groups) + len(leads))
+    references = np.empty((len(numbers), sum(groups) + len(leads)), dtype=_WORD)
     stop = 0
     for lead, count in zip(leads, groups, strict=True):
         start, stop = stop, stop + count + 1
-        head = _head(lead, 4 - len(lead), signed=False, alone=not count)
-        _put_whole(words[..., start:stop], numbers, head, 0)
+        _put_whole(references[:, start:stop], numbers, _head(lead, 4 - len(lead), alone=not count), 0)
+    words, text = _lines(prefix, *cells.shape, references.shape[1])
+    words[...] = references.take(places, axis=0)
     return _compressed(text)
 
 
@@ -136,9 +141,10 @@ def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | 
     for place in range(1, groups + 1):
         through = numbers // 10 ** (4 * (groups - place))
         digits = through - above * 10_000
-        # Leading zeros are left out, except for the last digit of the number.
-        table = _table(b"", 4, int(place == groups))
-        words[..., place] = np.where(above > 0, _table(b"", 4, 4).take(digits), table.take(digits))
+        word = _table(b"", 4, 4).take(digits)
+        if not above.all():  # leading zeros are left out, except for the last digit of the number
+            word = np.where(above > 0, word, _table(b"", 4, int(place == groups)).take(digits))
+        words[..., place] = word
         above = through
 
 
@@ -159,11 +165,12 @@ def _compressed(text: Words) -> bytes:
 
 
 @cache
-def _table(lead: bytes, digits: int, least: int) -> Words:
-    """Return words for 0 … 10^digits - 1: `lead`, then the number with leading zeros up to `least` digits."""
+def _table(lead: bytes, digits: int, least: int, tail: bytes = b"") -> Words:
+    """Return words for 0 … 10^digits - 1: `lead`, the number with leading zeros up to `least` digits, `tail`."""
     numbers = np.arange(10**digits)
     characters = np.zeros((len(numbers), 4), dtype=np.uint8)
     characters[:, : len(lead)] = np.frombuffer(lead, dtype=np.uint8)
+    characters[:, len(lead) + digits :][:, : len(tail)] = np.frombuffer(tail, dtype=np.uint8)
     for place in range(digits):
         power = 10**place
         shown = (numbers >= power) | (place < least)
@@ -172,8 +179,8 @@ def _table(lead: bytes, digits: int, least: int) -> Words:
 
 
 @cache
-def _head(lead: bytes, digits: int, *, signed: bool, alone: bool) -> Words:
+def _head(lead: bytes, digits: int, *, signed: bool = False, alone: bool = True, tail: bytes = b"") -> Words:
     """Return the table of a number's first word. Negative ones follow the others if `signed`; 0 is shown if `alone`."""
     least = int(alone)
-    plain = _table(lead, digits, least)
-    return np.concatenate([plain, _table(lead + b"-", digits, least)]) if signed else plain
+    plain = _table(lead, digits, least, tail)
+    return np.concatenate([plain, _table(lead + b"-", digits, least, tail)]) if signed else plain

@@ -172,7 +172,7 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
     if normals and mesh.is_curve:
         messages.append(f"{shown}: a curve has no normals, none are written")
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
-        extent, size = float(np.ptp(mesh.parameters, axis=0).max()), float(np.ptp(mesh.vertices, axis=0).max())
+        extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):
             messages.append(
                 "OBJ: texture coordinates have the decimals of the vertices, too few for parameters that span "
@@ -262,7 +262,7 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
     messages = []
     moved = float(np.abs(single - mesh.vertices).max(initial=0.0))
-    diagonal = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     if moved > VISIBLE_SHIFT * diagonal > 0.0:
         messages.append(
             f"{kind.upper()}: 32-bit numbers move vertices by up to {moved:.2g}, "

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, segments, single_half_steps, triangles
 from gtb_cli.meshes.mesh import Mesh
@@ -145,11 +145,8 @@ def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], Non
     meshes = []
     for part in parts:
         points = part.vertices.astype(SINGLE_FLOAT)
-        attributes = {
-            "POSITION": accessor(
-                points, "VEC3", FLOAT, min=points.min(axis=0).tolist(), max=points.max(axis=0).tolist()
-            )
-        }
+        low, high = bounds_of(points).tolist()
+        attributes = {"POSITION": accessor(points, "VEC3", FLOAT, min=low, max=high)}
         if part.uv is not None:
             downwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])
             attributes["TEXCOORD_0"] = accessor(downwards.astype(SINGLE_FLOAT), "VEC2", FLOAT)

@@ -135,12 +135,9 @@ def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArra
 
 def _squares(n: int) -> tuple[IntArray, IntArray]:
     """The cells and the boundary of n rows of n squares."""
-    number = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
-    cells = np.empty((n, n, 6), dtype=np.int64)
-    for column, corner in enumerate((a, b, c, a, c, d)):
-        cells[:, :, column] = corner
     side = np.arange(n)
+    square = np.array([0, 1, n + 2, 0, n + 2, n + 1])
+    cells = (side * (n + 1))[:, None] + (side[:, None] + square).ravel()
     boundary = np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
     return cells.reshape(-1, 3), boundary
 

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
@@ -127,8 +127,7 @@ def surface_distance(
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
     # A common power of two and origin, so that squares neither over- nor underflow.
-    low = np.minimum(*(points.min(axis=0) for points in used))
-    high = np.maximum(*(points.max(axis=0) for points in used))
+    low, high = bounds_of(np.concatenate([bounds_of(points) for points in used]))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, bounds_of, cross, dot
 from gtb_cli.meshes.nearest import spatial_order
 
 CROSSING_DEPTH = 1e-9
@@ -47,7 +47,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     million triangles take about ten seconds.
     """
     found = [np.empty((0, 2), dtype=np.int64)]
-    depth = CROSSING_DEPTH * float(np.ptp(vertices, axis=0).max())
+    depth = CROSSING_DEPTH * float(np.ptp(bounds_of(vertices), axis=0).max())
     compared = 0
     for pairs in _near_pairs(vertices, cells) if len(cells) > 1 else ():
         compared += len(pairs)

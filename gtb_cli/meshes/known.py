@@ -44,4 +44,4 @@ def rounding(vertices: FloatArray) -> FloatArray:
 
 def largest_coordinates(vertices: FloatArray) -> FloatArray:
     """(3,) largest absolute values of the coordinates of (m, 3) vertices."""
-    return np.asarray(np.maximum(vertices.max(axis=0, initial=0.0), -vertices.min(axis=0, initial=0.0)))
+    return np.array([np.maximum(x.max(initial=0.0), -x.min(initial=0.0)) for x in vertices.T])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, cross, dot
+from gtb_cli.arrays import FloatArray, bounds_of, cross, dot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
@@ -99,7 +99,7 @@ def measure(mesh: Mesh) -> Measures:
         raise DomainError("mesh: has no cells, there is nothing to measure")
     used = np.flatnonzero(are_used(mesh.cells, len(mesh.vertices)))
     points = mesh.vertices[used]
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = bounds_of(points)
     if not (np.isfinite(low) & np.isfinite(high)).all():
         raise DomainError("mesh: vertices must be finite")
     # About the middle, with a power of two as unit, so that products keep their digits and do not overflow.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.values import by_value
@@ -172,7 +172,7 @@ class Mesh:
     @property
     def bounds(self) -> FloatArray:
         """(2, 3) lowest and highest coordinates."""
-        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+        return bounds_of(self.vertices)
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw the mesh on matplotlib axes, and return these; see `gtb_cli.plot`."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
 
 if TYPE_CHECKING:
@@ -162,8 +162,8 @@ def middles(corners: FloatArray) -> FloatArray:
 
 def spatial_order(points: FloatArray) -> IntArray:
     """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
-    low = points.min(axis=0)
-    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    low, high = bounds_of(points)
+    extent = float((high - low).max()) or 1.0
     grid = ((points - low) * ((2**MORTON_BITS - 1) / extent)).astype(np.uint64)
     key = np.zeros(len(points), dtype=np.uint64)
     for axis in range(3):
