@@ -137,7 +137,21 @@ class LinearParametrization:
         It makes (B, k) arrays, in copies of this process where that is faster. Returns the rows that are left to do, or
         None if no vertices are located in this way.
         """
-        even = None if self._factors else self._evenly(p, faces, resolution)
+        if self._factors or self.shape.dimension == 1 or resolution < COARSEST_EVEN:
+            return None
+        from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
+
+        chart, face, length = self._longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
+
+        def values(points: FloatArray) -> FloatArray:
+            s, knots = chart.moments.inverse(chart.columns(points).T), chart.moments.knots
+            blocks = [slice(begin, begin + length) for begin in range(0, len(points), length)]
+            return np.concatenate([function(Location(block, face, knots, s[:, block], None)) for block in blocks])
+
+        with suppress(ToleranceError):
+            if fill(result, values, self.shape, p, np.flatnonzero(faces == INTERIOR), resolution):
+                return np.flatnonzero(faces != INTERIOR)
+        even = self._evenly(p, faces, resolution)
         if even is None:
             return None
 

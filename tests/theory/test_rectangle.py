@@ -103,3 +103,17 @@ def test_meshes_of_rectangles_are_exactly_grids():
     assert (grid[:, :, 0] == grid[0, :, 0]).all()
     assert (grid[:, :, 1] == grid[:, :1, 1]).all()
     assert (part.parameters[part.boundary[:, 0]] == shape.vertices).all()
+
+
+def test_an_even_mesh_of_smooth_weights_takes_few_evaluations(monkeypatch):
+    counted = []
+    evaluate = MomentMap._evaluate
+    monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: (counted.append(s.shape[1]), evaluate(self, s))[1])
+    knots = np.stack(np.meshgrid(range(4), range(4)), axis=-1).reshape(-1, 2)
+    inside = ((knots > 0) & (knots < 3)).all(axis=1)
+    patch = Patch(knots, bumps(knots), np.where(inside, 2.0, 1.0), coefficients="binomial")
+    basis, part = patch.rational_basis, triangulation(patch.domain, 240)
+    faces = part.faces(patch.domain.faces)
+    points = basis.blend_even(patch.control_points, basis.linear(), part.parameters, faces, 240)
+    assert sum(counted) < len(points) / 4
+    assert np.abs(points - patch.evaluate(part.parameters[::-1], "linear")[::-1]).max() <= error_of_linear_points(patch)
