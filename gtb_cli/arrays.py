@@ -17,6 +17,9 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 EPS = float(np.finfo(np.float64).eps)
 """Distance from 1 to the next float."""
 
+SPLITTER = 2.0**27 + 1
+"""Factor that splits a float into two halves of 26 bits."""
+
 MAX_PASSES = 8
 """Largest number of groups for which an array is searched once for each, which is faster than sorting it."""
 
@@ -86,6 +89,13 @@ def cross_of_columns(a: FloatArray, b: FloatArray, out: FloatArray | None = None
 def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """(...) third coordinates of the vector products of (..., 2) vectors."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+    """a * b as a float, and its rounding error: Dekker's product, with Veltkamp's splitting of 53 bits into halves."""
+    (a_high, a_low), (b_high, b_low) = ((high := x * SPLITTER - (x * SPLITTER - x), x - high) for x in (a, b))
+    product = np.asarray(a * b)
+    return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 def unit(vectors: FloatArray) -> FloatArray:

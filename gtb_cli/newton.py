@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 
-TINY = 1e-300
+MIN_CURVATURE = 1e-300
 """Smallest curvature used as a divisor."""
 
 
@@ -68,13 +68,13 @@ def _positive(curvatures: FloatArray) -> FloatArray:
 def regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
     """Solve (H + regular I) step = −gradient for each column."""
     if len(gradient) == 1:
-        return np.asarray(-gradient / np.maximum(hessian + regular, TINY))
+        return np.asarray(-gradient / np.maximum(hessian + regular, MIN_CURVATURE))
     # Cholesky's method keeps all digits if the knots that count are nearly collinear; Cramer's rule does not.
     xx, yy, xy = hessian[0] + regular, hessian[1] + regular, hessian[2]
-    ratio = xy / np.maximum(xx, TINY)
+    ratio = xy / np.maximum(xx, MIN_CURVATURE)
     rest = yy - ratio * xy
-    rest = np.maximum(np.where(rest > 0, rest, yy), TINY)
+    rest = np.maximum(np.where(rest > 0, rest, yy), MIN_CURVATURE)
     over = (ratio * gradient[0] - gradient[1]) / rest
     step = np.empty_like(gradient)
-    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, TINY), over
+    step[0], step[1] = -(gradient[0] + xy * over) / np.maximum(xx, MIN_CURVATURE), over
     return step

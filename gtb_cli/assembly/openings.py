@@ -16,10 +16,10 @@ from gtb_cli.theory.patch import Patch
 MAX_RINGS = 1000
 """Largest number of open rings that have a line each."""
 
-MOST_SHOWN = 8
+MAX_SHOWN = 8
 """Most numbers of an edge, edges of a ring, or nearly closed seams that a message shows."""
 
-MOST_LIKENED = 200
+MAX_LIKENED = 200
 """Largest number of pairs of edges tested, in some seconds, for being one curve with different parameters."""
 
 FINE_SAMPLES = 1025
@@ -57,7 +57,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
         reason = _difference(curves[first], curves[second], tolerance, distance)
-        meets = len(found) < MOST_LIKENED and _meet(curves[first], curves[second], tolerance)
+        meets = len(found) < MAX_LIKENED and _meet(curves[first], curves[second], tolerance)
         found.append((first, second, (_likeness(patches, first, second) if meets else None) or str(reason)))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
@@ -65,7 +65,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         first, second = left[one], left[other]
         if first in told or second in told:
             continue
-        likeness = _likeness(patches, first, second) if len(found) < MOST_LIKENED else None
+        likeness = _likeness(patches, first, second) if len(found) < MAX_LIKENED else None
         difference = likeness or _difference(curves[first], curves[second], tolerance, None)
         if difference is not None:
             found.append((first, second, difference))
@@ -143,8 +143,8 @@ def _above(distance: float) -> str:
 
 
 def _row(values: FloatArray) -> str:
-    shown = [f"{value:.4g}" for value in values[:MOST_SHOWN]]
-    return " ".join(shown) + " ..." * (len(values) > MOST_SHOWN)
+    shown = [f"{value:.4g}" for value in values[:MAX_SHOWN]]
+    return " ".join(shown) + " ..." * (len(values) > MAX_SHOWN)
 
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
@@ -160,8 +160,8 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
             ring += new
             for other in new:
                 seen[other] = True
-        names = [edge_name(patches, refs[row]) for row in ring[:MOST_SHOWN]]
-        rest = f" and {len(ring) - MOST_SHOWN} more" if len(ring) > MOST_SHOWN else ""
+        names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
+        rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
     if len(lines) > MAX_RINGS:
         lines[MAX_RINGS:] = [f"{len(lines) - MAX_RINGS} more rings of edges are open"]
@@ -182,8 +182,8 @@ def seam_remarks(model: Model) -> list[str]:
         if far:
             lines.append(f"{far} of them were farther apart than {FAR_WELD_FRACTION:.0%} of their edges")
     near = near_misses(joints, patches)
-    for first, second, reason in near[:MOST_SHOWN]:
+    for first, second, reason in near[:MAX_SHOWN]:
         lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")
-    if len(near) > MOST_SHOWN:
-        lines.append(f"{len(near) - MOST_SHOWN} more seams nearly close: gtb info lists them")
+    if len(near) > MAX_SHOWN:
+        lines.append(f"{len(near) - MAX_SHOWN} more seams nearly close: gtb info lists them")
     return lines

@@ -95,13 +95,13 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
 
 def _folded_places(mesh: Mesh) -> list[str]:
     """Say in which patches a mesh turns back on itself, and where it first does."""
-    from gtb_cli.meshes.folds import folded
+    from gtb_cli.meshes.folds import folded_pairs
 
     if mesh.is_curve:
         return []
     lines = []
     for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
-        cells = folded(mesh.vertices, mesh.cells[start:stop])
+        cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
         if len(cells):
             place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0))
             lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near ({place})")

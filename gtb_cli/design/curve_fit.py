@@ -11,27 +11,27 @@ from gtb_cli.arrays import EPS, FloatArray, finite
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.patch import Patch
 
-REACHED = 1e-12
+RESIDUAL_TOLERANCE = 1e-12
 """Largest distance of the curve from a point at which the iteration ends, as a fraction of the largest coordinate."""
 
 CONCENTRATION = 2.0
 """Distance of the torus coordinates of neighbouring points times that of their knots: at a point, its own knot has e
 times the weight of each neighbour, and errors shrink to 5/6 in a round."""
 
-LARGEST_RANGE = 1300.0
+MAX_LOG_RANGE = 1300.0
 """Range of logarithms of weights that are ordinary floats; it is kept if the basis is local nevertheless."""
 
-PATIENCE = 1000
+PLAIN_ROUNDS = 1000
 """Rounds after which the equations behind the iteration are solved directly: if knots are so uneven that neighbours
 have nearly the same basis, the iteration would take tens of thousands of rounds."""
 
 MAX_POINTS = 100
-"""Largest number of points: with more, weights in `LARGEST_RANGE` concentrate too little for the iteration to converge
+"""Largest number of points: with more, weights in `MAX_LOG_RANGE` concentrate too little for the iteration to converge
 in time."""
 
-MAX_ROUNDS = PATIENCE + 10
+MAX_ROUNDS = PLAIN_ROUNDS + 10
 
-SHORTEST_STEP = 1e-3
+MIN_STEP = 1e-3
 """Shortest step between default knots, as a fraction of the longest. Ranges of logarithms of weights grow with the
 ratio of the steps; beyond about 1e5 their rounding is too large for the parametrisation of meshes."""
 
@@ -77,7 +77,7 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     points : (n, 3) or (n, 2) float
         Points in the order in which the curve passes them; it begins at the first and ends at the last.
     knots : (n,) float, optional
-        Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least `SHORTEST_STEP`
+        Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least `MIN_STEP`
         times the longest.
 
     Returns
@@ -90,12 +90,12 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         Fewer than two points or more than `MAX_POINTS`, neighbours that coincide (without `knots`), or knots that do
         not ascend.
     ToleranceError
-        `REACHED` cannot be reached: knots are so close that rounding makes their basis functions the same.
+        `RESIDUAL_TOLERANCE` cannot be reached: knots are so close that rounding makes their basis functions the same.
 
     Notes
     -----
     Weights are free, and are chosen so that the basis is local: about 100 rounds suffice for 10 points and for 70, and
-    more are needed for more or uneven points. After `PATIENCE` rounds their limit is found as the solution of linear
+    more are needed for more or uneven points. After `PLAIN_ROUNDS` their limit is found as the solution of linear
     equations. The parameters are those at which each knot's T is largest, and the scale of the edge functions makes
     them evenly spread.
 
@@ -118,7 +118,7 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     s, logs = _local_weights(steps)
     scale = max(float(s[-1]) / 2, 1 / float(a[-1] - a[0]))
     curve = Patch(a, places, log_weights=logs, edge_scale=scale)
-    if np.ptp(logs) <= LARGEST_RANGE:
+    if np.ptp(logs) <= MAX_LOG_RANGE:
         curve = curve.replace(weights=np.exp(logs))
     # s = k log((t − a_0)/(a_n − t)); the ends are the points' own.
     parameters = a[0] + (a[-1] - a[0]) / (1 + np.exp(-s / scale))
@@ -140,7 +140,7 @@ def passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: Flo
     Raises
     ------
     ToleranceError
-        `REACHED` cannot be reached.
+        `RESIDUAL_TOLERANCE` cannot be reached.
     """
     control = points.copy()
     size = float(np.abs(points).max()) or 1.0
@@ -148,11 +148,11 @@ def passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: Flo
         missing = points - matrix @ control
         distances = np.sqrt((missing**2).sum(axis=1))
         distance = float(distances.max())
-        if distance <= REACHED * size:
+        if distance <= RESIDUAL_TOLERANCE * size:
             fitted = patch.replace(control_points=control)
             return Fit(fitted, parameters, rounds, distance, float(np.sqrt((distances**2).mean())))
         try:
-            control += missing if rounds < PATIENCE else np.linalg.solve(matrix, missing)
+            control += missing if rounds < PLAIN_ROUNDS else np.linalg.solve(matrix, missing)
         except np.linalg.LinAlgError:
             break
     kind, ways = ("curve", "knots") if patch.dimension == 1 else ("surface", "points or parameters")
@@ -164,7 +164,7 @@ def _chord_lengths(points: FloatArray) -> FloatArray:
     chords = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
     if not (chords > EPS * np.abs(points).max()).all():
         raise DomainError(f"points: {int(chords.argmin())} and {int(chords.argmin()) + 1} coincide and have no chord")
-    return np.concatenate([[0.0], np.cumsum(np.maximum(chords, SHORTEST_STEP * chords.max()))])
+    return np.concatenate([[0.0], np.cumsum(np.maximum(chords, MIN_STEP * chords.max()))])
 
 
 def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -177,6 +177,6 @@ def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray]:
         s = np.concatenate([[0.0], np.cumsum(kappa / steps)])
         s -= s[-1] / 2
         logs = np.concatenate([[0.0], -np.cumsum(steps * (s[1:] + s[:-1]) / 2)])
-        if np.ptp(logs) <= LARGEST_RANGE:
+        if np.ptp(logs) <= MAX_LOG_RANGE:
             break
     return s, logs - (logs.min() + logs.max()) / 2

@@ -37,7 +37,7 @@ from gtb_cli.theory.edges import edge_points
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MOST_SIDES = 24
+MAX_SIDES = 24
 """Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
 
 RIDGE_FRACTION = 1e-12
@@ -139,8 +139,8 @@ def fill(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     ordered, remarks = loop(sides)
-    if len(ordered) > MOST_SIDES:
-        raise DomainError(f"loop: has {len(ordered)} sides, at most {MOST_SIDES} are filled with one patch")
+    if len(ordered) > MAX_SIDES:
+        raise DomainError(f"loop: has {len(ordered)} sides, at most {MAX_SIDES} are filled with one patch")
     middle, size = _frame(ordered)
     unit = [_moved(side, middle, size) for side in ordered]
     kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"

@@ -19,10 +19,10 @@ SUFFIXES = (".gbp", ".lop")
 MAX_LOOP_BYTES = 1_000_000
 """Largest size of a `.gbp` or `.lop` file: a loop of 24 sides of degree 20 needs a tenth of it."""
 
-MOST_CURVES = 100
+MAX_CURVES = 100
 """Largest number of curves of a loop that are read; a loop with too many sides to fill is refused later."""
 
-LARGEST = 1e100
+MAX_COORDINATE = 1e100
 """Largest coordinate, as in specs."""
 
 
@@ -65,8 +65,8 @@ class _Numbers:
             value = float(word)
         except ValueError:
             raise self.fault(f"{what} is expected, got {word[:40]!r}") from None
-        if "_" in word or not abs(value) <= LARGEST:
-            raise self.fault(f"{what} must be at most {LARGEST:g} in size, got {word[:40]!r}")
+        if "_" in word or not abs(value) <= MAX_COORDINATE:
+            raise self.fault(f"{what} must be at most {MAX_COORDINATE:g} in size, got {word[:40]!r}")
         return value
 
     def whole(self, what: str, low: int, high: int) -> int:
@@ -92,7 +92,7 @@ def _gbp(numbers: _Numbers) -> list[Side]:
 
     Layer l has d − 2 l points for each side: those of row l that do not belong to the next side.
     """
-    n = numbers.whole("the number of sides", 3, MOST_CURVES)
+    n = numbers.whole("the number of sides", 3, MAX_CURVES)
     degree = numbers.whole("the degree", 3, MAX_DEGREE)
     numbers.points(1, "the centre")
     first = numbers.points(n * degree, "the boundary").reshape(n, degree, 3)
@@ -115,7 +115,7 @@ def _gbp(numbers: _Numbers) -> list[Side]:
 def _lop(numbers: _Numbers) -> list[Side]:
     """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side."""
     sides: list[Side] = []
-    for k in range(numbers.whole("the number of curves", 1, MOST_CURVES)):
+    for k in range(numbers.whole("the number of curves", 1, MAX_CURVES)):
         degree = numbers.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
         count = numbers.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
         knots = np.array([numbers.real(f"a knot of curve {k}") for _ in range(count)])
@@ -124,8 +124,8 @@ def _lop(numbers: _Numbers) -> list[Side]:
         size = numbers.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
         points = numbers.points(size, f"curve {k}")
         pieces = bspline_pieces(degree, knots, points)
-        if len(sides) + len(pieces) > MOST_CURVES:
-            raise numbers.fault(f"the curves have more than {MOST_CURVES} polynomial pieces")
+        if len(sides) + len(pieces) > MAX_CURVES:
+            raise numbers.fault(f"the curves have more than {MAX_CURVES} polynomial pieces")
         for i, piece in enumerate(pieces):
             name = f"side {k}" if len(pieces) == 1 else f"side {k} piece {i}"
             sides.append(Side(name, np.column_stack([piece, np.ones(len(piece))])))

@@ -14,7 +14,7 @@ from gtb_cli.fairing.energy import energy_matrix
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.theory.patch import Patch
 
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 """Largest number of points: the table of T has a number for each point and knot."""
 
 SMOOTHING_WEIGHT = 1e-6
@@ -120,8 +120,8 @@ def _checked(points: ArrayLike, patch: Patch) -> FloatArray:
     if patch.dimension == 1:
         raise DomainError("patch: expected a surface, this is a curve (which gtb fit finds without --patch)")
     places = finite("points", points)
-    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MOST_POINTS:
-        raise DomainError(f"points: expected shape (m, 3) with m up to {MOST_POINTS}, got {places.shape}")
+    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MAX_POINTS:
+        raise DomainError(f"points: expected shape (m, 3) with m up to {MAX_POINTS}, got {places.shape}")
     return places
 
 

@@ -13,7 +13,7 @@ from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.layers import LAYER_TOLERANCE
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.folds import folds
+from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.patch import Patch
 
 Keep: TypeAlias = Literal["boundary", "tangents"]
@@ -92,7 +92,8 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
         points[kept] = patch.control_points[kept]
         patch = patch.replace(control_points=points)
     part = central_triangulation(patch.domain, FOLD_RINGS)
-    return Fairing(patch, before, after, len(free), folds(patch.evaluate(part.parameters, "linear"), part.cells))
+    vertices = patch.evaluate(part.parameters, "linear")
+    return Fairing(patch, before, after, len(free), len(folded_pairs(vertices, part.cells)))
 
 
 def kept_knots(domain: Domain, keep: Keep) -> BoolArray:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
 
 Words: TypeAlias = NDArray[np.uint32]
 
@@ -26,7 +26,6 @@ _HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double
 _MAX_DECIMALS = 21  # 10^(21 - 3) is the largest divisor wanted, and fits int64
 _MAX_SHORT_DECIMALS = 9  # with these, decimals fit in 32 bits
 _MAX_WHOLE = 1e18  # likewise for the divisors of the whole part
-_SPLITTER = 2.0**27 + 1.0  # Veltkamp: splits a double into two halves of 26 bits
 
 
 def decimals(vertices: FloatArray) -> int:
@@ -98,15 +97,8 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
     nearest = np.rint(scaled)
     tie = np.abs(scaled - nearest) == 0.5
     if tie.any():
-        a, p = fraction[tie], scaled[tie]
-        a_high = a * _SPLITTER
-        a_high = a_high - (a_high - a)
-        a_low = a - a_high
-        b_high = scale * _SPLITTER
-        b_high = b_high - (b_high - scale)
-        b_low = scale - b_high
-        error = ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
-        nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(p) + (error > 0.0))
+        product, error = two_product(fraction[tie], scale)
+        nearest[tie] = np.where(error == 0.0, nearest[tie], np.floor(product) + (error > 0.0))
     return nearest
 
 

@@ -26,7 +26,7 @@ from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
 
-PATIENCE = 60.0
+PATIENCE_SECONDS = 60.0
 """Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time."""
 
 
@@ -76,14 +76,14 @@ def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
             input=data,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            timeout=PATIENCE,
+            timeout=PATIENCE_SECONDS,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise SpecError(f"{damaged}: it is not read within {PATIENCE:g} s") from None
-    if done.returncode == rhino_process.MISSING:
+        raise SpecError(f"{damaged}: it is not read within {PATIENCE_SECONDS:g} s") from None
+    if done.returncode == rhino_process.MISSING_STATUS:
         raise SpecError(f"{source}: .3dm files need the extra gtb-cli[rhino]: pip install 'gtb-cli[rhino]'")
-    if done.returncode == rhino_process.DAMAGED:
+    if done.returncode == rhino_process.DAMAGED_STATUS:
         raise SpecError(damaged)
     if done.returncode:
         raise SpecError(f"{damaged}: Rhino's library fails, or needs more time or memory than such a file may")

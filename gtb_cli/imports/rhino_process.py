@@ -18,10 +18,10 @@ from itertools import product
 from math import prod
 from typing import Any
 
-MISSING = 3
+MISSING_STATUS = 3
 """Exit status if the library is not installed."""
 
-DAMAGED = 4
+DAMAGED_STATUS = 4
 """Exit status if the library refuses the file."""
 
 SECONDS, SECONDS_PER_BYTE = 0.5, 2e-6
@@ -41,11 +41,11 @@ def main() -> int:
     try:
         library = import_module("rhino3dm")
     except ImportError:
-        return MISSING
+        return MISSING_STATUS
     _limit(len(data))
     file = library.File3dm.FromByteArray(data)
     if file is None:
-        return DAMAGED
+        return DAMAGED_STATUS
     for entry in file.Objects:
         forms, trimmed = _forms(library, entry.Geometry)
         _write({"name": entry.Attributes.Name, "trimmed": trimmed, "forms": list(map(_plain, forms))})

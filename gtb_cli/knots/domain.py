@@ -10,7 +10,7 @@ from typing import Literal, NoReturn, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positive, read_only, two_product
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
@@ -322,8 +322,8 @@ def _cross_of_differences(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatA
     """(b - a) × (c - a) for (m, 2) points, in double-double arithmetic (Dekker, Knuth)."""
     (ex, ex_low), (ey, ey_low) = (_two_difference(b[:, k], a[:, k]) for k in (0, 1))
     (wx, wx_low), (wy, wy_low) = (_two_difference(c[:, k], a[:, k]) for k in (0, 1))
-    first, first_low = _two_product(ex, wy)
-    second, second_low = _two_product(ey, wx)
+    first, first_low = two_product(ex, wy)
+    second, second_low = two_product(ey, wx)
     high, low = _two_difference(first, second)
     low += first_low - second_low
     low += (ex * wy_low + ex_low * wy) - (ey * wx_low + ey_low * wx)
@@ -335,16 +335,3 @@ def _two_difference(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArra
     high = a - b
     back = high - a
     return high, (a - (high - back)) - (b + back)
-
-
-def _two_product(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """a * b as a float and its rounding error, by Veltkamp splitting."""
-    a_high, b_high = _leading_half(a), _leading_half(b)
-    a_low, b_low = a - a_high, b - b_high
-    high = a * b
-    return high, ((a_high * b_high - high) + a_high * b_low + a_low * b_high) + a_low * b_low
-
-
-def _leading_half(a: FloatArray) -> FloatArray:
-    scaled = 134217729.0 * a  # 2**27 + 1 splits 53 bits into halves
-    return np.asarray(scaled - (scaled - a))

@@ -10,13 +10,13 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, distinct
 
-GRIDS = 1024
+MAX_KEPT_GRIDS = 1024
 """Number of sets of knots remembered as grids or not."""
 
-FEWEST_PAIRS = 64
+MIN_RASTER_PAIRS = 64
 """Fewest parameters worth a look for a grid among them."""
 
-WIDEST_ROW = 1 << 15
+MAX_ROW_PAIRS = 1 << 15
 """Largest number of parameters in a row of a grid: a block of one row has to fit in the cache."""
 
 
@@ -89,7 +89,7 @@ def grid_of(knots: FloatArray) -> Grid | None:
     return _grid(np.ascontiguousarray(knots).tobytes()) if knots.shape[1] == 2 else None
 
 
-@lru_cache(GRIDS)
+@lru_cache(MAX_KEPT_GRIDS)
 def _grid(content: bytes) -> Grid | None:
     knots = np.frombuffer(content).reshape(-1, 2)
     order = np.lexsort(knots.T)
@@ -104,11 +104,11 @@ def _grid(content: bytes) -> Grid | None:
 
 def raster_of(u: FloatArray) -> Raster | None:
     """Return how (m, 2) parameters form a grid along the axes, exactly, or None."""
-    if len(u) < FEWEST_PAIRS:
+    if len(u) < MIN_RASTER_PAIRS:
         return None
     axis = int(u[0, 0] == u[1, 0])
     along, across = u[:, axis], u[:, 1 - axis]
-    width = int((across[: WIDEST_ROW + 1] != across[0]).argmax())
+    width = int((across[: MAX_ROW_PAIRS + 1] != across[0]).argmax())
     if width < 2 or len(u) % width:
         return None
     along, across = along.reshape(-1, width), across.reshape(-1, width)

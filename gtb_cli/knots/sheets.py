@@ -25,7 +25,7 @@ STRIDE = 4
 ORDER = 6
 """Number of nodes of the polynomials along a line."""
 
-COARSEST = 12
+MIN_COARSE_STEPS = 12
 """Fewest steps along a side of a coarser lattice: an even coarser one would say little near edges."""
 
 Solver: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
@@ -40,12 +40,14 @@ def _lagrange(first: int, places: ArrayLike) -> FloatArray:
     return np.asarray(ratio.prod(axis=1))
 
 
-BEFORE, AFTER = ORDER // 2 - 1, ORDER // 2 + 1
+NODES_BEFORE, NODES_AFTER = ORDER // 2 - 1, ORDER // 2 + 1
 """Numbers of nodes by which a line is extended before its first node and beyond its last."""
 
-BETWEEN = _lagrange(-BEFORE, np.arange(STRIDE) / STRIDE)
-AHEAD = _lagrange(0, np.arange(-BEFORE, 0))
-BEYOND = _lagrange(0, np.arange(ORDER, ORDER + AFTER))
+INNER_WEIGHTS = _lagrange(-NODES_BEFORE, np.arange(STRIDE) / STRIDE)
+"""Weights of the nodes around a step, at the places between its ends."""
+
+WEIGHTS_BEFORE = _lagrange(0, np.arange(-NODES_BEFORE, 0))
+WEIGHTS_AFTER = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
 """Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes."""
 
 
@@ -83,7 +85,7 @@ class Sheets:
     @property
     def is_worth_it(self) -> bool:
         """Whether a coarser lattice helps with this one."""
-        return self.last >= STRIDE * COARSEST
+        return self.last >= STRIDE * MIN_COARSE_STEPS
 
     @property
     def _coarse(self) -> Sheets:
@@ -160,16 +162,16 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
     """(k, c, lines, nodes + ORDER) values along lines up to given last nodes, extended as far as `_between` needs."""
     nodes = values.shape[-1]
     lines = np.zeros((*values.shape[:-1], nodes + ORDER))
-    lines[..., BEFORE : BEFORE + nodes] = values
-    lines[..., :BEFORE] = lines[..., BEFORE : BEFORE + ORDER] @ AHEAD
+    lines[..., NODES_BEFORE : NODES_BEFORE + nodes] = values
+    lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ WEIGHTS_BEFORE
     long = np.flatnonzero(last >= ORDER - 1)
-    end = BEFORE + 1 + last[long, None]
-    lines[..., long[:, None], end + np.arange(AFTER)] = (
-        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ BEYOND
+    end = NODES_BEFORE + 1 + last[long, None]
+    lines[..., long[:, None], end + np.arange(NODES_AFTER)] = (
+        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ WEIGHTS_AFTER
     )
     for line in np.flatnonzero(last < ORDER - 1).tolist():  # too short for a polynomial
-        lines[..., line, :BEFORE] = lines[..., line, BEFORE, None]
-        lines[..., line, BEFORE + last[line] + 1 :] = lines[..., line, BEFORE + last[line], None]
+        lines[..., line, :NODES_BEFORE] = lines[..., line, NODES_BEFORE, None]
+        lines[..., line, NODES_BEFORE + last[line] + 1 :] = lines[..., line, NODES_BEFORE + last[line], None]
     return lines
 
 
@@ -178,11 +180,11 @@ def _between(lines: FloatArray) -> FloatArray:
     flat = np.ascontiguousarray(lines).ravel()
     count = len(flat) - ORDER + 1
     values = np.empty((len(flat), STRIDE))
-    values[:count, 0] = flat[BEFORE : BEFORE + count]
+    values[:count, 0] = flat[NODES_BEFORE : NODES_BEFORE + count]
     for place in range(1, STRIDE):
-        value = flat[:count] * BETWEEN[0, place]
+        value = flat[:count] * INNER_WEIGHTS[0, place]
         for node in range(1, ORDER):
-            value += flat[node : node + count] * BETWEEN[node, place]
+            value += flat[node : node + count] * INNER_WEIGHTS[node, place]
         values[:count, place] = value
     nodes = lines.shape[-1] - ORDER
     return values.reshape(*lines.shape, STRIDE)[..., :nodes, :].reshape(*lines.shape[:-1], -1)

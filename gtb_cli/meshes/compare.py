@@ -184,7 +184,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
-    kept = [Pieces.none(cells.shape[1])]
+    kept = []
     for begin in range(0, len(cells), CELL_BATCH):
         rows = cells[begin : begin + CELL_BATCH]
         block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)

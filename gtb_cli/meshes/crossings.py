@@ -20,12 +20,6 @@ MAX_COMPARED_PAIRS = 50_000_000
 triangles overlapped, the comparison would never end."""
 
 
-def crossing_cells(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
-    """(f,) ascending indices of the triangles in `crossing_pairs`, and whether all pairs were compared."""
-    pairs, is_complete = crossing_pairs(vertices, cells)
-    return np.unique(pairs), is_complete
-
-
 def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
     """Find triangles of a mesh that pass through others.
 

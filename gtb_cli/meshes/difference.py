@@ -167,17 +167,13 @@ def difference(
             raise DomainError(f"tolerance: must be a number from 0, or a percentage, got {tolerance!r}")
         allowed = asked
     allowed = max(allowed, resolution)
-    pairs = _pairs(a.mesh, b.mesh, allowed)
-    turned = 0
-    if pairs is None:
-        found_pairs = _pairs_in_any_order(a.mesh, b.mesh, allowed)
-        if found_pairs is not None:
-            pairs, turned = found_pairs
+    pairs = _pairs(a.mesh, b.mesh, allowed) or _pairs_in_any_order(a.mesh, b.mesh, allowed)
     made = partial(Difference, tolerance=allowed, asked=asked, resolution=resolution, diagonal=diagonal)
     if pairs is not None:
-        distances = _distances(a.mesh.vertices[pairs[0]], b.mesh.vertices[pairs[1]])
+        vertices, others, turned = pairs
+        distances = _distances(a.mesh.vertices[vertices], b.mesh.vertices[others])
         place = int(distances.argmax())
-        vertex, other = int(pairs[0][place]), int(pairs[1][place])
+        vertex, other = int(vertices[place]), int(others[place])
         distance = float(distances[place])
         return made(
             method="vertices",
@@ -237,13 +233,17 @@ def _group(mesh: Mesh, vertex: int) -> str:
     return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
 
 
-def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None:
-    """Indices of matching vertices if both meshes have the same cells, otherwise None."""
+_Pairs: TypeAlias = tuple[IntArray, IntArray, int]
+"""Indices of matching vertices of two meshes, and how many faces are reversed."""
+
+
+def _pairs(a: Mesh, b: Mesh, allowed: float) -> _Pairs | None:
+    """Matching vertices if both meshes have the same cells, otherwise None."""
     if a.cells.shape != b.cells.shape:
         return None
     if len(a.vertices) == len(b.vertices) and np.array_equal(a.cells, b.cells):
         every = np.arange(len(a.vertices))
-        return every, every
+        return every, every, 0
     corners, other_corners = a.cells.ravel(), b.cells.ravel()
     for kind in (np.float64, np.float32):  # 32-bit numbers of one file may coincide, those of the other not
         with np.errstate(over="ignore", under="ignore"):
@@ -252,7 +252,7 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
         if not np.array_equal(labels, other_labels):
             continue
         if kind is np.float64:
-            return corners[first], other_corners[first]
+            return corners[first], other_corners[first], 0
         # Points of one number may lie apart: each corner counts, and none may be far from those with its number.
         spread = max(
             float(_distances(mesh.vertices[used], mesh.vertices[used[start][labels]]).max())
@@ -260,15 +260,12 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> tuple[IntArray, IntArray] | None
         )
         if spread <= allowed:
             pairs = np.unique(np.stack([corners, other_corners], axis=1), axis=0)
-            return pairs[:, 0], pairs[:, 1]
+            return pairs[:, 0], pairs[:, 1], 0
     return None
 
 
-def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntArray, IntArray], int] | None:
-    """The same for any order of vertices, cells and corners, if matching vertices are within the tolerance.
-
-    Also how many faces are reversed.
-    """
+def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> _Pairs | None:
+    """The same for any order of vertices, cells and corners, if matching vertices are within the tolerance."""
     if a.cells.shape != b.cells.shape:
         return None
     (first, cells), (second, other_cells) = (_welded(mesh) for mesh in (a, b))
@@ -293,7 +290,7 @@ def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> tuple[tuple[IntAr
         start = rows.argmin(axis=1)[:, None]
         here, there = _counted(np.take_along_axis(rows, (start + np.arange(3)) % 3, axis=1))
         turned = int(np.maximum(there - here, 0).sum())
-    return (first[place], second), turned
+    return first[place], second, turned
 
 
 def _counted(rows: IntArray) -> tuple[IntArray, IntArray]:

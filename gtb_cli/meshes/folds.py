@@ -10,11 +10,6 @@ FLAT_SINE = 64 * EPS
 """Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own."""
 
 
-def folded(vertices: FloatArray, cells: IntArray) -> IntArray:
-    """(k,) the first triangles of `folded_pairs`."""
-    return folded_pairs(vertices, cells)[:, 0]
-
-
 def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     """(k, 2) triangles, consistently oriented, between which the surface turns by more than a right angle.
 
@@ -38,8 +33,3 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True
     return np.asarray(pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < 0])
-
-
-def folds(vertices: FloatArray, cells: IntArray) -> int:
-    """Count the sides at which the surface turns by more than a right angle."""
-    return len(folded(vertices, cells))

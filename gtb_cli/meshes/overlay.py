@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,10 @@ HEIGHT_ROUNDING = 1e-15
 piece thousands of times without changing it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
+class Pieces(NamedTuple):
     """Segments or triangles, and how far their points can be from another mesh.
 
-    Parameters
+    Attributes
     ----------
     corners : (m, 2, 3) or (m, 3, 3) float
     bounds : (m,) float
@@ -42,12 +41,6 @@ class Pieces:
     samples: FloatArray
 
     @staticmethod
-    def none(corners: int) -> Pieces:
-        """No pieces."""
-        nothing = np.empty(0, dtype=np.int64)
-        return Pieces(np.empty((0, corners, 3)), np.empty(0), nothing, nothing, np.empty(0))
-
-    @staticmethod
     def of(corners: FloatArray, distances: FloatArray, nearest: IntArray, tree: NearestCells) -> Pieces:
         """Whole cells, (m, c, 3), whose corners are no farther from the cells (m, c) `nearest` than `distances`."""
         number = corners.shape[1]
@@ -60,13 +53,7 @@ class Pieces:
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
         """The pieces of all parts."""
-        return Pieces(
-            np.concatenate([part.corners for part in parts]),
-            np.concatenate([part.bounds for part in parts]),
-            np.concatenate([part.likely for part in parts]),
-            np.concatenate([part.worst for part in parts]),
-            np.concatenate([part.samples for part in parts]),
-        )
+        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
 
     @property
     def middles(self) -> FloatArray:
@@ -75,7 +62,7 @@ class Pieces:
 
     def at(self, rows: IntArray | BoolArray) -> Pieces:
         """The pieces in the given rows."""
-        return Pieces(self.corners[rows], self.bounds[rows], self.likely[rows], self.worst[rows], self.samples[rows])
+        return Pieces(*(values[rows] for values in self))
 
     def bounded(self, tree: NearestCells, likely: IntArray, samples: FloatArray) -> Pieces:
         """Bound each piece by its corners' distances from one cell, which becomes the cell below it."""
@@ -84,13 +71,8 @@ class Pieces:
         worst = away.argmax(axis=1)
         bounds = away[np.arange(len(worst)), worst]
         better = bounds < self.bounds
-        return Pieces(
-            self.corners,
-            np.where(better, bounds, self.bounds),
-            likely,
-            np.where(better, worst, self.worst),
-            samples,
-        )
+        lower, corner = np.where(better, bounds, self.bounds), np.where(better, worst, self.worst)
+        return Pieces(self.corners, lower, likely, corner, samples)
 
     def cut(self, tree: NearestCells) -> Pieces:
         """Cut each piece in two or three.

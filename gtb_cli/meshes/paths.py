@@ -11,7 +11,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 
-SHORTEST_SEGMENT = 1024
+MIN_SEGMENT_ROUNDINGS = 1024
 """Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped."""
 
 MIN_TANGENT_COSINE = 0.5
@@ -56,7 +56,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = 
         A path is a single point.
     """
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    shortest = SHORTEST_SEGMENT * EPS * float(np.abs(mesh.vertices).max())
+    shortest = MIN_SEGMENT_ROUNDINGS * EPS * float(np.abs(mesh.vertices).max())
     for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
         points = mesh.vertices[vertices]
         steps = np.diff(points, axis=0)

@@ -16,7 +16,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.paths import MIN_TANGENT_COSINE, SHORTEST_SEGMENT, Path, paths
+from gtb_cli.meshes.paths import MIN_SEGMENT_ROUNDINGS, MIN_TANGENT_COSINE, Path, paths
 from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.vocabulary import MAX_FACES
@@ -160,7 +160,7 @@ def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
     if not (math.isfinite(radius) and radius > 0):
         raise DomainError(f"radius: must be positive, got {radius!r}")
     rounding = EPS * float(np.abs(mesh.vertices).max())
-    if not radius > SHORTEST_SEGMENT * rounding:
+    if not radius > MIN_SEGMENT_ROUNDINGS * rounding:
         raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {rounding / EPS:.3g}")
     if tangents is not None and tangents.shape != (len(mesh.cells), 2, 3):
         raise DomainError(f"tangents: expected shape ({len(mesh.cells)}, 2, 3), got {tangents.shape}")

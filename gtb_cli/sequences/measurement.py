@@ -23,10 +23,10 @@ from gtb_cli.tessellation.refinement import refine
 FILM_ACCURACY = 0.25
 """Error of the distance from a film, as a fraction of the meshes' chord error, in addition to it."""
 
-COARSEST_MEASURED = 4
+MIN_RESOLUTION = 4
 """Least number of segments along each edge of the meshes that are measured."""
 
-CELLS_SEARCHED = 512
+SEARCH_CELLS = 512
 """Rough number of cells whose vertices and middles start the search for distances between surfaces."""
 
 MAX_PLACES = 2500
@@ -81,7 +81,7 @@ class Measurement:
     def resolution_for(self, cells: int) -> int:
         """Segments along each edge of a complex with roughly the given number of cells."""
         share = cells / self.family.cell_count(1)
-        return max(COARSEST_MEASURED, math.floor(math.sqrt(share) if self.family.dimension == 2 else share))
+        return max(MIN_RESOLUTION, math.floor(math.sqrt(share) if self.family.dimension == 2 else share))
 
     @cached_property
     def tolerance(self) -> float:
@@ -106,7 +106,7 @@ class Measurement:
     def on_surfaces(self) -> Separation | None:
         """What measures the members of a degeneration; None for other families, and if there are too many places."""
         one = self.family.degeneration
-        start = self.family.uniform(self.resolution_for(CELLS_SEARCHED))
+        start = self.family.uniform(self.resolution_for(SEARCH_CELLS))
         vertices, cells = len(start.patch), len(start.cells)
         if one is None or vertices + cells > MAX_PLACES:
             return None

@@ -28,7 +28,7 @@ MAX_SUGGESTED = 1000
 """Largest number of names searched for the one that was probably meant."""
 
 
-MOST_SHOWN = 8
+MAX_SHOWN = 8
 """Largest number of names of a circle shown in a message."""
 
 
@@ -251,7 +251,7 @@ def carried_out(
             if number not in made:
                 links = list(chain)
                 circle = [copies[link].original for link in links[links.index(number) :]]
-                text = " -> ".join([*circle, circle[0]][:MOST_SHOWN])
+                text = " -> ".join([*circle, circle[0]][:MAX_SHOWN])
                 values.faults.add((*copies[number].path, "copy"), f"copies itself: {text}")
                 made.update(dict.fromkeys(chain))
         for number in reversed(chain):

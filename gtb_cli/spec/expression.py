@@ -10,13 +10,13 @@ from typing import NoReturn
 
 from gtb_cli.errors import SpecError
 
-MAX_LENGTH = 256
+MAX_CHARACTERS = 256
 """Longest expression, in characters."""
 
-MAX_DEPTH = 32
+MAX_NESTING = 32
 """Deepest nesting of parentheses, powers and signs."""
 
-MOST_SHOWN = 30
+MAX_SHOWN = 30
 """Largest number of names listed in a message."""
 
 BLANKS = " \t"
@@ -57,7 +57,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     Parameters
     ----------
     text : str
-        At most `MAX_LENGTH` characters, nested at most `MAX_DEPTH` deep.
+        At most `MAX_CHARACTERS` characters, nested at most `MAX_NESTING` deep.
     names : mapping of str to float
         Further names, other than functions, constants and Python keywords.
 
@@ -75,8 +75,8 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     Every step is a float operation, for integers as well: ``9**9**9**9`` overflows at once, and ``2**0.5`` and
     ``sqrt(2)`` differ by at most one rounding. ``sqrt(2)/4`` takes about 10 microseconds.
     """
-    if len(text) > MAX_LENGTH:
-        _refuse(text, f"has {len(text)} characters, at most {MAX_LENGTH} are allowed")
+    if len(text) > MAX_CHARACTERS:
+        _refuse(text, f"has {len(text)} characters, at most {MAX_CHARACTERS} are allowed")
     words = text.strip(BLANKS)
     _check_words(words, names)
     try:
@@ -88,7 +88,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
 
 def names_in(text: str) -> list[str]:
     """The names of numbers in an expression, well-formed or not."""
-    found = (match["name"] for match in _WORDS.finditer(text[:MAX_LENGTH]))
+    found = (match["name"] for match in _WORDS.finditer(text[:MAX_CHARACTERS]))
     return [name for name in found if name and name not in FUNCTIONS and name not in CONSTANTS]
 
 
@@ -123,8 +123,8 @@ def _check_words(text: str, names: Mapping[str, float]) -> None:
         elif kind == "sign":
             depth = base
         operand = kind != "sign" or word == ")"
-        if depth > MAX_DEPTH:
-            _refuse(text, f"is nested more than {MAX_DEPTH} deep")
+        if depth > MAX_NESTING:
+            _refuse(text, f"is nested more than {MAX_NESTING} deep")
     if outer:
         _refuse(text, "'(' is never closed")
 
@@ -134,8 +134,8 @@ def _unknown(word: str, names: Mapping[str, float]) -> str:
 
     known = (*FUNCTIONS, *CONSTANTS, *names)
     likely = difflib.get_close_matches(word, names, n=1)
-    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:MOST_SHOWN])}"
-    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > MOST_SHOWN and not likely)
+    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:MAX_SHOWN])}"
+    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > MAX_SHOWN and not likely)
 
 
 def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:

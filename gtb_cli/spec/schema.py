@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
 from gtb_cli.spec.copies import AXES
-from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
+from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, MAX_CHARACTERS
 from gtb_cli.spec.includes import MAX_FILES
 from gtb_cli.spec.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
 from gtb_cli.spec.reader import MAX_KNOTS, MAX_PATCHES, NAMED_COEFFICIENTS
@@ -68,7 +68,7 @@ def schema() -> dict[str, Any]:
             "expression": {
                 "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e deg, names of let.",
                 "type": "string",
-                "maxLength": MAX_LENGTH,
+                "maxLength": MAX_CHARACTERS,
                 "pattern": "[0-9A-Za-z]",
                 "not": {"pattern": r"[^-+*/()0-9A-Za-z_. \t]|(^|[^A-Za-z0-9_])[0-9.]*_"},
             },
@@ -80,17 +80,20 @@ def _number(**limits: float) -> dict[str, Any]:
     return {"anyOf": [{"type": "number", **limits}, {"$ref": "#/$defs/expression"}]}
 
 
-def _list(kind: str, least: int = 0) -> dict[str, Any]:
-    return {"type": "array", "items": {"$ref": f"#/$defs/{kind}"}, "minItems": least, "maxItems": MAX_KNOTS}
+def _array(items: dict[str, Any], least: int, most: int) -> dict[str, Any]:
+    return {"type": "array", "items": items, "minItems": least, "maxItems": most}
+
+
+def _list(kind: str, least: int = 0, most: int = MAX_KNOTS) -> dict[str, Any]:
+    return _array({"$ref": f"#/$defs/{kind}"}, least, most)
 
 
 def _tuples(size: int, least: int = 0) -> dict[str, Any]:
-    entry = {"type": "array", "items": {"$ref": "#/$defs/coordinate"}, "minItems": size, "maxItems": size}
-    return {"type": "array", "items": entry, "minItems": least, "maxItems": MAX_KNOTS}
+    return _array(_list("coordinate", size, size), least, MAX_KNOTS)
 
 
 def _vector(least: int) -> dict[str, Any]:
-    return {"type": "array", "items": {"$ref": "#/$defs/coordinate"}, "minItems": least, "maxItems": 3}
+    return _list("coordinate", least, 3)
 
 
 _MODEL = {
@@ -134,7 +137,7 @@ _COPY = {
         "mirror": {"description": "The coordinate that changes sign; normals stay outward.", "enum": list(AXES)},
         "scale": {
             "description": "Factor, or one for each coordinate.",
-            "anyOf": [{"$ref": "#/$defs/scale"}, {**_list("scale", 3), "maxItems": 3}],
+            "anyOf": [{"$ref": "#/$defs/scale"}, _list("scale", 3, 3)],
         },
         "rotate": {
             "type": "object",

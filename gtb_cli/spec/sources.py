@@ -7,10 +7,8 @@ import stat
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.document import MAX_BYTES, read, spec_format_of
+from gtb_cli.spec.includes import MAX_FILES
 from gtb_cli.spec.scanner import Format
-
-MAX_FILES = 100
-"""Largest number of files looked for; the reader refuses a spec that includes more."""
 
 
 def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
@@ -25,8 +23,8 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Each file once, in the order found from `path` on. A file that cannot be read includes nothing; the reader of
-        the spec reports its faults.
+        Each file once, in the order found from `path` on, and hardly more than `MAX_FILES`. A file that cannot be read
+        includes nothing; the reader of the spec reports its faults.
     """
     found = {path: None}
     waiting = [path]

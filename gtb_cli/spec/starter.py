@@ -17,7 +17,7 @@ SCHEMA_LINES = """\
 """The opening of a template. Editors that use Taplo read the first line, which names a file beside the spec; no network
 address would serve the keys of every version."""
 
-FEWEST_SIDES, MOST_SIDES = 3, 100
+MIN_SIDES, MAX_SIDES = 3, 100
 
 
 def template(name: str, sides: int | None = None) -> str:
@@ -45,8 +45,8 @@ def template(name: str, sides: int | None = None) -> str:
     if name == "n-gon":
         if sides is None:
             raise SpecError("n-gon: expected a number of sides, such as n-gon 7")
-        if not FEWEST_SIDES <= sides <= MOST_SIDES:
-            raise SpecError(f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got {sides}")
+        if not MIN_SIDES <= sides <= MAX_SIDES:
+            raise SpecError(f"n-gon: expected {MIN_SIDES} to {MAX_SIDES} sides, got {sides}")
     elif sides is not None:
         raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
     with open(os.path.join(TEMPLATE_FOLDER, f"{name}.toml"), encoding="utf-8") as file:

@@ -28,7 +28,7 @@ MAX_HALVINGS = 200
 MAX_ROUNDS = 40
 """Times that triangles are certified, and split if that fails, before refinement gives up."""
 
-MOST_WORK = 100_000_000
+MAX_WORK = 100_000_000
 """Knots times parts of surfaces that are bounded before refinement gives up: 2.5 to 18 µs were measured for each."""
 
 WORK_ARRAYS = 8
@@ -80,7 +80,7 @@ class Certificates:
         for index, own in groups(mesh.cells.patch[rows]):
             if index not in self.surfaces:
                 self.surfaces[index] = SurfaceCertificate(self.sampler.evaluated[index])
-            left = MOST_WORK - sum(other.work for key, other in self.surfaces.items() if key != index)
+            left = MAX_WORK - sum(other.work for key, other in self.surfaces.items() if key != index)
             fails[own] = self.surfaces[index].failing(mesh.cells.corners[rows[own]], points[own], tolerance, left)
         self.rounds += 1
         if self.rounds > MAX_ROUNDS and fails.any():

@@ -207,7 +207,8 @@ class Recipe:
 
     def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         """The solid between the mesh of a surface and its offset, and where this folds or parts of it meet."""
-        from gtb_cli.meshes.crossings import crossing_cells
+        from gtb_cli.arrays import distinct
+        from gtb_cli.meshes.crossings import crossing_pairs
         from gtb_cli.meshes.solid import folded_faces, thicken
         from gtb_cli.tessellation.attributes import shared_normals
 
@@ -217,9 +218,9 @@ class Recipe:
         if len(folded):
             remarks.append(f"with a thickness of {thickness:g} the offset folds: {_where(mesh, folded)}")
         solid = thicken(mesh, thickness, beside)
-        crossing, is_complete = crossing_cells(solid.vertices, solid.cells)
+        crossing, is_complete = crossing_pairs(solid.vertices, solid.cells)
         if len(crossing):
-            remarks.append(f"the solid passes through itself: {_where(solid, crossing)}")
+            remarks.append(f"the solid passes through itself: {_where(solid, distinct(crossing.ravel()))}")
         if not is_complete:
             remarks.append(
                 "not checked: whether more distant parts of the solid meet, too many faces are near each other"

@@ -178,7 +178,9 @@ class Film:
         """The curve at level z of the film of an edge."""
         if self.along is None:
             raise DomainError("the film of a corner has no sections")
-        return self._curve(self._log_weights(np.array([[z]]))[0])
+        log_weights = self._log_weights(np.array([[z]]))[0]
+        here = np.isfinite(log_weights)
+        return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
 
     def points(self, z: ArrayLike) -> FloatArray:
         """(m, 3) points at (m, g) levels z of the film of a corner or end."""
@@ -193,11 +195,6 @@ class Film:
         with np.errstate(divide="ignore", invalid="ignore"):
             powers = self.speeds[None] * np.log(z)[:, None, :]
         return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
-
-    def _curve(self, log_weights: FloatArray) -> Patch:
-        here = np.isfinite(log_weights)
-        assert self.along is not None
-        return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,11 +241,6 @@ class KnotLimit:
         """(n, r) whether each knot moves to a facet on which it does not lie at first."""
         incidence = self.patch.domain.incidence
         return np.asarray(incidence[self.targets] & ~incidence)
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether the patches converge to the merged patch as sets, in the Hausdorff distance."""
-        return not self.films
 
 
 def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:

@@ -35,7 +35,7 @@ PAIR_BLOCK = 1 << 20
 """Number of pairs of knots times places on the edge summed together, which bounds the memory."""
 
 CUT_OFF_SUM = 1e-280
-"""Sums below this may consist only of exponentials cut off at `UNDERFLOW`."""
+"""Sums below this may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,16 +283,13 @@ def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(m, 3) unit cross products of (3, m) vectors, NaN if they are parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (_unit(_unit_size(v)) for v in (first, second))
+        first, second = (_unit(v) for v in (first, second))
         normal = cross_of_columns(first, second)
         sine = np.sqrt((normal**2).sum(axis=0))
         return np.where(sine > PARALLEL_SINE, normal / sine, np.nan).T, sine
 
 
-def _unit_size(v: FloatArray) -> FloatArray:
-    """The columns scaled to a largest entry of 1, so that squares do not underflow."""
-    return np.asarray(v / np.abs(v).max(axis=0))
-
-
 def _unit(v: FloatArray) -> FloatArray:
+    """The columns, of length 1; scaled to a largest entry of 1 first, so that squares do not underflow."""
+    v = v / np.abs(v).max(axis=0)
     return np.asarray(v / np.sqrt((v**2).sum(axis=0)))

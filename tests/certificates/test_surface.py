@@ -205,7 +205,7 @@ def test_what_cannot_be_certified_is_refused(tmp_path, options):
 
 @long
 def test_certificates_that_take_too_long_are_refused(monkeypatch):
-    monkeypatch.setattr(certificate, "MOST_WORK", 1000)
+    monkeypatch.setattr(certificate, "MAX_WORK", 1000)
     with pytest.raises(ToleranceError, match=r"0\.5 takes too long to certify, .* or leave out --certify"):
         tessellate(load(SPECS / "pentagon.toml"), tolerance=0.5, certify=True, normals=False)
 

@@ -17,7 +17,7 @@ from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.loading import parse
-from gtb_cli.spec.starter import FEWEST_SIDES, MOST_SIDES, TEMPLATE_FOLDER, template
+from gtb_cli.spec.starter import MAX_SIDES, MIN_SIDES, TEMPLATE_FOLDER, template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
@@ -110,7 +110,7 @@ def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
     ("words", "message"),
     [
         (["n-gon"], "n-gon: expected a number of sides, such as n-gon 7"),
-        (["n-gon", "2"], f"n-gon: expected {FEWEST_SIDES} to {MOST_SIDES} sides, got 2"),
+        (["n-gon", "2"], f"n-gon: expected {MIN_SIDES} to {MAX_SIDES} sides, got 2"),
         (["n-gon", "101"], "got 101"),
         (["n-gon", "seven"], "expected a whole number, got 'seven'"),
         (["curve", "7"], "curve: expected no number of sides, got 7; n-gon takes one"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.check import check_patch
-from gtb_cli.design.curve_fit import MAX_POINTS, REACHED
+from gtb_cli.design.curve_fit import MAX_POINTS, RESIDUAL_TOLERANCE
 from gtb_cli.design.fit import fit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.spec.loading import from_dict, parse
@@ -25,8 +25,8 @@ def helix(n: int) -> np.ndarray:
 def test_a_curve_passes_its_points(n):
     found = fit(helix(n))
     size = np.abs(helix(n)).max()
-    assert found.distance <= REACHED * size
-    np.testing.assert_allclose(found.curve.evaluate(found.parameters), helix(n), atol=2 * REACHED * size)
+    assert found.distance <= RESIDUAL_TOLERANCE * size
+    np.testing.assert_allclose(found.curve.evaluate(found.parameters), helix(n), atol=2 * RESIDUAL_TOLERANCE * size)
     assert found.curve.evaluate(found.curve.domain.vertices).tolist() == helix(n)[[0, -1]].tolist()
     assert (np.diff(found.parameters) > 0).all()
 
@@ -55,7 +55,7 @@ def test_rounds_are_what_the_eigenvalues_say():
     found = fit(helix(12))
     matrix = found.curve.basis(found.parameters)
     radius = np.abs(1 - np.linalg.eigvals(matrix)).max()
-    expected = math.log(REACHED) / math.log(radius)
+    expected = math.log(RESIDUAL_TOLERANCE) / math.log(radius)
     assert 0.6 * expected < found.rounds < 1.2 * expected
     assert fit(helix(50)).rounds < 1.5 * fit(helix(12)).rounds
 

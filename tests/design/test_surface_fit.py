@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.design.curve_fit import REACHED
+from gtb_cli.design.curve_fit import RESIDUAL_TOLERANCE
 from gtb_cli.design.fit import fit
 from gtb_cli.design.surface_fit import surface_near, surface_through
 from gtb_cli.errors import DomainError, ToleranceError
@@ -63,7 +63,7 @@ def test_rounds_of_a_cubic_triangle_are_what_bernsteins_operator_says():
     """Its least eigenvalue at the lattice is 3! / 3³ = 2/9, and each round leaves 7/9 of what is missed."""
     patch = load("specs/bezier-triangle.toml").replace(weights=np.ones(10))
     points = np.random.default_rng(7).normal(size=(10, 3))
-    expected = math.log(REACHED) / math.log(7 / 9)
+    expected = math.log(RESIDUAL_TOLERANCE) / math.log(7 / 9)
     assert surface_through(points, patch).rounds == pytest.approx(expected, rel=0.1)
 
 

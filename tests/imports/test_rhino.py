@@ -71,7 +71,7 @@ def test_without_the_extra_there_is_a_message(tmp_path: Path, monkeypatch: pytes
 
 def test_a_process_that_only_waits_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     process(tmp_path, monkeypatch, run='__import__("time").sleep(60)')
-    monkeypatch.setattr(rhino, "PATIENCE", 0.1)
+    monkeypatch.setattr(rhino, "PATIENCE_SECONDS", 0.1)
     with pytest.raises(SpecError, match=r"it is not read within 0\.1 s"):
         import_file("x.3dm", small_file())
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.knots.domain import domain
-from gtb_cli.knots.sheets import COARSEST, STRIDE, sheets
+from gtb_cli.knots.sheets import MIN_COARSE_STEPS, STRIDE, sheets
 from gtb_cli.knots.triangulation import triangulation
 
 POLYGONS = {
@@ -15,7 +15,7 @@ POLYGONS = {
     "pentagon": [[0, 0], [3, 0], [4, 2], [2, 4], [0, 3]],
 }
 
-SMALLEST = STRIDE * COARSEST + 3
+SMALLEST = STRIDE * MIN_COARSE_STEPS + 3
 
 ROUNDING = 1e-11
 """Error of polynomials of size 10 that are extrapolated by half a dozen nodes, twice."""

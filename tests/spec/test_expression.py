@@ -11,7 +11,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.expression import MAX_DEPTH, MAX_LENGTH, evaluate_expression
+from gtb_cli.spec.expression import MAX_CHARACTERS, MAX_NESTING, evaluate_expression
 from tests.specs import SECONDS
 
 ROUNDING = 1e-12
@@ -53,7 +53,7 @@ def test_values(text: str, value: float) -> None:
 
 def test_integers_are_floats_from_the_start() -> None:
     assert evaluate_expression("9007199254740993 - 9007199254740992") == 0.0
-    assert evaluate_expression("9" * MAX_LENGTH) == 1e256
+    assert evaluate_expression("9" * MAX_CHARACTERS) == 1e256
 
 
 @st.composite
@@ -92,7 +92,7 @@ def expressions(draw: st.DrawFn) -> tuple[str, mpmath.mpf, float]:
 @given(expressions())
 def test_values_agree_with_mpmath(case: tuple[str, mpmath.mpf, float]) -> None:
     text, value, size = case
-    assume(len(text) <= MAX_LENGTH and size < 1e12)
+    assume(len(text) <= MAX_CHARACTERS and size < 1e12)
     assert abs(evaluate_expression(text) - value) <= ROUNDING * max(size, 1.0)
 
 
@@ -208,14 +208,14 @@ def test_hostile_text_is_refused_at_once(text: str) -> None:
     ids=["parentheses", "signs", "powers", "signed", "powers-of-parentheses", "parentheses-in-powers", "functions"],
 )
 def test_depth_counts_parentheses_powers_and_signs(nested) -> None:
-    assert abs(evaluate_expression(nested(MAX_DEPTH))) == 1
-    with pytest.raises(SpecError, match=f"is nested more than {MAX_DEPTH} deep"):
-        evaluate_expression(nested(MAX_DEPTH + 1))
+    assert abs(evaluate_expression(nested(MAX_NESTING))) == 1
+    with pytest.raises(SpecError, match=f"is nested more than {MAX_NESTING} deep"):
+        evaluate_expression(nested(MAX_NESTING + 1))
 
 
 @pytest.mark.parametrize("text", ["+".join("1" * 128), "-".join("1" * 128), "1*" * 127 + "1", "-1+" * 85 + "1"])
 def test_long_plain_sums_are_not_deep(text: str) -> None:
-    assert len(text) <= MAX_LENGTH
+    assert len(text) <= MAX_CHARACTERS
     assert math.isfinite(evaluate_expression(text))
 
 
@@ -224,9 +224,9 @@ def test_depth_is_of_the_deepest_part_not_of_all_parts_together() -> None:
 
 
 def test_length_limit() -> None:
-    assert evaluate_expression("1" + " " * (MAX_LENGTH - 1)) == 1
-    with pytest.raises(SpecError, match=f"has {MAX_LENGTH + 1} characters, at most {MAX_LENGTH}"):
-        evaluate_expression("1" + " " * MAX_LENGTH)
+    assert evaluate_expression("1" + " " * (MAX_CHARACTERS - 1)) == 1
+    with pytest.raises(SpecError, match=f"has {MAX_CHARACTERS + 1} characters, at most {MAX_CHARACTERS}"):
+        evaluate_expression("1" + " " * MAX_CHARACTERS)
 
 
 @given(st.text(st.sampled_from("0123456789.eE+-*/() \tpisqrtcoxlgan_,'\"\\\n²j#=<")))

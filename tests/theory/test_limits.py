@@ -336,7 +336,7 @@ def test_a_knot_may_merge_with_its_copy():
     patch = Patch([0, 0, 1], [[0, 0], [2, 4], [1, 1]], [1, 3, 1])
     found = merge_knots(patch, {1: 0})
     assert found.control_points[0].tolist() == [1.5, 3, 0]
-    assert knot_limit(patch, {1: 0}).is_uniform
+    assert not knot_limit(patch, {1: 0}).films
 
 
 # --- moving
@@ -405,7 +405,7 @@ FILMS = [
 def test_where_knots_arrive(patch, moves, faces):
     limit = knot_limit(patch, moves)
     assert limit.arrivals == faces
-    assert limit.is_uniform == (not faces)
+    assert bool(limit.films) == bool(faces)
 
 
 def test_the_film_of_one_knot_at_an_end_is_a_segment():
