@@ -123,6 +123,40 @@ class Places(NamedTuple):
         return Places(owner, u, face, s, cuts)
 
 
+class _Lateral(NamedTuple):
+    """(m,) each: the error in the triangle's plane, how well it is known, and whether a piece is beside or inside."""
+
+    lateral: FloatArray
+    doubts: FloatArray
+    beside: BoolArray
+    inside: BoolArray
+
+
+class _Enclosure(NamedTuple):
+    """T_i over pieces, up to a common factor: (c, n, m) middles and radii, and (c, m) bounds of Σ T_i."""
+
+    middle: FloatArray
+    radius: FloatArray
+    least: FloatArray
+    most: FloatArray
+
+    def at(self, rows: IntArray) -> _Enclosure:
+        """Some of the pieces."""
+        return _Enclosure(*(values[..., rows] for values in self))
+
+    def sums(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(c, m) Σ T_i v_i for (n, m) values, and how far each may be off."""
+        return np.einsum("nm,cnm->cm", values, self.middle), np.einsum("nm,cnm->cm", np.abs(values), self.radius)
+
+    def highest(self, sums: FloatArray) -> FloatArray:
+        """(m,) upper bounds of Σ T_i v_i / Σ T_i, from those of the (c, m) sums."""
+        return np.asarray((sums / np.where(sums > 0, self.least, self.most)).max(axis=0))
+
+    def lowest(self, sums: FloatArray) -> FloatArray:
+        """(m,) lower bounds, likewise."""
+        return np.asarray((sums / np.where(sums > 0, self.most, self.least)).min(axis=0))
+
+
 class SurfaceCertificate:
     """Proofs that triangles are within a tolerance of a surface.
 
@@ -265,69 +299,70 @@ class SurfaceCertificate:
     def _compared(self, number: int, pieces: Pieces, whole: Triangles, tolerance: float) -> tuple[BoolArray, BoolArray]:
         """(m,) whether the triangle fails on each piece, and whether that is still open."""
         bounds = self.charts.charts[number].bounds(pieces)
-        middle, radius = (bounds.upper + bounds.lower) / 2, (bounds.upper - bounds.lower) / 2
-        least, most = bounds.lower.sum(axis=1), bounds.upper.sum(axis=1)
+        least = bounds.lower.sum(axis=1)
         known = (least > 0).all(axis=0)
-        least = np.where(least > 0, least, 1.0)
+        basis = _Enclosure(
+            (bounds.upper + bounds.lower) / 2,
+            (bounds.upper - bounds.lower) / 2,
+            np.where(least > 0, least, 1.0),
+            bounds.upper.sum(axis=1),
+        )
         rounding = self._rounding(whole, bounds.exponent)
         errors = self._residuals(whole)
-
-        def enclosed(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-            """(c, m) Σ T_i v_i up to the common factor, and how far it may be off."""
-            return np.einsum("nm,cnm->cm", values, middle), np.einsum("nm,cnm->cm", np.abs(values), radius)
-
-        def component(direction: FloatArray) -> FloatArray:
-            return np.asarray(sum(errors[axis] * direction[:, axis] for axis in range(3)))
-
-        across, doubt = enclosed(component(whole.normal))
-        height = ((np.abs(across) + doubt) / least).max(axis=0) + rounding
-        doubts = (doubt / least).max(axis=0)
-        x, y = component(whole.along), component(whole.out)
-        (x_sum, _), (y_sum, _), (_, doubt) = enclosed(x), enclosed(y), enclosed(np.hypot(x, y))
-        slide = ((np.hypot(x_sum, y_sum) + doubt) / least).max(axis=0) + rounding
-        slide_doubts = (doubt / least).max(axis=0)
+        across, doubt = basis.sums(_component(errors, whole.normal))
+        height, doubts = basis.highest(np.abs(across) + doubt) + rounding, basis.highest(doubt)
+        x, y = _component(errors, whole.along), _component(errors, whole.out)
+        (x_sum, _), (y_sum, _), (_, doubt) = basis.sums(x), basis.sums(y), basis.sums(np.hypot(x, y))
+        slide, slide_doubts = basis.highest(np.hypot(x_sum, y_sum) + doubt) + rounding, basis.highest(doubt)
         holds = known & (np.hypot(height, slide) <= tolerance)
-        rows = np.flatnonzero(known & ~holds)
         far, open_ = np.zeros(len(holds), dtype=bool), ~holds
+        rows = np.flatnonzero(known & ~holds)
         if not len(rows):
             return far, open_
-        # The same for the pieces that are left.
-        middle, radius, errors, whole = middle[:, :, rows], radius[:, :, rows], errors[:, :, rows], whole.at(rows)
-        least, most, rounding, slide, height = least[:, rows], most[:, rows], rounding[rows], slide[rows], height[rows]
+        left = whole.at(rows)
+        place = self._lateral(basis.at(rows), errors[:, :, rows], left, slide[rows], rounding[rows])
+        line = (left.heights == 0).any(axis=1) | (slide[rows] < place.lateral)
+        lateral = np.where(line, slide[rows], place.lateral)
+        settled = (np.hypot(height[rows], lateral) <= tolerance) | place.beside
+        open_[rows[settled]] = False
+        certain = doubts[rows] + np.where(line, slide_doubts[rows], place.doubts) <= SPENT_SHARE * tolerance
+        far[rows] = ~settled & certain & place.inside
+        open_ &= ~far
+        return far, open_
+
+    def _lateral(
+        self, basis: _Enclosure, errors: FloatArray, whole: Triangles, slide: FloatArray, rounding: FloatArray
+    ) -> _Lateral:
+        """Bound the errors in the planes of triangles that are left; those along them are at most `slide`."""
         shares = barycentric(whole.u, self.charts.knots)
-        inside, beside = [], np.zeros(len(rows), dtype=bool)
-        for k in range(3):
-            mean, doubt = enclosed(shares[k])
-            beside |= (mean + doubt < 0).all(axis=0)
-            low = mean - doubt
-            inside.append((low / np.where(low > 0, most, least)).min(axis=0))
-        lateral, lateral_doubts = np.zeros(len(rows)), np.zeros(len(rows))
+        beside, inside = np.zeros(len(slide), dtype=bool), np.ones(len(slide), dtype=bool)
         beyond, off, loose = [], [], []
         for k in range(3):
+            mean, doubt = basis.sums(shares[k])
+            beside |= (mean + doubt < 0).all(axis=0)
+            depth = basis.lowest(mean - doubt)
+            inside &= depth >= -SLIVER_RATIO
             # Where λ ≥ 0, a point is beyond the side by no more than its error less a part of λ times the height.
             steep = shares[k] * np.minimum(whole.heights[:, k], MAX_DEPTH_CREDIT * slide)
-            outwards = component(whole.outwards[:, k])
-            (out, doubt), (back, _) = enclosed(outwards - steep), enclosed(-outwards - steep)
-            out, back = ((each + doubt) / np.where(each + doubt > 0, least, most) for each in (out, back))
-            beyond.append(out.max(axis=0) + rounding)
+            outwards = _component(errors, whole.outwards[:, k])
+            (out, doubt), (back, _) = basis.sums(outwards - steep), basis.sums(-outwards - steep)
+            beyond.append(basis.highest(out + doubt) + rounding)
             # On the side itself the surface must not lie far inside, either.
-            inwards = np.where(inside[k] <= SLIVER_RATIO, back.max(axis=0) + rounding, 0.0)
+            inwards = np.where(depth <= SLIVER_RATIO, basis.highest(back + doubt) + rounding, 0.0)
             off.append(np.maximum(np.maximum(beyond[k], inwards), 0.0))
-            loose.append((doubt / least).max(axis=0))
+            loose.append(basis.highest(doubt))
+        lateral, doubts = np.max(off, axis=0), np.max(loose, axis=0)
         for k in range(3):
-            lateral, lateral_doubts = np.maximum(lateral, off[k]), np.maximum(lateral_doubts, loose[k])
             for other in (k - 1, k - 2):
                 cosine = np.abs(whole.cosines[:, 3 - k - other % 3])
                 sine = np.sqrt(np.maximum(1 - cosine**2, SLIVER_RATIO**2))
                 over = np.maximum(beyond[other] + cosine * off[k], 0.0) / sine
                 counts = (off[k] > 0) & (over > 0)
                 lateral = np.where(counts, np.maximum(lateral, np.hypot(off[k], over)), lateral)
-                lateral_doubts = np.where(counts, np.maximum(lateral_doubts, loose[other] / sine), lateral_doubts)
-        line = (whole.heights == 0).any(axis=1) | (slide < lateral)
-        lateral, lateral_doubts = np.where(line, slide, lateral), np.where(line, slide_doubts[rows], lateral_doubts)
-        settled = (np.hypot(height, lateral) <= tolerance) | beside
-        open_[rows[settled]] = False
-        certain = doubts[rows] + lateral_doubts <= SPENT_SHARE * tolerance
-        far[rows] = ~settled & certain & (np.min(inside, axis=0) >= -SLIVER_RATIO)
-        open_ &= ~far
-        return far, open_
+                doubts = np.where(counts, np.maximum(doubts, loose[other] / sine), doubts)
+        return _Lateral(lateral, doubts, beside, inside)
+
+
+def _component(errors: FloatArray, direction: FloatArray) -> FloatArray:
+    """(n, m) components of (3, n, m) vectors along (m, 3) directions."""
+    return np.asarray(sum(errors[axis] * direction[:, axis] for axis in range(3)))

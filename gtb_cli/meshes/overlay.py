@@ -53,7 +53,7 @@ class Pieces(NamedTuple):
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
         """The pieces of all parts."""
-        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
+        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))  # type: ignore[arg-type]
 
     @property
     def middles(self) -> FloatArray:
