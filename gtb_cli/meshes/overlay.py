@@ -53,7 +53,7 @@ class Pieces(NamedTuple):
     @staticmethod
     def together(parts: Sequence[Pieces]) -> Pieces:
         """The pieces of all parts."""
-        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))  # type: ignore[arg-type]
+        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
 
     @property
     def middles(self) -> FloatArray:
@@ -62,7 +62,7 @@ class Pieces(NamedTuple):
 
     def at(self, rows: IntArray | BoolArray) -> Pieces:
         """The pieces in the given rows."""
-        return Pieces(*(values[rows] for values in self))
+        return Pieces(self.corners[rows], self.bounds[rows], self.likely[rows], self.worst[rows], self.samples[rows])
 
     def bounded(self, tree: NearestCells, likely: IntArray, samples: FloatArray) -> Pieces:
         """Bound each piece by its corners' distances from one cell, which becomes the cell below it."""
