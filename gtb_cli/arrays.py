@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, TypeAlias
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,9 @@ from gtb_cli.errors import DomainError
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
+
+Table = TypeVar("Table", bound=tuple[Any, ...])
+"""A named tuple of arrays with as many rows."""
 
 EPS = float(np.finfo(np.float64).eps)
 """Distance from 1 to the next float."""
@@ -112,6 +115,16 @@ def bounds_of(points: FloatArray) -> FloatArray:
 def distinct(values: NDArray[Any]) -> NDArray[Any]:
     """Return distinct rows, or numbers, sorted; without indices `numpy.unique` imports numpy.ma, which takes 8 ms."""
     return np.asarray(np.unique(values, axis=0, return_index=True)[0])
+
+
+def rows_of(table: Table, rows: IntArray | BoolArray | slice) -> Table:
+    """Some rows of a named tuple of arrays."""
+    return tuple.__new__(type(table), [column[rows] for column in table])
+
+
+def joined(tables: Sequence[Table]) -> Table:
+    """The rows of several named tuples of arrays, one table after another."""
+    return tuple.__new__(type(tables[0]), [np.concatenate(columns) for columns in zip(*tables, strict=True)])
 
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.bezier.elevation import MAX_ELEVATED_KNOTS, MAX_PLAIN_WEIGHT
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import domain
 from gtb_cli.knots.hull import KNOT_TOLERANCE
-from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -213,9 +212,8 @@ def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) 
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
     ordinary = np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT)
-    name = f"{patch.name or 'patch'}-{suffix}"
-    piece = Patch(knots, points, coefficients=binomial_coefficients(domain(knots)), name=name)
-    return piece.replace(weights=np.exp(logs)) if ordinary else piece.replace(log_weights=logs)
+    given: dict[str, Any] = {"weights": np.exp(logs)} if ordinary else {"log_weights": logs}
+    return Patch(knots, points, **given, **{"coefficients": "binomial", "name": f"{patch.name or 'patch'}-{suffix}"})
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:

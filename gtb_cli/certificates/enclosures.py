@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
 from gtb_cli.theory.basis import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
@@ -53,10 +53,6 @@ class Pieces(NamedTuple):
     corners: FloatArray
     origin: FloatArray
     layer: FloatArray
-
-    def at(self, rows: IntArray | BoolArray | slice) -> Pieces:
-        """Some of the pieces."""
-        return Pieces(*(column[rows] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +219,7 @@ class Charts:
         for _ in range(MAX_PUSHES):
             if not len(todo):
                 break
-            here = pieces.at(todo)
+            here = rows_of(pieces, todo)
             polygon = _clipped(_enlarged(here.corners, push[todo]), single[todo])
             excess = np.full((len(todo), 3), -np.inf)
             for side, (start, end) in enumerate(((2, 3), (3, 0), (1, 2))):
@@ -233,7 +229,7 @@ class Charts:
             inside = (polygon[:, 2:, 1] >= 0).all(axis=1) | (not number)
             holds = np.asarray((excess <= 0).all(axis=1) & inside)
             for corners, some in (((1, 2, 3), holds), ((0, 1, 3), holds & single[todo])):
-                done.append(here.at(some)._replace(corners=polygon[some][:, corners]))
+                done.append(rows_of(here, some)._replace(corners=polygon[some][:, corners]))
                 owner.append(todo[some])
             found[todo[holds]] = True
             left = ~holds & (excess.max(axis=1) < MAX_EXCESS) & inside
@@ -242,7 +238,7 @@ class Charts:
                 excess > 0, 2 * excess + 1.5 * PUSH_SHARE, np.where(excess > -PUSH_SHARE / 2, PUSH_SHARE, 0.0)
             )
             push[todo] += np.where(fixed[todo], 0.0, more)
-        return found, joined([pieces.at(slice(0)), *done]), np.concatenate([todo[:0], *owner])
+        return found, joined([rows_of(pieces, slice(0)), *done]), np.concatenate([todo[:0], *owner])
 
 
 def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -250,11 +246,6 @@ def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
     ones = np.ones((*corners.shape[:2], 1))
     solved = np.linalg.inv(np.concatenate([corners, ones], axis=2))  # (m, coordinate, corner)
     return np.asarray(np.einsum("mdk,pd->kpm", solved[:, :2], points) + solved[:, 2].T[:, None])
-
-
-def joined(parts: list[Pieces]) -> Pieces:
-    """All pieces in one."""
-    return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups
-from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric, joined
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups, joined, rows_of
+from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric
 from gtb_cli.errors import ToleranceError
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.patch import Patch
@@ -71,10 +71,6 @@ class Triangles(NamedTuple):
     heights: FloatArray
     cosines: FloatArray
 
-    def at(self, rows: IntArray) -> Triangles:
-        """Some of the triangles."""
-        return Triangles(*(column[rows] for column in self))
-
 
 def triangles(u: FloatArray, points: FloatArray) -> Triangles:
     """Measure triangles, given by (k, 3, 2) corners in Δ and (k, 3, 3) in space."""
@@ -105,10 +101,6 @@ class Places(NamedTuple):
     face: IntArray
     s: FloatArray
     cuts: IntArray
-
-    def at(self, rows: IntArray | BoolArray) -> Places:
-        """Some of the parts."""
-        return Places(self.owner[rows], self.u[rows], self.face[rows], self.s[rows], self.cuts[rows])
 
     def quartered(self, charts: Charts, at_corner: BoolArray) -> Places:
         """Cut each part in quarters."""
@@ -216,17 +208,17 @@ class SurfaceCertificate:
                 for begin in range(0, len(rows) if chart else 0, self.block):
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
-                    here = todo.at(some)
+                    here = rows_of(todo, some)
                     self.work += len(self.points) * len(some)
                     found, pieces, which = charts.covers(chart - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(chart - 1, pieces, here.owner[which], whole, tolerance, fails)
-            todo = todo.at(np.concatenate(left))
+            todo = rows_of(todo, np.concatenate(left))
             at_corner = todo.face.max(axis=1) > len(self.corners)
             fails[todo.owner[~at_corner & (todo.cuts == 0)]] = True
             open_ = ~fails[todo.owner]
             rows = np.flatnonzero(at_corner & open_)
-            open_[rows] = ~self._near_corner(todo.at(rows), whole.at(todo.owner[rows]), tolerance)
+            open_[rows] = ~self._near_corner(rows_of(todo, rows), rows_of(whole, todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
             if self.work > most_work:
@@ -234,7 +226,7 @@ class SurfaceCertificate:
                     f"tolerance: {tolerance:g} takes too long to certify, {np.unique(todo.owner[open_]).size} of "
                     f"{len(u)} faces are not certain yet: take a larger one, or leave out --certify"
                 )
-            todo = todo.at(open_).quartered(charts, at_corner[open_])
+            todo = rows_of(todo, open_).quartered(charts, at_corner[open_])
         fails[todo.owner] = True
         return fails
 
@@ -253,9 +245,8 @@ class SurfaceCertificate:
             ahead = (steps @ self.bisectors[corner]).max(axis=1)
             others = self.ahead[:, corner] > 0
             rate = (size[others][:, rows] / self.ahead[others, corner][:, None]).max(axis=0)
-            result[rows] = (
-                rate * ahead + size[~others][:, rows].max(axis=0) + self._rounding(whole.at(rows), 0.0) <= tolerance
-            )
+            error = rate * ahead + size[~others][:, rows].max(axis=0)
+            result[rows] = error + self._rounding(rows_of(whole, rows), 0.0) <= tolerance
         return result
 
     def _residuals(self, whole: Triangles) -> FloatArray:
@@ -282,9 +273,9 @@ class SurfaceCertificate:
                 if not len(rows):
                     continue
                 self.work += len(self.points) * len(rows)
-                far, open_ = self._compared(number, pieces.at(rows), whole.at(owner[rows]), tolerance)
+                far, open_ = self._compared(number, rows_of(pieces, rows), rows_of(whole, owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
-                left.append(pieces.at(rows[open_]))
+                left.append(rows_of(pieces, rows[open_]))
                 owners.append(owner[rows[open_]])
             if not left:
                 return
@@ -292,7 +283,7 @@ class SurfaceCertificate:
             if quartering == MAX_QUARTERINGS:
                 break
             corners = np.einsum("qvc,mcd->mqvd", QUARTERS, pieces.corners).reshape(-1, 3, 2)
-            pieces = pieces.at(np.repeat(np.arange(len(owner)), 4))._replace(corners=corners)
+            pieces = rows_of(pieces, np.repeat(np.arange(len(owner)), 4))._replace(corners=corners)
             owner = np.repeat(owner, 4)
         fails[owner] = True
 
@@ -319,7 +310,7 @@ class SurfaceCertificate:
         rows = np.flatnonzero(known & ~holds)
         if not len(rows):
             return far, open_
-        left = whole.at(rows)
+        left = rows_of(whole, rows)
         place = self._lateral(basis.at(rows), errors[:, :, rows], left, slide[rows], rounding[rows])
         line = (left.heights == 0).any(axis=1) | (slide[rows] < place.lateral)
         lateral = np.where(line, slide[rows], place.lateral)

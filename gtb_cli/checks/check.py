@@ -19,14 +19,6 @@ def check(shape: Patch | Model) -> Report | ModelReport:
 def check_patch(patch: Patch) -> Report:
     """Measure every property the paper proves, on a patch.
 
-    Parameters
-    ----------
-    patch : Patch
-
-    Returns
-    -------
-    Report
-
     Notes
     -----
     The parameters are fixed, so that the same patch gives the same numbers. Bounds are what rounding may do: they grow

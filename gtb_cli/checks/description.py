@@ -70,14 +70,6 @@ class Description:
 def description(patch: Patch) -> Description:
     """Describe a patch.
 
-    Parameters
-    ----------
-    patch : Patch
-
-    Returns
-    -------
-    Description
-
     Notes
     -----
     This takes a few milliseconds. Every patch has linear precision in the linear parametrisation; the error is that of

@@ -80,10 +80,6 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
         Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least `MIN_STEP`
         times the longest.
 
-    Returns
-    -------
-    Fit
-
     Raises
     ------
     DomainError

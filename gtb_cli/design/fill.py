@@ -123,10 +123,6 @@ def fill(
         others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
     name : str, optional
 
-    Returns
-    -------
-    Filling
-
     Raises
     ------
     DomainError

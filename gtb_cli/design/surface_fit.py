@@ -48,10 +48,6 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     parameters : (n, 2) float, optional
         Parameters of the points, in the linear parametrisation. Default: the knots.
 
-    Returns
-    -------
-    Fit
-
     Raises
     ------
     DomainError
@@ -87,10 +83,6 @@ def surface_near(
         Fixed parameters of the points, in the linear parametrisation. Default: by projection, corrected in rounds.
     smoothing : float
         Weight of the thin-plate energy; 0 for none.
-
-    Returns
-    -------
-    Fit
 
     Raises
     ------

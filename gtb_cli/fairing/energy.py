@@ -44,9 +44,6 @@ def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
     kind : {"thin-plate", "dirichlet"}
         ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²``, in units of length².
 
-    Returns
-    -------
-    float
     """
     points = patch.control_points - patch.control_points.mean(axis=0)
     return float(np.einsum("ik,ij,jk->", points, energy_matrix(patch.domain, patch.log_products, kind), points))

@@ -60,10 +60,6 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
         What stays: the boundary curves, or also the tangent planes along them, which the layer of knots next to each
         edge determines.
 
-    Returns
-    -------
-    Fairing
-
     Raises
     ------
     DomainError

@@ -67,10 +67,6 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     have the fewest digits that read back exactly. Cells do not share points, because neighbours agree on the ratios of
     the weights along an edge, but not on the weights.
 
-    Parameters
-    ----------
-    spec : Patch or Model
-
     Raises
     ------
     DomainError

@@ -14,13 +14,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def read_bpt(data: bytes, source: str) -> list[Patch]:
-    """Read the patches of a ``.bpt`` file.
-
-    Raises
-    ------
-    SpecError
-        What was found, and where.
-    """
+    """Read the patches of a ``.bpt`` file."""
     words = Words(data, source)
     patches = []
     for _ in range(words.whole("the number of patches", 1, MAX_PATCHES)):
@@ -32,13 +26,7 @@ def read_bpt(data: bytes, source: str) -> list[Patch]:
 
 
 def read_bzr(data: bytes, source: str) -> list[Patch]:
-    """Read the patch of a ``.bzr`` file.
-
-    Raises
-    ------
-    SpecError
-        What was found, and where.
-    """
+    """Read the patch of a ``.bzr`` file."""
     words = Words(data, source)
     m, n = (words.whole("a degree", 1, MAX_DEGREE) for _ in range(2))
     points = words.rows((m + 1) * (n + 1), 3, "control points x y z")

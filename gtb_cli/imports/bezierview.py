@@ -24,11 +24,6 @@ MAX_SIDES = 100
 def read_bv(data: bytes, source: str) -> list[Patch]:
     """Read the patches of a ``.bv`` file; normals of PN patches are left out.
 
-    Raises
-    ------
-    SpecError
-        What was found, and where.
-
     Notes
     -----
     The first index of a rectangle's net runs slowest. Each face of a polyhedron becomes a patch; if the face has more

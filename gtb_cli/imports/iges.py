@@ -182,11 +182,6 @@ class _File:
 def read_iges(data: bytes, source: str) -> Found:
     """Read the B-spline curves and surfaces of an IGES file.
 
-    Raises
-    ------
-    SpecError
-        What was found, and where.
-
     Notes
     -----
     Curves that lie in the parameter plane of a surface, or bound a surface, are left out. Surfaces are whole: trimming

@@ -6,8 +6,6 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import domain
-from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.patch import Patch
 
 MAX_DEGREE = 60
@@ -63,5 +61,4 @@ def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _lattice(knots: FloatArray, points: FloatArray, weights: FloatArray | None, name: str | None) -> Patch:
-    patch = Patch(knots, points, coefficients=binomial_coefficients(domain(knots)), name=name)
-    return patch if weights is None else patch.replace(weights=weights)
+    return Patch(knots, points, weights, "binomial", name=name)  # type: ignore[arg-type]

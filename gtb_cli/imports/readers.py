@@ -45,7 +45,7 @@ READERS = {
     "3dm": "rhino:read_3dm",
     "geomdl": "geomdl_json:read_geomdl",
 }
-"""Formats and the modules that read them, imported when they are needed."""
+"""Formats and their readers, imported when they are needed: `SpecError` says what a file has wrong, and where."""
 
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
 

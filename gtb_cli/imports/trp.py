@@ -23,13 +23,7 @@ MAX_LATTICE_COORDINATE = 10**6
 
 
 def read_trp(data: bytes, source: str) -> list[Patch]:
-    """Read the one patch of a ``.trp`` file.
-
-    Raises
-    ------
-    SpecError
-        What was found, and where.
-    """
+    """Read the one patch of a ``.trp`` file."""
     words = Words(data, source)
     sides = words.whole("the number of corners", 3, MAX_KNOTS)
     corners_at = words.line

@@ -128,10 +128,6 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     lifting : (n,) float
         Values λ_i.
 
-    Returns
-    -------
-    RegularDecomposition
-
     Raises
     ------
     DomainError
@@ -173,10 +169,6 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
 
 def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
     """The control net that a lifting induces: it joins knots that are neighbours along the borders of the cells.
-
-    Parameters
-    ----------
-    decomposition : RegularDecomposition
 
     Returns
     -------

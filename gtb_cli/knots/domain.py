@@ -241,10 +241,6 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     edge_scale : float or (r,) float
         Further positive factors s_j; for d = 1 these are k_0, k_1.
 
-    Returns
-    -------
-    Domain
-
     Raises
     ------
     DomainError

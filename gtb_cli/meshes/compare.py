@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, rows_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
@@ -99,10 +99,6 @@ def surface_distance(
     concurrent : int
         Both directions are searched at the same time if the larger mesh has this many cells; the result is the same.
 
-    Returns
-    -------
-    Distance
-
     Raises
     ------
     DomainError
@@ -189,7 +185,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         rows = cells[begin : begin + CELL_BATCH]
         block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
-    pieces = Pieces.together(kept)
+    pieces = joined(kept)
     effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * MIN_CUT_SHARE))
     by_sample = False
     if len(pieces.bounds) > EXCESS_RATIO * effort:
@@ -204,8 +200,8 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
         effort -= number
-        parts = search.bounded_well(search.bounded(pieces.at(order[:number]).cut(search.tree)))
-        pieces = Pieces.together([pieces.at(order[number:]), parts])
+        parts = search.bounded_well(search.bounded(rows_of(pieces, order[:number]).cut(search.tree)))
+        pieces = joined([rows_of(pieces, order[number:]), parts])
     search.bound = max(search.found, search.bound, float(pieces.bounds.max(initial=0.0)))
     return search
 
@@ -236,7 +232,7 @@ class _Search:
         if not low.any():
             return pieces
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
-        return pieces.at(~low)
+        return rows_of(pieces, ~low)
 
     def bounded(self, pieces: Pieces) -> Pieces:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""

@@ -141,10 +141,6 @@ def difference(
     effort : int
         See `surface_distance`.
 
-    Returns
-    -------
-    Difference
-
     Notes
     -----
     The resolution is the largest distance between equal points after rounding to the numbers in the files: for each

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -50,19 +49,10 @@ class Pieces(NamedTuple):
         rows, best = np.arange(len(corners)), samples.argmin(axis=1)
         return Pieces(corners, bounds, nearest[rows, best], distances.argmax(axis=1), samples[rows, best])
 
-    @staticmethod
-    def together(parts: Sequence[Pieces]) -> Pieces:
-        """The pieces of all parts."""
-        return Pieces(*map(np.concatenate, zip(*parts, strict=True)))
-
     @property
     def middles(self) -> FloatArray:
         """(m, 3) means of the corners."""
         return middles(self.corners)
-
-    def at(self, rows: IntArray | BoolArray) -> Pieces:
-        """The pieces in the given rows."""
-        return Pieces(self.corners[rows], self.bounds[rows], self.likely[rows], self.worst[rows], self.samples[rows])
 
     def bounded(self, tree: NearestCells, likely: IntArray, samples: FloatArray) -> Pieces:
         """Bound each piece by its corners' distances from one cell, which becomes the cell below it."""

@@ -7,11 +7,11 @@ the lifting, so that no member depends on the others.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hulls import extents_of
@@ -55,15 +55,6 @@ class Places(NamedTuple):
     parameters: FloatArray
     face: IntArray
 
-    def at(self, rows: IntArray) -> Places:
-        """Some of the places."""
-        return Places(self.cell[rows], self.parameters[rows], self.face[rows])
-
-    def followed_by(self, other: Places) -> Places:
-        """These and others."""
-        columns: list[Any] = list(map(np.concatenate, zip(self, other, strict=True)))
-        return Places(*columns)
-
 
 class Continuation:
     """Solutions s at fixed places for the patches with weights e^{−l g} ω, l ≥ 0, where each cell has gaps g.
@@ -105,7 +96,7 @@ class Continuation:
                 heights = shape.heights_of_columns(places.parameters[rows]) / shape.normal_lengths[:, None]
                 rows = rows[heights.min(axis=0) > MIN_BOUNDARY_DISTANCE * shape.size]
             if len(rows) and len(ladder) <= MAX_RUNGS:
-                stratum = Stratum(patch, face, gaps, places.at(rows), rows, ladder)
+                stratum = Stratum(patch, face, gaps, rows_of(places, rows), rows, ladder)
                 self.strata.append(stratum)
                 left[stratum.rows] = False
         self.left = np.flatnonzero(left)

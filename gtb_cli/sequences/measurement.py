@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtb_cli.arrays import joined
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.compare import surface_distance
@@ -111,7 +112,7 @@ class Measurement:
         if one is None or vertices + cells > MAX_PLACES:
             return None
         middles = Places(start.cell_patch, start.corners.mean(axis=1), np.full(cells, INTERIOR))
-        places = one.places(start).followed_by(middles).followed_by(one.knots)
+        places = joined([one.places(start), middles, one.knots])
         borders = np.zeros(len(places.cell), dtype=bool)
         borders[:vertices] = one.borders[start.patch, start.face]
         together = np.column_stack([start.cells, vertices + np.arange(cells)])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
 from gtb_cli.newton import dot
 from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.sequences.feet import ROUNDING_DISTANCE, Chart
@@ -67,10 +67,6 @@ class Spots(NamedTuple):
     surface: IntArray
     row: IntArray
     s: FloatArray
-
-    def at(self, chosen: IntArray) -> Spots:
-        """Some of the points."""
-        return Spots(self.surface[chosen], self.row[chosen], self.s[chosen])
 
 
 class Separation:
@@ -225,7 +221,7 @@ class _Surfaces:
         while len(going := np.flatnonzero(reach > np.sqrt(self.of.accuracy))):
             rows = np.repeat(going, TRIALS)
             trial = (s[going, None] + reach[going, None, None] * _disc(turn)).reshape(-1, 2)
-            found = self.distances(self.positions(spots.at(rows)._replace(s=trial)), target[rows])
+            found = self.distances(self.positions(rows_of(spots, rows)._replace(s=trial)), target[rows])
             found = found.reshape(len(going), -1)
             best = found.argmax(axis=1)
             best_found = found[np.arange(len(going)), best]
@@ -246,14 +242,15 @@ class _Surfaces:
         for index, rows in groups(self.of.stratum[spots.row]):
             if index < len(self.of.charts):
                 chart = self.of.charts[index]
-                result[rows] = chart.points(spots.s[rows, : chart.dimension].T, self.weights(chart, spots.at(rows))).T
+                weights = self.weights(chart, rows_of(spots, rows))
+                result[rows] = chart.points(spots.s[rows, : chart.dimension].T, weights).T
         return result
 
     def feet(self, points: FloatArray, starts: Spots) -> FloatArray:
         """(m,) distances of (m, 3) points from the nearest points of surfaces that are found from given starts."""
         distances = np.empty(len(points))
         for index, rows in groups(self.of.stratum[starts.row]):
-            own = starts.at(rows)
+            own = rows_of(starts, rows)
             if index == len(self.of.charts):
                 apart = (points[rows] - self.points[own.surface, own.row]).T
                 distances[rows] = np.sqrt(dot(apart, apart))

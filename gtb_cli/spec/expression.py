@@ -61,10 +61,6 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     names : mapping of str to float
         Further names, other than functions, constants and Python keywords.
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     SpecError

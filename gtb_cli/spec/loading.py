@@ -62,10 +62,6 @@ def parse(text: bytes | str, source: str = "<spec>", format: Format | None = Non
     format : "toml", "json" or None
         None: JSON if the first character is ``{``, otherwise TOML.
 
-    Returns
-    -------
-    Patch or Model
-
     Raises
     ------
     SpecError
@@ -104,10 +100,6 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     ----------
     data : mapping
         The keys of a spec, with lists, tuples or arrays of numbers and expressions.
-
-    Returns
-    -------
-    Patch or Model
 
     Raises
     ------

@@ -89,10 +89,6 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
 def dump(spec: Patch | Model) -> str:
     """Write a patch or model as TOML, with the shortest digits that read back exactly.
 
-    Parameters
-    ----------
-    spec : Patch or Model
-
     Returns
     -------
     str

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups, joined, rows_of
 from gtb_cli.certificates.surface import SPENT_SHARE, SurfaceCertificate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
@@ -118,10 +118,6 @@ class Pieces(NamedTuple):
     start: FloatArray
     end: FloatArray
 
-    def at(self, rows: IntArray | BoolArray | slice) -> Pieces:
-        """Some of the pieces."""
-        return Pieces(self.row[rows], self.start[rows], self.end[rows])
-
 
 class CurveCertificate:
     """Proofs that segments are within a tolerance of a curve.
@@ -169,21 +165,21 @@ class CurveCertificate:
         todo = Pieces(np.arange(len(start)), start, end)
         length = max(64, block_length(len(self.knots)) // WORK_ARRAYS)
         for _ in range(MAX_HALVINGS):
-            todo = todo.at(~fails[todo.row])
+            todo = rows_of(todo, ~fails[todo.row])
             if not len(todo.row):
                 return fails
             left = []
             for begin in range(0, len(todo.row), length):
-                block = todo.at(slice(begin, begin + length))
+                block = rows_of(todo, slice(begin, begin + length))
                 far, open_ = self._compared(block, chords, tolerance)
                 fails[block.row[far]] = True
-                left.append(block.at(open_))
-            todo = Pieces(*map(np.concatenate, zip(*left, strict=True)))
-            todo = todo.at(~fails[todo.row])
+                left.append(rows_of(block, open_))
+            todo = joined(left)
+            todo = rows_of(todo, ~fails[todo.row])
             places = self._cuts(todo)
             stuck = (places <= todo.start) | (places >= todo.end)
             fails[todo.row[stuck]] = True
-            todo, places = todo.at(~stuck), places[~stuck]
+            todo, places = rows_of(todo, ~stuck), places[~stuck]
             todo = Pieces(np.tile(todo.row, 2), np.append(todo.start, places), np.append(places, todo.end))
         fails[todo.row] = True
         return fails

@@ -98,10 +98,6 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
         Edges of surfaces within this distance of each other, in model units, are joined as well, the nearest first;
         edges up to this size count as points.
 
-    Returns
-    -------
-    Joints
-
     Notes
     -----
     O(n log n) for n edges, unless more than a few have the same ends.

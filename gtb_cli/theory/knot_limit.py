@@ -84,10 +84,6 @@ def move_knots(patch: Patch, moves: Mapping[int, int], step: float) -> Patch:
     step : float
         From 0, the patch itself, to 1, where the knots coincide.
 
-    Returns
-    -------
-    Patch
-
     Raises
     ------
     DomainError
@@ -251,10 +247,6 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
     patch : Patch
     moves : mapping of int to int
         See `merge_knots`.
-
-    Returns
-    -------
-    KnotLimit
 
     Raises
     ------
