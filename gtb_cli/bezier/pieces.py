@@ -212,8 +212,9 @@ def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) 
 
 def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArray, suffix: str) -> Patch:
     ordinary = np.abs(logs).max() < math.log(MAX_PLAIN_WEIGHT)
-    given: dict[str, Any] = {"weights": np.exp(logs)} if ordinary else {"log_weights": logs}
-    return Patch(knots, points, **given, **{"coefficients": "binomial", "name": f"{patch.name or 'patch'}-{suffix}"})
+    key, values = ("weights", np.exp(logs)) if ordinary else ("log_weights", logs)
+    given: dict[str, Any] = {"coefficients": "binomial", "name": f"{patch.name or 'patch'}-{suffix}", key: values}
+    return Patch(knots, points, **given)
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
