@@ -107,7 +107,7 @@ def unit(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.where(length > 0, length, 1.0))
 
 
-def bounds_of(points: FloatArray) -> FloatArray:
+def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
     """(2, d) lowest and highest coordinates of (m, d) points; numpy takes nine times as long for rows so short."""
     return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
 

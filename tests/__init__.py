@@ -1,1 +1,1 @@
-"""The tests, one module for each room; `patches` and `meshes` hold what they share."""
+"""The tests: folders and modules are those of `gtb_cli`; the modules beside this one hold what they share."""

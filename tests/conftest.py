@@ -8,7 +8,7 @@ from hypothesis import settings
 
 from gtb_cli.__main__ import THREADS
 
-# As in every process of gtb; two threads wait for each other three times as long as a fill takes one.
+# Every process of gtb does so; two threads, which wait for each other, take three times as long for a fill as one.
 os.environ.update(dict.fromkeys(THREADS, "1"))
 
 settings.register_profile("gtb", deadline=None, derandomize=True, max_examples=30)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +78,8 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     words, text = _lines(prefix, rows, columns, groups + 1 + len(parts))
     head = _head(b" ", 2, signed=True, alone=not groups) if top > 9 else _head(b" ", 1, signed=True, tail=b".")
     _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, len(head) // 2 * np.signbit(values))
-    remainder, divisor = fraction.astype(np.int32 if digits <= _MAX_SHORT_DECIMALS else np.int64), 10**digits
+    divisor = 10**digits
+    remainder: NDArray[Any] = fraction.astype(np.int32 if digits <= _MAX_SHORT_DECIMALS else np.int64)
     for place, (lead, count) in enumerate(parts, groups + 1):
         divisor //= 10**count
         upper = remainder // divisor
@@ -115,7 +116,7 @@ def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
     for lead, count in zip(leads, groups, strict=True):
         start, stop = stop, stop + count + 1
         _put_whole(references[:, start:stop], numbers, _head(lead, 4 - len(lead), alone=not count), 0)
-    words, text = _lines(prefix, *cells.shape, references.shape[1])
+    words, text = _lines(prefix, len(cells), cells.shape[1], references.shape[1])
     words[...] = references.take(places, axis=0)
     return _compressed(text)
 

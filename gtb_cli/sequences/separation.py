@@ -78,9 +78,9 @@ class Separation:
     gaps : (n, c) float
         See `Continuation`.
     places : Places
-        Those of the vertices of a complex that follows the cells.
+        The vertices of a complex that follows the cells.
     cells : (k, d + 1) int
-        Of that complex.
+        The cells of that complex.
     anchored : (v,) bool
         Whether a vertex lies on the border of a cell but inside Δ, or inside an edge of it: on the limit, steps in s
         do not lead from there into the cell.

@@ -441,7 +441,7 @@ def test_where_every_spec_is_bad_no_folder_appears(specs, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_is_no_folder(specs, tmp_path):
+def test_a_file_is_not_a_folder(specs, tmp_path):
     (tmp_path / "out").write_text("mine", encoding="utf-8")
     assert "out" in one_line(gtb("mesh", specs / "a.toml", specs / "d.toml", "-o", tmp_path / "out"))
     assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"

@@ -235,7 +235,7 @@ def test_a_package_that_is_missing_has_no_version(monkeypatch):
     assert json.loads(gtb("--version", "--json").out)["numpy"] is None
 
 
-def test_json_alone_is_no_command():
+def test_json_alone_is_not_a_command():
     result = gtb("--json")
     assert result.status == 2
     assert json.loads(result.err)["errors"] == ["Missing command. Try 'gtb --help'."]

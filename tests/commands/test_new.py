@@ -118,7 +118,7 @@ def test_a_new_spec_goes_to_a_file_and_overwrites_none(tmp_path):
         ([], "Missing argument 'TEMPLATE'"),
     ],
 )
-def test_what_is_no_template(words, message):
+def test_what_is_not_a_template(words, message):
     result = gtb("new", *words)
     assert result.status == 2
     assert result.out == b""

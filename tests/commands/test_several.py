@@ -15,7 +15,7 @@ BOX = str(SPECS / "box-corner.toml")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
-    """Two specs and what is none."""
+    """Two specs, and files that are not specs."""
     place = tmp_path_factory.mktemp("several") / "specs"
     place.mkdir()
     for path in (BICUBIC, CURVE):

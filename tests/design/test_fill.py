@@ -239,7 +239,7 @@ def test_fullness_goes_on_along_the_planes():
         ),
     ],
 )
-def test_what_is_no_loop(sides, message):
+def test_what_is_not_a_loop(sides, message):
     with pytest.raises(DomainError, match=message):
         fill(sides)
 

@@ -280,7 +280,7 @@ def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
         exact_sheets(bicubic().replace(weights=np.geomspace(1, 1e20, 16)))
 
 
-def test_curves_are_no_surfaces() -> None:
+def test_curves_are_not_surfaces() -> None:
     with pytest.raises(DomainError, match="is a curve, and CAD files are made of surfaces"):
         sheets_of(cubic_curve())
 

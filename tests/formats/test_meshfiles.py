@@ -85,7 +85,7 @@ def test_what_we_write_reads_back(format, options, make):
         assert [group[1:] for group in read.groups] == [group[1:] for group in mesh.groups]
 
 
-def test_normals_and_texture_coordinates_are_no_obstacle():
+def test_normals_and_texture_coordinates_are_passed_over():
     mesh = surface()
     for format in ("obj", "ply", "glb"):
         read = decoded(encoded(mesh, format, normals=True, uv=True))
@@ -590,7 +590,7 @@ def test_a_small_file_cannot_stand_for_a_mesh_that_fills_the_memory():
 
 
 @pytest.mark.parametrize("kind", ["junk", "folder", "missing"])
-def test_what_is_no_mesh_at_all(kind, tmp_path):
+def test_what_is_not_a_mesh(kind, tmp_path):
     path = tmp_path / "x.obj"
     if kind == "junk":
         path.write_bytes(b"\x89PNG\r\n\x1a\n")

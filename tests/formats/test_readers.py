@@ -92,7 +92,7 @@ def found(tmp_path):
         (lambda found: found["points"][7].__setitem__(slice(None), found["points"][8]), "48 of 49 vertices"),
         (lambda found: found["points"].clear(), "no vertices"),
         (lambda found: found["points"][7].__setitem__(0, float("nan")), "a vertex is not finite"),
-        (lambda found: found["cells"][7].__setitem__(0, 49), "a cell has a corner that is no vertex"),
+        (lambda found: found["cells"][7].__setitem__(0, 49), "a cell has a corner that is not a vertex"),
         (lambda found: found["cells"].pop(), "71 of 72 cells, 71 the same"),
         (lambda found: found["cells"][0].reverse(), "72 of 72 cells, 71 the same"),
         (lambda found: found["normals"][3].reverse(), "normals: one is .* away"),

@@ -215,7 +215,7 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
         ("x.json", b'{"shape": {"type": "curve", "data": []}}', "x.json: has no patches"),
     ],
 )
-def test_what_is_no_such_file(path: str, data: bytes, message: str) -> None:
+def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         import_file(path, data)
 

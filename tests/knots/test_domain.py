@@ -243,7 +243,7 @@ def test_primitive_normals_have_no_common_factor():
     assert domain([[0, 0], [6, 3], [0, 9]], "primitive").normals.tolist() == [[-1, 2], [-1, -1], [1, 0]]
 
 
-def test_auto_is_unit_where_a_corner_is_no_integer_point():
+def test_auto_is_unit_where_a_corner_is_not_an_integer_point():
     shape = domain([[0, 0], [4, 0], [0, 3.5]])
     assert np.hypot(*shape.normals.T) == pytest.approx(1, rel=2 * EPS)
     assert shape.normals[1].tolist() == pytest.approx([-3.5 / math.hypot(3.5, 4), -4 / math.hypot(3.5, 4)])
@@ -298,7 +298,7 @@ def test_normals_point_inwards_and_heights_are_edge_functions(name):
         (([0, 1e-200],), "knots: a hull smaller than 1e-100 is not supported, got 1e-200"),
     ],
 )  # fmt: skip
-def test_what_is_no_domain_is_refused(arguments, message):
+def test_what_is_not_a_domain_is_refused(arguments, message):
     with pytest.raises(DomainError, match=f"^{message}"):
         domain(*arguments)
 

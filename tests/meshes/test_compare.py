@@ -89,7 +89,7 @@ def test_the_farthest_point_may_be_inside_a_face():
 
 
 @pytest.mark.parametrize(("m", "n"), [(3, 3), (10, 7), (5, 20), (1, 13)])
-def test_other_faces_of_the_same_surface_are_no_difference_and_that_is_proved(m, n):
+def test_other_faces_of_the_same_surface_are_not_a_difference_and_that_is_proved(m, n):
     found = surface_distance(flat(m), flat(n))
     assert found.bound <= ROUNDING
 

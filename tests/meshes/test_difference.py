@@ -182,7 +182,7 @@ def test_extreme_sizes(exponent):
     assert not difference(known_exactly(mesh), known_exactly(moved(mesh, 1e-6 * scale))).same
 
 
-def test_a_curve_is_no_surface_even_where_nothing_is_apart():
+def test_a_curve_is_not_a_surface_even_where_nothing_is_apart():
     segment = Mesh(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0, 1]]))
     flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0, 0]]), np.array([[0, 1, 2]]))
     found = difference(known_exactly(segment), known_exactly(flat))

@@ -188,7 +188,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     if not np.isfinite(points).all():
         raise Different("a vertex is not finite")
     if not all(0 <= corner < len(points) for cell in found["cells"] for corner in cell):
-        raise Different("a cell has a corner that is no vertex")
+        raise Different("a cell has a corner that is not a vertex")
     distance, nearest = tree.query(points)
     if not distance.max() <= limit:
         raise Different(f"a vertex is {distance.max():.2g} away")

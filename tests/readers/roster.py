@@ -14,7 +14,7 @@ class Reader:
     Parameters
     ----------
     name : str
-        As people call it.
+        Its common name.
     key : str
         Its function is `read_` and this, in `libraries`, `programs` or `node.mjs`.
     source : str

@@ -199,7 +199,7 @@ def test_format_is_sniffed() -> None:
 
 
 LARGE_BYTES = 2_000_000
-"""Of a text that takes hours where work goes with the square of it."""
+"""Size of a text that would take hours if the work grew with its square."""
 
 HOSTILE = {
     "brackets": "a = " + "[" * (LARGE_BYTES - 4),
@@ -268,7 +268,7 @@ def test_limits(make, limit: int, message: str) -> None:
         read(make(limit + 2 - limit % 2 if "values" in message else limit + 1), "x")
 
 
-def test_bytes_that_are_no_text() -> None:
+def test_bytes_that_are_not_text() -> None:
     with pytest.raises(SpecError, match=r"\Ax:2: is not UTF-8 text, byte 0xff \(invalid start byte\)\Z"):
         read(b"a = 1\n\xff", "x")
     with pytest.raises(SpecError, match=r"\Ax: is UTF-16 text, a spec must be UTF-8\Z"):
@@ -292,7 +292,7 @@ def test_bytes_that_are_no_text() -> None:
         (b"vn 0 0 1\n", "an OBJ mesh"),
     ],
 )
-def test_a_file_that_is_no_spec_is_named(data, kind):
+def test_a_file_that_is_not_a_spec_is_named(data, kind):
     with pytest.raises(SpecError, match=kind):
         read(data, "x.toml")
 

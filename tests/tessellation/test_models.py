@@ -193,7 +193,7 @@ def test_open_models_are_open_at_their_openings_only(name, options):
     model = MODELS[name]
     mesh = meshed(name, **options)
     rim = boundary(mesh)
-    # As many edges leave a vertex of the boundary as arrive there.
+    # The number of edges that leave a vertex of the boundary is that of edges that arrive there.
     assert np.array_equal(np.sort(rim[:, 0]), np.sort(rim[:, 1]))
     openings = np.concatenate([edge_points(model.patches[p], e, 4001) for p, e in find_joints(model.patches).open])
     assert cKDTree(openings).query(mesh.vertices[rim[:, 0]])[0].max() < 2e-3  # the samples are nearer to each other

@@ -117,7 +117,7 @@ def test_points_a_few_ulp_from_an_edge_are_finite(name):
 
 
 def test_many_points_on_a_line_are_solved():
-    # Of equal height over the nearest edge: their bounding box is flat.
+    # All have the same height over the nearest edge: their bounding box is flat.
     patch = named("bicubic")
     p = np.column_stack([np.linspace(0.6, 2.4, 9000), np.full(9000, 0.1)])
     assert error(patch, p) <= RESIDUAL
