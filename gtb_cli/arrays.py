@@ -49,6 +49,14 @@ def finite(name: str, values: ArrayLike) -> FloatArray:
     return array
 
 
+def one_for_each(name: str, values: FloatArray, count: int, each: str, row: tuple[int, ...] = ()) -> FloatArray:
+    """Return `values` if they have `count` entries of the shape `row`, or raise `DomainError`."""
+    if values.shape != (count, *row):
+        found = len(values) if values.ndim and values.shape[1:] == row else f"shape {values.shape}"
+        raise DomainError(f"{name}: expected {count}, one for each {each}, got {found}")
+    return values
+
+
 def _hint(values: ArrayLike) -> str:
     """Say which function takes expressions, if the values are text."""
     try:

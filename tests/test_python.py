@@ -151,8 +151,8 @@ def test_results_are_short_to_look_at(pentagon, box):
 
 def test_what_is_not_meant_is_said(pentagon, tmp_path):
     for call, message in (
-        (lambda: pentagon.replace(weights=1), r"weights: expected 8 entries, one per knot, got shape \(\)"),
-        (lambda: pentagon.replace(lifting=np.ones((8, 1))), r"lifting: expected 8 entries.*got shape \(8, 1\)"),
+        (lambda: pentagon.replace(weights=1), r"weights: expected 8, one for each knot, got shape \(\)"),
+        (lambda: pentagon.replace(lifting=np.ones((8, 1))), r"lifting: expected 8, .*got shape \(8, 1\)"),
         (lambda: pentagon.replace(weights=["1/2"] * 8), "weights: .*gtb_cli.from_dict takes expressions"),
         (lambda: Patch([0, 1], [["pi", 0], [1, 1]]), "control_points: .*gtb_cli.from_dict takes expressions"),
         (lambda: gtb_cli.joints(pentagon), "joints: expected a Model, got Patch"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, positive
+from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import knot_tolerance
@@ -128,8 +128,7 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
     if places.ndim != 2 or places.shape[1] != patch.dimension or not len(places):
         raise DomainError(f"knots: expected shape (m, {patch.dimension}), got {places.shape}")
     factors = positive("weights", np.ones(len(places)) if weights is None else weights)
-    if factors.shape != (len(places),):
-        raise DomainError(f"weights: expected {len(places)} values, got shape {factors.shape}")
+    one_for_each("weights", factors, len(places), "knot")
     if len(patch.knots) * len(places) > MAX_SUMS:
         raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {MAX_SUMS} are allowed")
     sums = (patch.knots[:, None] + places).reshape(-1, patch.dimension)

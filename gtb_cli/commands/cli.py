@@ -143,7 +143,7 @@ def run(arguments: Sequence[str]) -> int:
     errors: list[str] = []
     status = FAILED
     try:
-        if COMPLETION_VARIABLE in os.environ:
+        if os.environ.get(COMPLETION_VARIABLE):
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
             from gtb_cli.memory import prepare_for_limit  # --help and --version do not need it
@@ -183,9 +183,12 @@ def _complete(arguments: Sequence[str]) -> None:
     """Answer the shell, which asks through environment variables."""
     try:
         gtb.main(list(arguments), prog_name="gtb", complete_var=COMPLETION_VARIABLE, standalone_mode=False)
+    except SystemExit as end:
+        if not end.code:
+            raise
     except (KeyError, ValueError):
-        message = f"{COMPLETION_VARIABLE} is for shells, which also set COMP_WORDS and COMP_CWORD"
-        raise click.UsageError(message) from None
+        pass
+    raise click.UsageError(f"{COMPLETION_VARIABLE} is for shells, which also set COMP_WORDS and COMP_CWORD")
 
 
 def _usage_text(error: click.UsageError) -> str:

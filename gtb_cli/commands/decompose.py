@@ -53,9 +53,7 @@ def decompose(
     if net and as_json:
         raise click.UsageError("--net writes a mesh and --json writes text: give one of them")
     options = MeshOptions(Recipe())
-    kind = options.format_for(output) if net else ""
-    if kind == "stl":
-        raise click.UsageError("--net writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
+    kind = options.format_for_lines(output, "--net") if net else ""
     loaded = read_spec(spec, spec_format)
     with about(shown_input(spec)):
         if isinstance(loaded, Model):

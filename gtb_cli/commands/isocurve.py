@@ -5,8 +5,10 @@ from __future__ import annotations
 import click
 
 from gtb_cli.shell.console import Console
+from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
 from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
+from gtb_cli.tessellation.recipe import Recipe
 
 MAX_SEGMENTS = 1_000_000
 """Largest number of segments of the curve."""
@@ -20,7 +22,8 @@ MAX_SEGMENTS = 1_000_000
     "--polyline",
     type=WholeNumber(1, MAX_SEGMENTS),
     metavar="N",
-    help="Print N segments as OBJ instead of a spec, on any surface; their parameters are evenly spread.",
+    help="Write N segments instead of a spec, on any surface, as OBJ, PLY or GLB by the suffix of the output; their "
+    "parameters are evenly spread.",
 )
 @text_options
 def isocurve(
@@ -44,7 +47,6 @@ def isocurve(
 
     from gtb_cli.design.isocurve import isocurve as curve_of
     from gtb_cli.design.isocurve import isoparametric_points
-    from gtb_cli.formats.export import encode_mesh
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.spec.writer import dump
 
@@ -52,14 +54,14 @@ def isocurve(
     if len(given) != 1 or len(given[0][1]) != 1:
         raise click.UsageError("expected one of --u V and --v V")
     axis, (value,) = given[0]
+    options = MeshOptions(Recipe())
+    kind = options.format_for_lines(output, "--polyline") if polyline is not None else ""
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
         if polyline is None:
-            text = dump(curve_of(patch, axis, value))
-        else:
-            points = isoparametric_points(patch, axis, value, polyline + 1)[1]
-            segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
-    if polyline is None:
-        write_text(output, text)
-    else:
-        write_blocks(output, encode_mesh(Mesh(points, segments, name=patch.name or "patch"), "obj"))
+            return write_text(output, dump(curve_of(patch, axis, value)))
+        points = isoparametric_points(patch, axis, value, polyline + 1)[1]
+        segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
+        mesh = Mesh(points, segments, name=patch.name or "patch")
+        write_blocks(output, options.encoded(mesh, kind))
+        console.report(output, summary(mesh), options.warnings(mesh, kind))

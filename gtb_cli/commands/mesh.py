@@ -19,6 +19,7 @@ from gtb_cli.shell.options import (
     check_outputs,
     console_option,
     mesh_options,
+    named_files,
     output_option,
     spec_format_option,
     specs_argument,
@@ -222,7 +223,7 @@ def _write_folder(
     if not planned:
         raise _joined(errors)
     names = _file_names(planned, kind)
-    check_outputs(*(os.path.join(folder, name) for name in names))
+    check_outputs(*named_files(OUTPUT), *(os.path.join(folder, name) for name in names))
     tasks = [task for task in planned if isinstance(task, Task)]
     reports = []
     with ExitStack() as stack:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, finite
+from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.patch import Patch
 
@@ -106,8 +106,7 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     if not 2 <= n <= MAX_POINTS:
         raise DomainError(f"points: expected 2 to {MAX_POINTS}, got {n}")
     a = _chord_lengths(places) if knots is None else finite("knots", knots)
-    if a.shape != (n,):
-        raise DomainError(f"knots: expected {n}, one for each point, got shape {a.shape}")
+    one_for_each("knots", a, n, "point")
     steps = np.diff(a)
     if not (steps > EPS * np.abs(a).max()).all():
         raise DomainError(f"knots: must ascend, got {a[int(steps.argmin())]:g} before {a[int(steps.argmin()) + 1]:g}")

@@ -75,6 +75,8 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
             raise GtbError(f"is larger than {MAX_FILE_BYTES >> 30} GB")
         if data.startswith(LFS_POINTER):
             raise GtbError(LFS_FAULT)
+        if not _is_facets(data):
+            data = data.removeprefix(BOM_UTF8)
         kind = format or format_of(data)
         if kind not in FORMATS:
             raise GtbError("is not a mesh: expected OBJ, PLY, STL or GLB")
@@ -103,21 +105,26 @@ def size_limit(start: bytes, otherwise: int) -> int:
 
 def format_of(data: bytes) -> str | None:
     """Return the format of a mesh file, found from its content; None if it is not a known one."""
-    if data.startswith(b"glTF"):
-        return "glb"
-    if data.startswith((b"ply\n", b"ply\r")):
-        return "ply"
-    facets = int.from_bytes(data[80:84], "little")
-    if len(data) == 84 + 50 * facets and len(data) > 84:
+    if _is_facets(data):
         return "stl"
-    start = data[:4096].lstrip()
+    beginning = data[:65536].removeprefix(BOM_UTF8)
+    if beginning.startswith(b"glTF"):
+        return "glb"
+    if beginning.startswith((b"ply\n", b"ply\r")):
+        return "ply"
+    start = beginning[:4096].lstrip()
     if start[:5].lower() == b"solid" and start[5:6] in b" \t\r\n":
         return "stl"
-    for line in data[:65536].removeprefix(BOM_UTF8).splitlines():
+    for line in beginning.splitlines():
         words = line.split(None, 1)
         if words and not words[0].startswith(b"#"):
             return "obj" if words[0] in _OBJ_STARTS and b"=" not in line else None
     return None
+
+
+def _is_facets(data: bytes) -> bool:
+    """Whether a file has the size of the facets of a binary STL file, whatever it begins with."""
+    return len(data) > STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + 50 * int.from_bytes(data[80:84], "little")
 
 
 _OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f", b"l"}
@@ -127,7 +134,7 @@ def _content(data: bytes, kind: str) -> Content:
     if kind == "obj":
         from gtb_cli.formats.obj import read_obj
 
-        return read_obj(data.removeprefix(BOM_UTF8))
+        return read_obj(data)
     if kind == "ply":
         from gtb_cli.formats.ply import read_ply
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, planar_cross, read_only
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, one_for_each, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 from gtb_cli.knots.upper_hull import UpperHull, height, integers, upper_hull
@@ -62,9 +62,7 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
         points = read_only(points[:, None])
     if points.ndim != 2 or points.shape[1] not in (1, 2):
         raise DomainError(f"knots: expected shape (n,), (n, 1) or (n, 2), got {points.shape}")
-    heights = finite("lifting", lifting)
-    if heights.shape != (len(points),):
-        raise DomainError(f"lifting: expected {len(points)} values, one per knot, got shape {heights.shape}")
+    heights = one_for_each("lifting", finite("lifting", lifting), len(points), "knot")
     n, d = points.shape
     if n <= d:
         raise DomainError(f"knots: expected at least {d + 1}, got {n}")

@@ -48,7 +48,7 @@ def lines_about(error: Exception) -> list[str]:
     match error:
         case GtbError():
             return str(error).split("\n")
-        case MemoryError():
+        case MemoryError() | SystemError():  # the second, from C code that had no memory left to say so
             return ["not enough memory for this"]
         case OSError(filename=str() | bytes() as name):
             return [f"{os.fsdecode(name)}: {error.strerror}"]

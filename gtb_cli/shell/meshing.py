@@ -101,6 +101,13 @@ class MeshOptions:
             raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give {way_out}")
         return kind
 
+    def format_for_lines(self, output: str, option: str) -> str:
+        """Return the format of an output that holds lines, for which an option asks."""
+        kind = self.format_for(output)
+        if kind == "stl":
+            raise ExportError(f"{option} writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
+        return kind
+
 
 def summary(mesh: Mesh) -> str:
     """Describe the size of a mesh, for messages."""

@@ -120,6 +120,8 @@ def _start_worker(sign: Connection) -> None:
     """Leave Ctrl-C to the parent process, end when it ends, however it ends, and give signs of life until then."""
     import threading
 
+    if not os.environ.get("GTB_TRACEBACK"):
+        sys.stderr = None  # where memory runs out, the trace of what failed goes there: this process's parent says it
     limit_threads(1)  # the processes already share the processors
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for number in SIGNALS - {signal.SIGINT}:

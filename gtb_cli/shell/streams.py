@@ -105,11 +105,17 @@ def shown_input(path: str) -> str:
 
 
 def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
-    """Raise a usage error if an output is one of the inputs, or of the files they include, under whatever name.
+    """Raise a usage error if an output is another output, an input, or a file that one includes, under whatever name.
 
     Anything but a regular file, such as a terminal, may be both.
     """
-    existing = [(output, os.stat(output)) for output in outputs if output != STANDARD and os.path.isfile(output)]
+    outputs = [output for output in outputs if output != STANDARD and not is_device(output)]
+    places: set[str] = set()
+    for output in outputs:
+        if (place := os.path.realpath(output)) in places:
+            raise click.UsageError(f"{output} would be written twice")
+        places.add(place)
+    existing = [(output, os.stat(output)) for output in outputs if os.path.isfile(output)]
     if not existing:
         return
     from gtb_cli.spec.sources import sources

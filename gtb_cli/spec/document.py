@@ -24,6 +24,7 @@ _STRANGERS = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
+    "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
 }
 """The beginnings of files that users mistake for specs."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, finite
+from gtb_cli.arrays import FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposition
 from gtb_cli.theory.model import Model
@@ -96,6 +96,4 @@ def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
         raise DomainError("has no lifting: write one into the spec, or give --lifting")
-    if values.shape != (len(patch.knots),):
-        raise DomainError(f"lifting: expected {len(patch.knots)} values, one per knot, got shape {values.shape}")
-    return values
+    return one_for_each("lifting", values, len(patch.knots), "knot")

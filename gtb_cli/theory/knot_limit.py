@@ -106,17 +106,17 @@ def ends_of_moves(patch: Patch, moves: Mapping[int, int]) -> IntArray:
     """(n,) the knot at whose place each knot ends: itself, or the end of its chain; errors as in `merge_knots`."""
     n = len(patch.knots)
     if not moves:
-        raise DomainError("moves: expected at least one knot to move")
+        raise DomainError("merging: expected at least one knot to move")
     for index in (*moves, *moves.values()):
         if isinstance(index, bool) or not isinstance(index, int | np.integer) or not 0 <= index < n:
-            raise DomainError(f"moves: expected knot indices from 0 to {n - 1}, got {index!r}")
+            raise DomainError(f"merging: expected knot indices from 0 to {n - 1}, got {index!r}")
     targets = np.arange(n)
     for k in moves:
         way = [k]
         while way[-1] in moves:
             way.append(moves[way[-1]])
             if way[-1] == k:
-                raise DomainError(f"moves: {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
+                raise DomainError(f"merging {' -> '.join(map(str, way))} is a cycle, nothing is left to merge into")
             if len(way) > n:
                 break  # enters a cycle without k, which is reported for the knots of the cycle
         targets[k] = way[-1]
@@ -135,7 +135,7 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
             place = ", ".join(f"{x:g}" for x in corner)
             what = "end" if shape.dimension == 1 else "corner"
             raise DomainError(
-                f"moves: knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
+                f"merging knot {k} -> {targets[k]} changes the hull: no other knot stays at its {what} ({place})"
             )
 
 

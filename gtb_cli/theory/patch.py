@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, positive, read_only
+from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
@@ -111,8 +111,8 @@ class Patch:
             set_field(self, "lifting", finite("lifting", self.lifting))
         for label in ("control_points", "weights", "coefficients", "lifting"):
             values = getattr(self, label)
-            if values is not None and np.shape(values) != ((n, 3) if label == "control_points" else (n,)):
-                raise DomainError(f"{label}: expected {n} entries, one per knot, got shape {values.shape}")
+            if values is not None:
+                one_for_each(label, values, n, "knot", (3,) if label == "control_points" else ())
         if self.name is not None and not isinstance(self.name, str):
             raise DomainError(f"name: expected a string, got {self.name!r}")
         products = read_only(self.log_weights + np.log(self.coefficients))

@@ -218,7 +218,7 @@ def test_new_edges_are_one_point():
         (lambda: product(spec("pentagon"), [0, 1]), r"knots: expected shape \(m, 2\), got \(2,\)"),
         (lambda: product(spec("example-3.1"), [[0, 1]]), r"knots: expected shape \(m, 1\), got \(1, 2\)"),
         (lambda: product(spec("example-3.1"), []), "knots: expected shape"),
-        (lambda: product(spec("example-3.1"), [0, 1], [1]), "weights: expected 2 values, got shape"),
+        (lambda: product(spec("example-3.1"), [0, 1], [1]), "weights: expected 2, one for each knot, got 1"),
         (lambda: product(spec("example-3.1"), [0, 1], [1, 0]), r"weights\[1\]: must be positive"),
         # 0 + 2 is 1 + 1.
         (

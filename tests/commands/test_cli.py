@@ -171,9 +171,10 @@ def test_unexpected_errors_are_reported_without_traceback(monkeypatch):
     assert "Traceback" in gtb("elevate", PENTAGON).err
 
 
-def test_too_little_memory_is_an_error(monkeypatch):
+@pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception set")])
+def test_too_little_memory_is_an_error(error, monkeypatch):
     def hungry(*arguments, **options):
-        raise MemoryError
+        raise error
 
     monkeypatch.setattr("gtb_cli.tessellation.tessellate.tessellate", hungry)
     assert one_line(gtb("mesh", PENTAGON)) == "not enough memory for this"

@@ -84,6 +84,25 @@ def test_an_input_that_comes_by_a_redirection_is_not_overwritten(folder):
     assert Path("s.toml").read_bytes() == SPEC
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "mesh s.toml -o x.obj --deps x.obj",
+        "mesh s.toml -o x.obj --deps y --manifest ./y",
+        "mesh s.toml -o x.obj --deps to-x",
+        "mesh s.toml linked.toml -o out --deps out/s.obj",
+        "mesh s.toml linked.toml -f glb -o out --manifest out/linked.glb",
+    ],
+)
+def test_two_outputs_are_two_files(line, folder):
+    Path("to-x").symlink_to("x.obj")
+    before = sorted(os.listdir())
+    result = gtb(*line.split(), "-n", "1")
+    assert result.status == 2
+    assert "would be written twice" in result.err
+    assert sorted(os.listdir()) == before
+
+
 def test_another_file_is_overwritten(folder):
     shutil.copy("s.toml", "t.toml")
     assert gtb("info", "s.toml", "-o", "t.toml").status == 0
@@ -157,7 +176,7 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
     assert result.err.startswith(f"gtb: error: {words}")
 
 
-@pytest.mark.parametrize("variables", [{}, {"COMP_WORDS": "gtb", "COMP_CWORD": "x"}])
+@pytest.mark.parametrize("variables", [{}, {"COMP_WORDS": "gtb", "COMP_CWORD": "x"}, {"_GTB_COMPLETE": "x"}])
 def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
     monkeypatch.setenv("_GTB_COMPLETE", "bash_complete")
     for name, value in variables.items():
@@ -165,6 +184,12 @@ def test_a_question_of_no_shell_is_a_usage_error(variables, monkeypatch):
     result = gtb()
     assert result.status == 2
     assert result.err == "gtb: error: _GTB_COMPLETE is for shells, which also set COMP_WORDS and COMP_CWORD\n"
+
+
+def test_a_question_that_is_empty_is_none(monkeypatch):
+    expected = gtb("info", PENTAGON).text
+    monkeypatch.setenv("_GTB_COMPLETE", "")
+    assert gtb("info", PENTAGON).text == expected
 
 
 def test_the_beginning_of_an_option_suggests_it():

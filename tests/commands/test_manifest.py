@@ -152,7 +152,7 @@ def test_where_it_cannot_be_written_no_mesh_is(several, tmp_path):
     for record, message in (
         (tmp_path / "folder", "it is a folder"),
         (tmp_path / "missing" / "m.json", "does not exist"),
-        (output / "locked.obj" if several else output, "two files of this name"),
+        (output / "locked.obj" if several else output, "would be written twice"),
         (locked, "would be overwritten"),
     ):
         specs = [locked, PENTAGON] if several else [locked]

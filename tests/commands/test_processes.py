@@ -34,5 +34,22 @@ def test_a_worker_that_says_nothing_for_long_is_an_error():
     assert time.monotonic() - start < 60
 
 
+class Unsendable(Exception):
+    """What cannot be sent to another process, nor the reason why."""
+
+    def __reduce__(self):
+        raise self
+
+
+def unsendable(task):
+    return Unsendable()
+
+
+def test_a_worker_whose_result_cannot_be_sent_is_one_error_and_no_trace(capfd):
+    with pytest.raises(GtbError, match="a process was killed"):
+        list(in_processes(unsendable, [0, 1], 2))
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_worker_that_works_for_long_is_waited_for():
     assert list(in_processes(slept, [0, 1, 0], 2)) == [0, 1, 0]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gtb_cli.design.isocurve import isocurve, isoparametric_points
 from gtb_cli.errors import DomainError
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.spec.loading import parse
 from gtb_cli.theory.patch import Patch
 from tests import exact
@@ -66,6 +69,18 @@ def test_a_corner_has_no_curve() -> None:
     triangle = Patch([[0, 0], [1, 0], [0, 1]], np.eye(3))
     with pytest.raises(DomainError, match="u: at 1 the domain has only a corner"):
         isoparametric_points(triangle, 0, 1.0, 5)
+
+
+def test_a_polyline_is_written_as_the_suffix_says(tmp_path: Path) -> None:
+    for suffix in ("obj", "ply", "glb"):
+        output = tmp_path / f"x.{suffix}"
+        assert gtb("isocurve", PENTAGON, "--u", "1", "--polyline", "4", "-o", output).status == 0
+        assert read_mesh(output, suffix).cells.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4]]
+    for name, message in [("x.png", "cannot tell the format of"), ("x.stl", "--polyline writes lines")]:
+        result = gtb("isocurve", PENTAGON, "--u", "1", "--polyline", "4", "-o", tmp_path / name)
+        assert result.status == 2
+        assert message in result.err
+        assert not (tmp_path / name).exists()
 
 
 def test_on_the_command_line() -> None:

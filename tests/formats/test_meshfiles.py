@@ -57,6 +57,17 @@ def refusal(data: bytes | str, format: str | None = None) -> str:
     return message.removeprefix("file: ")
 
 
+@pytest.mark.parametrize("format", ["obj", "ply", "stl"])
+def test_text_may_begin_with_a_byte_order_mark(format):
+    data = encoded(surface(), format, ascii=format != "obj")
+    assert (decoded(b"\xef\xbb\xbf" + data).vertices == decoded(data).vertices).all()
+
+
+def test_the_header_of_a_binary_stl_file_may_begin_with_a_byte_order_mark():
+    data = encoded(surface(), "stl")
+    assert len(decoded(b"\xef\xbb\xbf" + data[3:]).cells) == len(decoded(data).cells)
+
+
 # --- our own files
 
 

@@ -290,6 +290,8 @@ def test_bytes_that_are_not_text() -> None:
         (b"# a comment\n\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
         (b"o pentagon\nv 0 0 0\n", "an OBJ mesh"),
         (b"vn 0 0 1\n", "an OBJ mesh"),
+        (b"\n<!DOCTYPE html>\n<p>", "HTML, SVG or XML, and a spec is expected"),
+        (b'<?xml version="1.0"?>\n<svg>', "HTML, SVG or XML"),
     ],
 )
 def test_a_file_that_is_not_a_spec_is_named(data, kind):

@@ -118,7 +118,7 @@ def test_x_is_a_positive_number(x):
     ("lifting", "message"),
     [
         (None, "has no lifting: write one"),
-        ([1, 2], "lifting: expected 5 values, one per knot, got shape"),
+        ([1, 2], "lifting: expected 5, one for each knot, got 2"),
         ([1, 2, 3, math.nan, 4], "lifting.3.: must be finite"),
         ([1e308, 0, 0, 0, 0], "beyond the largest float"),
     ],
