@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.bezier.elevation import elevate
-from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name, edge_points
-from gtb_cli.theory.joints import EDGE_SAMPLES, Joints, diagonal_of, meeting, touching
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
+from gtb_cli.theory.joints import SORTING_DIRECTION, Joints, diagonal_of, touching, within
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -18,15 +17,6 @@ MAX_RINGS = 1000
 
 MAX_SHOWN = 8
 """Most numbers of an edge, edges of a ring, or nearly closed seams that a message shows."""
-
-MAX_LIKENED = 200
-"""Largest number of pairs of edges tested, in some seconds, for being one curve with different parameters."""
-
-FINE_SAMPLES = 1025
-"""Points of a polygon that replaces a curve, with an error of a millionth of the size."""
-
-SAME_CURVE_DISTANCE = 1e-5
-"""Distance of two curves, relative to their size, below which they differ only in their parameters."""
 
 FAR_WELD_FRACTION = 0.01
 """Fraction of an edge's size; welding over a larger distance raises a warning."""
@@ -56,60 +46,18 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
     found: list[tuple[EdgeRef, EdgeRef, str]] = []
     told = set()
     for first, second, distance in sorted(joints.almost, key=lambda pair: pair[2]):
-        reason = _difference(curves[first], curves[second], tolerance, distance)
-        meets = len(found) < MAX_LIKENED and _meet(curves[first], curves[second], tolerance)
-        found.append((first, second, (_likeness(patches, first, second) if meets else None) or str(reason)))
+        found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
     for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance)):
         first, second = left[one], left[other]
         if first in told or second in told:
             continue
-        likeness = _likeness(patches, first, second) if len(found) < MAX_LIKENED else None
-        difference = likeness or _difference(curves[first], curves[second], tolerance, None)
+        difference = _difference(curves[first], curves[second], tolerance, None)
         if difference is not None:
             found.append((first, second, difference))
             told |= {first, second}
     return sorted(found)
-
-
-def _meet(one: Curve, other: Curve, tolerance: float) -> bool:
-    """Whether curves have the same ends, in either direction."""
-    return min(float(np.abs(one.ends - ends).max()) for ends in (other.ends, other.ends[::-1])) <= tolerance
-
-
-def _likeness(patches: Sequence[Patch], first: EdgeRef, second: EdgeRef) -> str | None:
-    """Say that two edges with the same ends are one curve with different parameters; None if they are not."""
-    rows = [edge_points(patches[p], e, count) for (p, e), count in ((first, EDGE_SAMPLES), (second, FINE_SAMPLES))]
-    points, way = rows
-    starts, steps = way[:-1], np.diff(way, axis=0)
-    offsets = points[:, None] - starts
-    lengths = np.maximum((steps**2).sum(axis=1), np.finfo(float).tiny)
-    share = np.clip((offsets * steps).sum(axis=2) / lengths, 0, 1)
-    nearest = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
-    apart, size = float(np.sqrt(nearest.min(axis=1).max())), float(np.ptp(way, axis=0).max())
-    # Both ways, since a curve may be only a part of the other.
-    places = np.sort(nearest.argmin(axis=1))
-    if apart > SAME_CURVE_DISTANCE * size or np.diff(places).max() > FINE_SAMPLES / 4:
-        return None
-    ours, theirs = (len(edge_curve(patches[p], e).points) for p, e in (first, second))
-    way_out = "knots and weights must be the same"
-    if ours != theirs:
-        lower, higher = (first, second) if ours < theirs else (second, first)
-        least, by = min(ours, theirs), abs(ours - theirs)
-        elevates = _is_elevated(patches, lower, higher, by, SAME_CURVE_DISTANCE * size)
-        way_out = f"gtb elevate --by {by} of the one with {least} makes" if elevates else "no gtb elevate makes"
-        way_out += " them equal"
-    return f"the same curve as {{}}, but at other parameters ({ours} control points against {theirs}): {way_out}"
-
-
-def _is_elevated(patches: Sequence[Patch], lower: EdgeRef, higher: EdgeRef, by: int, tolerance: float) -> bool:
-    """Whether an edge, elevated, has its points where another has them."""
-    curve = elevate(patches[lower[0]].boundary(lower[1]), by)
-    fractions = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
-    ours = curve.evaluate(curve.knots.min() + fractions * np.ptp(curve.knots), "linear")
-    theirs = edge_points(patches[higher[0]], higher[1], EDGE_SAMPLES)
-    return min(float(np.abs(ours - way).max()) for way in (theirs, theirs[::-1])) <= tolerance
 
 
 def _difference(one: Curve, other: Curve, tolerance: float, distance: float | None) -> str | None:
@@ -166,6 +114,17 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     if len(lines) > MAX_RINGS:
         lines[MAX_RINGS:] = [f"{len(lines) - MAX_RINGS} more rings of edges are open"]
     return lines
+
+
+def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
+    """For each curve those, ascending, of which an end is within a distance along each axis of one of its ends."""
+    places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
+    pairs: list[set[int]] = [set() for _ in curves]
+    for row, others in within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
+        for other in (others[np.abs(places[others] - places[row]).max(axis=1) <= reach] // 2).tolist():
+            pairs[row // 2].add(other)
+            pairs[other].add(row // 2)
+    return [sorted(others - {row}) for row, others in enumerate(pairs)]
 
 
 def seam_remarks(model: Model) -> list[str]:

@@ -105,18 +105,18 @@ def joints(model: Model) -> tuple[Seam, ...]:
     if model.dimension == 1:
         return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    places: dict[tuple[RationalBasis, int, bool], list[Location]] = {}
+    places: dict[tuple[RationalBasis, int, bytes], list[Location]] = {}
 
-    def side(ref: EdgeRef, reverse: bool) -> _Side:
+    def side(ref: EdgeRef, fractions: FloatArray) -> _Side:
         patch = model.patches[ref[0]]
-        key = (patch.rational_basis, ref[1], reverse)  # patches with the same basis share the places
+        key = (patch.rational_basis, ref[1], fractions.tobytes())  # patches with the same basis share the places
         if key not in places:
-            places[key] = _places(patch, ref[1], 1 - t if reverse else t)
+            places[key] = _places(patch, ref[1], fractions)
         return _Side(patch, places[key], model.joints.flipped[ref[0]])
 
     found = []
     for joint in model.joints.shared:
-        sides = side(joint.first, False), side(joint.second, joint.opposite)
+        sides = side(joint.first, t), side(joint.second, joint.across(model.patches, t))
         ours, theirs = (one.normals() for one in sides)
         sine = np.linalg.norm(cross(ours, theirs), axis=1)
         angles = np.degrees(np.arctan2(sine, (ours * theirs).sum(axis=1)))

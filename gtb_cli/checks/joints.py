@@ -9,8 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.assembly.seams import joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
-from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points
-from gtb_cli.theory.joints import EDGE_SAMPLES
+from gtb_cli.theory.edges import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -71,19 +70,20 @@ def _joined(model: Model) -> Outcome:
     if not shared:
         return not_applicable("no two edges carry the same curve")
     worst = 0.0
+    even = np.linspace(0.0, 1.0, EDGE_SAMPLES)
     for joint in shared:
-        first, second = (_points(model.patches[index], edge) for index, edge in (joint.first, joint.second))
-        offsets = first - (second[::-1] if joint.opposite else second)
-        worst = max(worst, float(np.sqrt((offsets**2).sum(axis=1)).max()))
+        first = _points(model.patches[joint.first[0]], joint.first[1], even)
+        second = _points(model.patches[joint.second[0]], joint.second[1], joint.across(model.patches, even))
+        worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))
     reason = f"largest distance at {len(shared)} joints, of the model's size"
     return at_most(worst / _size(model), JOINT_TOLERANCE, reason)
 
 
-def _points(patch: Patch, edge: int) -> FloatArray:
-    """Return (m, 3) points of an edge; for a curve, the single point of its end."""
+def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
+    """Return (m, 3) points at fractions of an edge; for a curve, the single point of its end."""
     if patch.dimension == 1:
         return patch.evaluate(patch.domain.vertices[[edge]])
-    return edge_points(patch, edge, EDGE_SAMPLES)
+    return edge_points_at(patch, edge, fractions)
 
 
 def _size(model: Model) -> float:

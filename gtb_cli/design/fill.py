@@ -33,7 +33,7 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.basis import Location, exponents, face_knots, shares
-from gtb_cli.theory.edges import edge_points
+from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -286,7 +286,7 @@ def _folds(patch: Patch) -> tuple[int, int]:
     vertices = np.zeros((len(part.parameters), 3))
     vertices[inside] = _shares_at(patch, part.parameters[inside]).T @ patch.control_points
     for edge, boundary in enumerate(part.boundary):
-        vertices[boundary] = edge_points(patch, edge, len(boundary) + 1)[:-1]
+        vertices[boundary] = edge_points_at(patch, edge, np.arange(len(boundary)) / len(boundary))
     ends = part.parameters[part.cells[folded_pairs(vertices, part.cells)]].mean(axis=2)
     return len(ends), sum(_turns_over(patch, start, end) for start, end in ends)
 

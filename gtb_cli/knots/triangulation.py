@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, planar_cross
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR, Faces
 
@@ -39,6 +39,28 @@ class Triangulation:
         face[self.boundary] = faces.edges[:, None]
         face[self.boundary[:, 0]] = faces.corners
         return face
+
+    def moved(self, corners: FloatArray, edge: int, fractions: FloatArray) -> Triangulation:
+        """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it, and those inside along with them.
+
+        A vertex between the centroid of the (r, 2) corners and the edge moves parallel to this, the less the nearer it
+        is to the centroid.
+        """
+        start, end = corners[edge], corners[(edge + 1) % len(corners)]
+        center, u = corners.mean(axis=0), self.parameters.copy()
+        shares = np.linalg.solve(np.stack([start - center, end - center], axis=1), (u - center).T)
+        height = shares.sum(axis=0)
+        rows = np.flatnonzero((shares > 0).all(axis=0))
+        t, height = shares[1, rows] / height[rows], height[rows, None]
+        way = (np.interp(t, np.linspace(0.0, 1.0, len(fractions)), fractions) - t)[:, None]
+        u[rows] += height**2 * way * (end - start)
+        u[self.boundary[edge]] = start + fractions[:-1, None] * (end - start)
+        return Triangulation(u, self.cells, self.boundary)
+
+    def is_turned_over(self) -> bool:
+        """Whether a triangle is clockwise, or has no area."""
+        a, b, c = (self.parameters[corner] for corner in self.cells.T)
+        return not bool((planar_cross(b - a, c - a) > 0).all())
 
     def with_cut_beside(self, corner: int) -> Triangulation:
         """Halve the side from the first vertex after a corner to the inner vertex of their cell."""

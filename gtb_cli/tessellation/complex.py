@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
@@ -52,6 +52,8 @@ class Complex:
         Pairs of neighbouring vertices on edges of patches that are one point.
     sides : int
         How many sides the cells of a uniform complex have; two that a joint makes one count once.
+    uneven : frozenset of EdgeRef
+        Shared edges whose points are at different fractions in patches that share them.
     """
 
     patch: IntArray
@@ -62,6 +64,7 @@ class Complex:
     own_corners: FloatArray | None
     collapsed: IntArray
     sides: int = 0
+    uneven: frozenset[EdgeRef] = frozenset()
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -113,7 +116,8 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     """Triangulate each domain with `resolution` cells along an edge, and join them.
 
     Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
-    corner between two edges that they share. So are patches with a tip, where one more side is halved.
+    corner between two edges that they share. So are patches with a tip, where one more side is halved, and those with
+    triangles turned over when vertices move along an edge to the fractions at which it has another patch's points.
 
     Parameters
     ----------
@@ -125,16 +129,32 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
     parts = [triangulation(patch.domain, resolution) for patch in patches]
     if joints is None:
         return alone(patches[0].domain, parts[0])
+    moves = _moves(patches, joints, resolution)
+    _move(parts, patches, moves)
     mosaic, confused = _joined(patches, joints, parts)
     tips = _tips(patches, joints)
     again = {*confused.tolist(), *(index for index, _ in tips)}
+    again |= {index for index, _ in moves if parts[index].is_turned_over()}
     if again:
         for index in again:
             parts[index] = central_triangulation(patches[index].domain, resolution)
         for index, corner in tips:
             parts[index] = parts[index].with_cut_beside(corner)
+        _move(parts, patches, {ref: fractions for ref, fractions in moves.items() if ref[0] in again})
         mosaic, _ = _joined(patches, joints, parts)
     return mosaic
+
+
+def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
+    """Ascending fractions of edges, where these are not equal, at the points of those that they are joined with."""
+    even = np.arange(resolution + 1) / resolution
+    moves = {joint.second: joint.across(patches, even) for joint in joints.shared if joint.places}
+    return {ref: fractions if fractions[0] == 0 else fractions[::-1] for ref, fractions in moves.items()}
+
+
+def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[EdgeRef, FloatArray]) -> None:
+    for (index, edge), fractions in moves.items():
+        parts[index] = parts[index].moved(patches[index].domain.vertices, edge, fractions)
 
 
 def alone(domain: Domain, part: Triangulation) -> Complex:
@@ -186,11 +206,17 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
         collapsed=number[collapsed],
         # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
         sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
+        uneven=_uneven(joints),
     )
     if not is_surface:
         return mosaic, owner[:0]
     label = merged(len(owner), np.concatenate([shared, collapsed]))
     return mosaic, np.unique(owner[_confused(cells, face != INTERIOR, label)])
+
+
+def _uneven(joints: Joints) -> frozenset[EdgeRef]:
+    firsts = {joint.first for joint in joints.shared if joint.places}
+    return frozenset(ref for joint in joints.shared if joint.first in firsts for ref in (joint.first, joint.second))
 
 
 def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -105,7 +105,12 @@ _ALL_SIDES = _Cut(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)), ((3, 5), (3, 4),
 
 
 def divide(
-    whole: Cells, edges: Edges, points: FloatArray, vertex: IntArray, child: IntArray
+    whole: Cells,
+    edges: Edges,
+    points: FloatArray,
+    vertex: IntArray,
+    child: IntArray,
+    middles: Callable[[Cells, IntArray], FloatArray],
 ) -> tuple[list[Cells], list[Edges]]:
     """Cut segments in two, and triangles with one, two or three split sides into two, three or four.
 
@@ -121,6 +126,8 @@ def divide(
         The vertex in the middle of a split edge, −1 for others.
     child : (e, 2) int
         The half of a split edge at its first and at its second end.
+    middles : function
+        Of cells and `vertex`: (k, s, d) parameters of the middles of the cells' sides.
 
     Returns
     -------
@@ -134,7 +141,7 @@ def divide(
     for cells, cut in _cuts(whole, points, vertex) if whole.cells.shape[1] == 3 else [(whole, _SEGMENT)]:
         around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
         corners = cells.corners
-        places = np.concatenate([corners, (corners + np.roll(corners, -1, axis=1)) / 2], axis=1)
+        places = np.concatenate([corners, middles(cells, vertex)], axis=1)
         inner: dict[frozenset[int], IntArray] = {}
         for line in cut.lines:
             inner[frozenset(line)] = next_edge + np.arange(len(around))

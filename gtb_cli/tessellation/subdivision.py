@@ -7,11 +7,12 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, planar_cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, groups, planar_cross
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
+from gtb_cli.theory.edges import edge_curves
 from gtb_cli.theory.patch import Patch
 
 MAX_ASPECT_RATIO = 12.0
@@ -40,6 +41,9 @@ class Subdivision:
         self.growth = Growth()
         self.is_surface = start.cells.shape[1] == 3
         self.peaks = [peaks_of(patch) for patch in patches] if self.is_surface else []
+        self.domains = [patch.domain for patch in patches]
+        uneven = sorted(start.uneven)
+        self.uneven = dict(zip(uneven, edge_curves(patches, uneven), strict=True))
         self.slim = slim * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else slim
 
     def __len__(self) -> int:
@@ -122,7 +126,7 @@ class Subdivision:
         ]
         self.edges = self.edges.followed_by(self.growth, *halves)
         rows = np.flatnonzero(self.has_mark(vertex >= 0))
-        pieces, made = divide(self.cells.at(rows), self.edges, self.points, vertex, child)
+        pieces, made = divide(self.cells.at(rows), self.edges, self.points, vertex, child, self.middles)
         if made:
             self.edges = self.edges.followed_by(self.growth, *made)
         before = len(self)
@@ -136,6 +140,33 @@ class Subdivision:
         rows = rows[np.isin(ends, known)]
         halves = [np.column_stack([old.ends[rows, end], vertex[rows]]) for end in (0, 1)]
         self.collapsed = np.concatenate([self.collapsed, *halves])
+
+    def middles(self, cells: Cells, vertex: IntArray) -> FloatArray:
+        """(k, s, d) parameters of the middles of the sides of cells, with the (e,) vertices there, −1 for none.
+
+        They are halfway; but a vertex from another patch is where this patch's edge has the same point.
+        """
+        following = np.roll(cells.corners, -1, axis=1)
+        result = np.asarray((cells.corners + following) / 2)
+        if not self.uneven:
+            return result
+        row, side = np.nonzero((vertex.take(cells.sides) >= 0) & (self.edges.face.take(cells.sides) != INTERIOR))
+        known = self.edges.at(cells.sides[row, side])
+        is_own = (known.patch == cells.patch[row]) & (known.middles == result[row, side]).all(axis=1)
+        row, side = row[~is_own], side[~is_own]
+        for index, members in groups(cells.patch[row]):
+            domain = self.domains[index]
+            heights = domain.heights_of_columns(result[row[members], side[members]])
+            for edge, some in groups(domain.nearest_edge(heights)):
+                if (index, edge) in self.uneven:
+                    at = row[members[some]], side[members[some]]
+                    start, end = domain.vertices[edge], np.roll(domain.vertices, -1, axis=0)[edge]
+                    ends = [domain.along(edge, u[at]) / np.hypot(*(end - start)) for u in (cells.corners, following)]
+                    low, high = np.minimum(*ends), np.maximum(*ends)
+                    points = self.points.take(vertex.take(cells.sides[at]), axis=0)
+                    t, _ = self.uneven[index, edge].nearest(points, (low + high) / 2, low, high)
+                    result[at] = start + t[:, None] * (end - start)
+        return result
 
     def peaks_along(self, sides: IntArray) -> tuple[IntArray, FloatArray]:
         """Edges on the boundary of Δ with peaks between their ends, and these; see `peaks_of`."""

@@ -35,18 +35,18 @@ def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch],
     if not welded:
         return points
     points = points.copy()
-    members: dict[EdgeRef, list[tuple[EdgeRef, bool]]] = {first: [(first, False)] for first in welded}
-    for joint in joints.shared:
-        if joint.first in members:
-            members[joint.first].append((joint.second, joint.opposite))
-    for (index, edge), others in members.items():
+    for index, edge in sorted(welded):
         shape = patches[index].domain
         rows = np.flatnonzero((mosaic.patch == index) & (mosaic.face == shape.faces.edge(edge).number))
         side = shape.along(
             edge, np.concatenate([mosaic.parameters[rows], shape.vertices[[(edge + 1) % len(shape.vertices)]]])
         )
         share = side[:-1] / side[-1]
-        curves = [edge_points_at(patches[p], e, 1 - share if turned else share) for (p, e), turned in others]
+        curves = [edge_points_at(patches[index], edge, share)]
+        for joint in joints.shared:
+            if joint.first == (index, edge):
+                p, e = joint.second
+                curves.append(edge_points_at(patches[p], e, joint.across(patches, share)))
         points[rows] = np.mean(curves, axis=0)
     _move_corners(mosaic, points, patches, joints)
     return points

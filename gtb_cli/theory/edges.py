@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.theory.basis import exponentials
+from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
@@ -18,6 +21,18 @@ CURVE_TOLERANCE = 1e-9
 """Largest difference between edges that carry the same curve: of points, relative to the model's size; of knots,
 relative to the edge's length; and of logarithms of weights. It allows for data typed or computed twice, and is far
 below anything visible."""
+
+EDGE_SAMPLES = 33
+"""Number of points on each of two curves for measuring their distance."""
+
+FINE_SAMPLES = 129
+"""Number of points of a polygon on which points nearest to others are looked for first."""
+
+INVERSION_ROUNDINGS = 4
+"""Roundings of the largest coordinate, or of a fraction, below which steps towards a point's fraction are not taken."""
+
+MAX_INVERSION_STEPS = 100
+"""Largest number of steps towards a point's fraction; halving alone needs 53."""
 
 
 def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
@@ -56,6 +71,58 @@ class Curve:
             and bool(np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE)
             and bool(np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE)
         )
+
+    def points_at(self, fractions: FloatArray) -> FloatArray:
+        """(m, 3) points at (m,) fractions of the knots' hull, between its ends."""
+        return self._at(self._moments.inverse(fractions[:, None]))[1]
+
+    @cached_property
+    def samples(self) -> FloatArray:
+        """(`EDGE_SAMPLES`, 3) points at equal fractions, both ends included."""
+        inner = self.points_at(np.linspace(0.0, 1.0, EDGE_SAMPLES)[1:-1])
+        return np.concatenate([self.ends[:1], inner, self.ends[1:]])
+
+    def nearest(
+        self, points: FloatArray, start: FloatArray, low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(m,) fractions between (m,) bounds at which the curve is nearest to (m, 3) points, and its points there.
+
+        By Newton's method for points on the curve, that is without second derivatives, from (m,) starts; the foot of
+        the perpendicular narrows the bounds, which are halved where a step leaves them. Steps are taken in torus
+        coordinates, as if log(t / (1 − t)) were affine in these, which it is near the ends.
+        """
+        s = self._moments.inverse(np.clip(start, EPS, 1 - EPS)[:, None])
+        rounding = INVERSION_ROUNDINGS * EPS * float(np.abs(self.points).max())
+        for _ in range(MAX_INVERSION_STEPS):
+            t, place, rate, spread = self._at(s)
+            ahead, square = dot(points - place, rate), dot(rate, rate)
+            step = ahead / np.maximum(square, np.finfo(float).tiny)
+            going = (np.abs(step) > INVERSION_ROUNDINGS * EPS) & (np.abs(step) * np.sqrt(square) > rounding)
+            if not going.any():
+                break
+            strayed = (t < low) | (t > high)
+            low, high = np.where((ahead > 0) & ~strayed, t, low), np.where((ahead < 0) & ~strayed, t, high)
+            goal = np.where((t + step > low) & (t + step < high) & ~strayed, t + step, (low + high) / 2)
+            goal, t = (np.clip(x, EPS, 1 - EPS) for x in (goal, t))
+            s = s + np.where(going, np.log(goal * (1 - t) / (t * (1 - goal))) * (t * (1 - t) / spread), 0.0)
+            if strayed.any():
+                s[:, strayed] = self._moments.inverse(goal[strayed, None])
+        return t, place
+
+    def _at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(m,) fractions t at (1, m) torus coordinates, (m, 3) points and their derivatives by t, and (m,) dt/ds."""
+        knots, middle = self.knots[:, None], self.points.mean(axis=0)
+        shares = exponentials(knots, self.log_weights, s)
+        shares /= shares.sum(axis=0)
+        t = self.knots @ shares
+        moments = shares * (knots - t)
+        spread = (moments * (knots - t)).sum(axis=0)
+        points, slopes = (values.T @ (self.points - middle) for values in (shares, moments))
+        return t, points + middle, slopes / spread[:, None], spread
+
+    @cached_property
+    def _moments(self) -> MomentMap:
+        return MomentMap(self.knots[:, None], self.log_weights)
 
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
@@ -112,11 +179,6 @@ class _EdgeBasis:
         return Curve(self.knots, self.log_weights, points)
 
 
-def edge_points(patch: Patch, edge: int, count: int) -> FloatArray:
-    """(count, 3) points of a surface's edge at equal fractions of its knots' hull, from the edge's own data."""
-    return edge_points_at(patch, edge, np.linspace(0.0, 1.0, count))
-
-
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:
     """(m, 3) points of a surface's edge at (m,) fractions of its knots' hull, from the edge's own data."""
     v, start, end = patch.domain.vertices, edge, (edge + 1) % len(patch.domain.vertices)
@@ -125,3 +187,31 @@ def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray
     faces[fractions == 1] = patch.domain.faces.corners[end]
     p = v[start] + fractions[:, None] * (v[end] - v[start])
     return patch.points_at(patch.rational_basis.locations(p, "linear", faces), len(fractions))
+
+
+def correspondence(one: Curve, other: Curve, turned: bool, reach: float) -> tuple[float, FloatArray] | None:
+    """Where a curve, whatever its parameters, runs beside another one with about the same ends, or the same `turned`.
+
+    Returns the largest distance, and fractions of the other one at `EDGE_SAMPLES` equal fractions of this one; None if
+    they are farther apart than `reach`, or one of them runs to and fro beside the other.
+    """
+    even, fine = np.linspace(0.0, 1.0, EDGE_SAMPLES), np.linspace(0.0, 1.0, FINE_SAMPLES)
+    points = one.samples[1:-1]
+    way = np.concatenate([other.ends[:1], other.points_at(fine[1:-1]), other.ends[1:]])
+    steps, offsets = np.diff(way, axis=0), points[:, None] - way[:-1]
+    share = np.clip((offsets * steps).sum(axis=2) / np.maximum(dot(steps, steps), np.finfo(float).tiny), 0.0, 1.0)
+    square = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
+    if np.sqrt(square.min(axis=1).max()) > reach:
+        return None
+    part = square.argmin(axis=1)
+    start = fine[part] + share[np.arange(len(part)), part] * fine[1]
+    low, high = fine[np.maximum(part - 1, 0)], fine[np.minimum(part + 2, len(steps))]
+    found, there = other.nearest(points, start, low, high)
+    places = np.concatenate([[1.0 if turned else 0.0], found, [0.0 if turned else 1.0]])
+    if not (np.diff(places) * (-1 if turned else 1) > 0).all():
+        return None
+    # Between these places, the other curve must not leave this one.
+    between = other.points_at((places[1:] + places[:-1]) / 2)
+    _, back = one.nearest(between, (even[1:] + even[:-1]) / 2, even[:-1], even[1:])
+    gaps = np.concatenate([points - there, between - back, one.ends - other.ends[:: -1 if turned else 1]])
+    return float(np.linalg.norm(gaps, axis=1).max()), places

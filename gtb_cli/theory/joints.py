@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curves, edge_points
+from gtb_cli.theory.edges import (
+    CURVE_TOLERANCE,
+    EDGE_SAMPLES,
+    Curve,
+    EdgeRef,
+    correspondence,
+    edge_curve,
+    edge_curves,
+)
 from gtb_cli.theory.patch import Patch
 
 FAR_ROUNDING = 16 * EPS
@@ -20,24 +27,40 @@ rounded in each, and so are the points of their curves."""
 SEAM_GAP = 1e-2
 """Different edges are reported if their ends and curves are nearer than this fraction of the smaller edge's size."""
 
-EDGE_SAMPLES = 33
-"""Number of points on each of two curves for measuring their distance."""
-
 SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])
 """A direction along which different places hardly ever have the same coordinate."""
+
+_Comparison = tuple[float, bool, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
 class Joint:
     """Two edges that carry the same curve; `opposite` if they traverse it in opposite directions.
 
-    `distance` is the distance of welded curves, in model units; 0 for equal curves.
+    `distance` is the distance of welded curves, in model units; 0 for equal curves. `places` are the fractions of the
+    second edge, ascending or descending, at `EDGE_SAMPLES` equal fractions of the first one; none if these are equal.
     """
 
     first: EdgeRef
     second: EdgeRef
     opposite: bool
     distance: float = 0.0
+    places: tuple[float, ...] = field(default=(), repr=False)
+
+    def across(self, patches: Sequence[Patch], fractions: FloatArray) -> FloatArray:
+        """(m,) fractions of the second edge at the points of (m,) fractions of the first one."""
+        if not self.places:
+            return 1 - fractions if self.opposite else fractions
+        first, second = (edge_curve(patches[p], edge) for p, edge in (self.first, self.second))
+        places, last = np.array(self.places), EDGE_SAMPLES - 1
+        result = np.asarray(np.interp(fractions, (0, 1), places[[0, -1]]))
+        inside = (fractions > 0) & (fractions < 1)
+        t = fractions[inside]
+        before = np.floor(t * last).astype(int)
+        ends = places[np.maximum(before - 1, 0)], places[np.minimum(before + 2, last)]
+        start = np.interp(t, np.linspace(0.0, 1.0, EDGE_SAMPLES), places)
+        result[inside] = second.nearest(first.points_at(t), start, np.minimum(*ends), np.maximum(*ends))[0]
+        return result
 
 
 @dataclass(frozen=True)
@@ -85,10 +108,10 @@ def diagonal_of(patches: Sequence[Patch]) -> float:
 def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     """Find the edges of patches that carry the same curve.
 
-    Two boundary curves are the same if, in either direction, they have the same points at the same fractions of the
-    linear parametrisation. This holds if their control points agree, an affine map takes the knots of one edge to those
-    of the other, and the weights c ω differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends
-    but different data, such as a higher degree, are compared at `EDGE_SAMPLES` points.
+    Two boundary curves have the same points at the same fractions of the linear parametrisation, in either direction,
+    if their control points agree, an affine map takes the knots of one edge to those of the other, and the weights c ω
+    differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends but different data, such as a
+    higher degree, are compared at `EDGE_SAMPLES` points: at equal fractions first, then wherever they are nearest.
 
     Parameters
     ----------
@@ -124,9 +147,13 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
             turned = turned != also
         return i, turned
 
-    almost = []
-    near = _near_curves(patches, refs, curves, followers, reach) if surfaces else []
-    for i, j, distance, turned in sorted(near, key=lambda pair: pair[2]):
+    def places(i: int, j: int, turned: bool) -> tuple[float, ...]:
+        _, way, places = near.get((i, j)) or _compared(curves[i], curves[j], reach, np.inf)
+        return places if way == turned else ()
+
+    almost, loose = [], set()
+    near = _near_curves(curves, followers, reach) if surfaces else {}
+    for (i, j), (distance, turned, _) in sorted(near.items(), key=lambda pair: pair[1][0]):
         if distance > reach:
             almost.append((i, j, distance))
             continue
@@ -138,9 +165,10 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
         followers[one].sort()
         heads[other] = one, turned
         distances[other] = distance if distance > tolerance else 0.0
+        loose.add(one)
     almost.sort()
     shared = tuple(
-        Joint(refs[i], refs[j], turned, distances.get(j, 0.0))
+        Joint(refs[i], refs[j], turned, distances.get(j, 0.0), places(i, j, turned) if i in loose else ())
         for i, others in followers.items()
         for j, turned in others
     )
@@ -180,55 +208,43 @@ def _same_data(
 
 
 def _near_curves(
-    patches: Sequence[Patch],
-    refs: Sequence[EdgeRef],
-    curves: Sequence[Curve],
-    followers: Mapping[int, Sequence[object]],
-    least_reach: float,
-) -> list[tuple[int, int, float, bool]]:
-    """Pairs of curves, one of them open, within `SEAM_GAP` or `least_reach`: distance, and whether one is reversed."""
-
-    @cache
-    def sampled(i: int) -> FloatArray:
-        patch, edge = refs[i]
-        return edge_points(patches[patch], edge, EDGE_SAMPLES)
-
-    heads = list(followers)
-    reach = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), least_reach)
-    found = []
-    for one, other in touching([curves[i] for i in heads], reach):
-        i, j = heads[one], heads[other]
-        if followers[i] and followers[j]:
-            continue
-        gaps = [float(np.linalg.norm(sampled(i) - side, axis=1).max()) for side in (sampled(j), sampled(j)[::-1])]
-        if min(gaps) <= min(reach[one], reach[other]):
-            found.append((i, j, min(gaps), gaps[1] < gaps[0]))
+    curves: Sequence[Curve], followers: Mapping[int, Sequence[object]], reach: float
+) -> dict[tuple[int, int], _Comparison]:
+    """Comparisons of pairs of curves, one of them open, within `SEAM_GAP` or `reach`."""
+    heads, found = list(followers), {}
+    reaches = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), reach)
+    for one, other in touching([curves[i] for i in heads], reaches):
+        i, j, most = heads[one], heads[other], min(reaches[one], reaches[other])
+        if not (followers[i] and followers[j]) and (near := _compared(curves[i], curves[j], reach, most))[0] <= most:
+            found[i, j] = near
     return found
+
+
+def _compared(one: Curve, other: Curve, reach: float, most: float) -> _Comparison:
+    """The distance of two curves, whether one is reversed, and `Joint.places` if equal fractions are beyond `reach`."""
+    ways: list[_Comparison] = [
+        (float(np.linalg.norm(one.samples - other.samples[::step], axis=1).max()), step < 0, ()) for step in (1, -1)
+    ]
+    if min(ways)[0] > reach:
+        for step in (1, -1):
+            meet = np.abs(one.ends - other.ends[::step]).max() <= most
+            if meet and (match := correspondence(one, other, step < 0, most)) is not None:
+                ways.append((match[0], step < 0, tuple(match[1].tolist())))
+    return min(ways)
 
 
 def touching(curves: Sequence[Curve], reach: FloatArray) -> list[tuple[int, int]]:
     """Pairs i < j of curves whose ends, in either order, differ by at most the smaller of their (n,) reaches."""
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
     pairs = []
-    for row, others in _within(_heights(curves), 2 * reach):
+    for row, others in within(_heights(curves), 2 * reach):
         straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
         near = np.minimum(straight, crossed) <= np.minimum(reach[others], reach[row])
         pairs += [(min(row, other), max(row, other)) for other in others[near].tolist()]
     return sorted(pairs)
 
 
-def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
-    """For each curve those, ascending, of which an end is within a distance along each axis of one of its ends."""
-    places = np.array([curve.ends for curve in curves]).reshape(-1, 3)
-    pairs: list[set[int]] = [set() for _ in curves]
-    for row, others in _within((places - places[:1]) @ SORTING_DIRECTION, np.full(len(places), reach)):
-        for other in (others[np.abs(places[others] - places[row]).max(axis=1) <= reach] // 2).tolist():
-            pairs[row // 2].add(other)
-            pairs[other].add(row // 2)
-    return [sorted(others - {row}) for row, others in enumerate(pairs)]
-
-
-def _within(heights: FloatArray, reach: FloatArray) -> Iterator[tuple[int, IntArray]]:
+def within(heights: FloatArray, reach: FloatArray) -> Iterator[tuple[int, IntArray]]:
     """Each row and those after it, by (n,) heights of places, that may be within its reach along each axis."""
     order = np.argsort(heights, kind="stable")
     beyond = np.searchsorted(heights[order], (heights + SORTING_DIRECTION.sum() * reach)[order], side="right")

@@ -186,3 +186,26 @@ def test_the_same_domain_gives_the_same_bytes():
     one, two = (triangulation(polygon(5), 7) for _ in range(2))
     assert one.parameters.tobytes() == two.parameters.tobytes()
     assert one.cells.tobytes() == two.cells.tobytes()
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5])
+@pytest.mark.parametrize("resolution", [1, 2, 5])
+def test_moved_vertices_never_turn_cells_over_around_the_centre(corners, resolution):
+    rng = np.random.default_rng(corners)
+    turned = 0
+    for _ in range(20):
+        angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
+        shape = domain(np.stack([np.cos(angles), 0.5 * np.sin(angles)], axis=1))
+        part, usual = central_triangulation(shape, resolution), triangulation(shape, resolution)
+        even = np.linspace(0, 1, resolution + 1)
+        for edge, factor in enumerate(np.exp(rng.uniform(-2.5, 2.5, corners))):
+            fractions = factor * even / (1 + (factor - 1) * even)
+            part = part.moved(shape.vertices, edge, fractions)
+            usual = usual.moved(shape.vertices, edge, fractions)
+            start, end = shape.vertices[edge], shape.vertices[(edge + 1) % corners]
+            np.testing.assert_array_equal(
+                part.parameters[part.side(edge)[:-1]], start + fractions[:-1, None] * (end - start)
+            )
+        assert not part.is_turned_over()
+        turned += usual.is_turned_over()
+    assert turned == 0 if corners == 5 or resolution == 1 else turned > 0 or resolution == 2

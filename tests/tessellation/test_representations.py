@@ -1,0 +1,207 @@
+"""Models whose shared edges are one curve with different knots, weights and parameters on each side."""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+import pytest
+
+from gtb_cli.assembly.openings import seam_remarks
+from gtb_cli.assembly.seams import joints
+from gtb_cli.bezier.elevation import elevate
+from gtb_cli.checks.joints import joint_findings
+from gtb_cli.spec.writer import save
+from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.tessellate import refined, tessellate
+from gtb_cli.theory.edges import edge_points_at
+from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.shell import gtb
+
+ROUNDING = 1e-13
+"""Distance, as a fraction of the size, of points from two representations of one curve."""
+
+ARC = np.array([(1.0, 0, 0), (1.0, 1, 0), (0.0, 1, 0)])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def curve(points: np.ndarray, weights: np.ndarray) -> Patch:
+    """A rational Bézier curve."""
+    degree = len(points) - 1
+    return Patch(np.arange(degree + 1), points, np.asarray(weights) * [comb(degree, i) for i in range(degree + 1)])
+
+
+def represented(one: Patch, factor: float, by: int, elevated_first: bool = False, reverse: bool = False) -> Patch:
+    """The same curve after a Möbius map of its parameter and elevations."""
+    if elevated_first:
+        one, by = elevate(one, by), 0
+    weights = np.exp(one.log_products) * factor ** np.arange(len(one.knots))
+    other = elevate(Patch(np.arange(len(one.knots)), one.control_points, weights), by)
+    if not reverse:
+        return other
+    return Patch(other.knots, other.control_points[::-1], np.exp(other.log_products)[::-1])
+
+
+def loft(one: Patch, *offsets: np.ndarray, scale: float = 1.0, shift: float = 0.0, name: str | None = None) -> Patch:
+    """A patch of the curve and of copies that are moved, with straight edges between if these are in a row."""
+    rows = [one.control_points + offset for offset in offsets]
+    knots = [(i, j) for j in range(len(rows)) for i in range(len(one.knots))]
+    weights = [np.exp(one.log_products) * comb(len(rows) - 1, j) for j in range(len(rows))]
+    return Patch(knots, np.concatenate(rows) * scale + shift, np.concatenate(weights), name=name)
+
+
+def body(seed: int, factor: float = 3.0, by: int = 2, elevated_first: bool = False, reverse: bool = False,
+         scale: float = 1.0, shift: float = 0.0) -> Model:  # fmt: skip
+    """Two patches that share all four edges: two random curves, and segments between their ends."""
+    rng = np.random.default_rng(seed)
+    degree = int(rng.integers(2, 6))
+    points = np.cumsum(rng.uniform(-0.3, 1.0, (degree + 1, 3)), axis=0)
+    one = curve(points / np.ptp(points, axis=0).max(), np.exp(rng.uniform(-1, 1, degree + 1)))
+    patches = []
+    for name, side, sign in (("one", one, 1), ("two", represented(one, factor, by, elevated_first, reverse), -1)):
+        bulge = np.zeros((len(side.knots), 3))
+        bulge[1:-1] = sign * np.array([0.3, -0.4, 0.1])
+        patches.append(loft(side, 0 * UP, UP + bulge, 2 * UP, scale=scale, shift=shift, name=name))
+    return Model(tuple(patches), name="body")
+
+
+CASES = [
+    (0, 0.3, 1, False, False, 1.0, 0.0),
+    (1, 5.0, 2, False, True, 1.0, 0.0),
+    (2, 3.0, 3, True, False, 1e-9, 0.0),
+    (3, 0.5, 2, True, True, 1e9, 0.0),
+    (4, 2.0, 1, False, True, 1.0, 1e7),
+    (5, 1.0, 2, False, False, 1.0, 1e7),
+]
+
+
+def assert_parameters_are_those_of_points(model: Model, mosaic: Complex, points: np.ndarray, tolerance: float) -> None:
+    """Each cell's corners have the parameters of its own patch, and cells cover Δ without folds."""
+    for index, patch in enumerate(model):
+        rows = np.flatnonzero(mosaic.cell_patch == index)
+        corners = mosaic.corners[rows]
+        own = patch.evaluate(corners.reshape(-1, 2), "linear")
+        assert np.abs(own - points[mosaic.cells[rows].ravel()]).max() <= tolerance
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+        assert (area > 0).all() or (area < 0).all()
+        x, y = patch.domain.vertices.T
+        assert np.abs(area).sum() == pytest.approx(np.abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)), rel=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
+    model = body(*case)
+    scale, shift = case[-2:]
+    assert model.joints.closed
+    assert sum(bool(joint.places) for joint in model.joints.shared) == 2
+    assert joint_findings(model)[0].status == "holds"
+    rounding = 3 * ROUNDING * scale + 2e-15 * shift
+    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    for resolution in (1, 2, 3, 8):
+        mosaic = joined_complex(model.patches, model.joints, resolution)
+        points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
+        assert_parameters_are_those_of_points(model, mosaic, points, rounding)
+        for parametrization in ("linear", "toric"):
+            assert not len(tessellate(model, resolution, parametrization=parametrization).open_sides)
+    mosaic, points = refined(model.patches, model.joints, sampler, 3e-3 * scale, 10**5)
+    assert_parameters_are_those_of_points(model, mosaic, points, rounding)
+    assert not len(tessellate(model, tolerance=3e-3 * scale).open_sides)
+
+
+def test_they_are_watertight_on_the_command_line(tmp_path):
+    save(body(1), tmp_path / "body.toml")
+    for options in (["-n", "5"], ["--tolerance", "1%"], ["-n", "6", "--parametrization", "toric"]):
+        run = gtb("mesh", tmp_path / "body.toml", *options, "--require", "watertight", "-o", tmp_path / "x.obj")
+        assert (run.status, "not joined" in run.text) == (0, False)
+    assert gtb("info", tmp_path / "body.toml").status == 0
+    assert gtb("check", tmp_path / "body.toml").status == 0
+
+
+@pytest.mark.parametrize(("factor", "by"), [(0.3, 1), (2.0, 3), (5.0, 2)])
+def test_a_smooth_seam_is_smooth_at_corresponding_points(factor, by):
+    one = curve(ARC, [1, 0.5**0.5, 1])
+    model = Model((loft(one, 0 * UP, UP), loft(represented(one, factor, by), UP, 3 * UP)))
+    (seam,) = joints(model)
+    assert seam.angle < 1e-9
+    assert seam.bend < 1e-9
+
+
+def test_a_straight_edge_is_joined_whatever_its_speed():
+    square, beside = [np.array([(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 1.0), (x, 1.0)]) for x in (0.0, 1.0)]
+    uneven = Patch([*square, (0, 0.5)], [*beside, (1, 0.1)], [1, 1, 1, 1, 0.5])
+    model = Model((Patch(square, square), uneven))
+    (joint,) = model.joints.shared
+    places = np.array(joint.places)
+    assert places[0] == 1
+    assert (np.diff(places) < 0).all()
+    found = edge_points_at(uneven, 3, places)
+    np.testing.assert_allclose(found[:, 1], np.linspace(0, 1, EDGE_SAMPLES), rtol=0, atol=1e-14)
+    flat = tessellate(model, tolerance=1e-3)
+    assert np.abs(flat.vertices[:, 2]).max() == 0
+
+
+def test_three_representations_on_one_edge_meet_in_the_same_vertices():
+    one = curve(ARC, [1, 0.5**0.5, 1])
+    ways = np.array([[1.0, 1, 0], [-1.0, -1, 1], [0, 0, 1.0]])
+    fan = [
+        loft(side, 0 * UP, way)
+        for side, way in zip((one, represented(one, 3, 1), represented(one, 0.2, 2)), ways, strict=True)
+    ]
+    model = Model(tuple(fan))
+    assert model.joints.crowded == (((0, 0), (1, 0), (2, 0)),)
+    for options in ({"resolution": 5}, {"tolerance": 1e-3}):
+        mesh = tessellate(model, **options)
+        sides = np.sort(mesh.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        assert (np.unique(sides, axis=0, return_counts=True)[1] == 3).sum() >= 5
+    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    mosaic, points = refined(model.patches, model.joints, sampler, 1e-3, 10**5)
+    assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_patch_is_joined_with_itself_at_other_parameters(order):
+    angles = 2 * np.pi * np.arange(4)[::order] / 3
+    rows = [(0, 0.5, 1)] * 3 + [(0, 0.7, 1)]
+    knots = [(i, j) for i in range(4) for j in range(3)]
+    ring = Patch(knots, [(np.cos(a), np.sin(a), 2 * t) for a, row in zip(angles, rows, strict=True) for t in row])
+    model = Model((ring,))
+    assert len(model.joints.open) == 2
+    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    for mosaic, points in (
+        refined(model.patches, model.joints, sampler, 1e-2, 10**5),
+        (
+            (even := joined_complex(model.patches, model.joints, 6)),
+            sampler.points(even.patch, even.parameters, even.face),
+        ),
+    ):
+        assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
+
+
+def test_a_curve_that_leaves_and_returns_is_another_one():
+    """A loop between two samples, or a detour of a thousandth, is seen."""
+    one = curve(ARC, [1, 0.5**0.5, 1])
+    bent = represented(one, 2, 2)
+    points = bent.control_points.copy()
+    points[2] += 1e-3
+    patches = [loft(one, 0 * UP, UP), loft(bent.replace(control_points=points), 0 * UP, -UP)]
+    found = find_joints(patches)
+    assert not found.shared
+    assert found.almost[0][2] == pytest.approx(5e-4, rel=0.5)
+
+
+def test_other_parameters_are_welded_like_equal_ones():
+    exact, rng = body(3), np.random.default_rng(1)
+    patches = [p.replace(control_points=p.control_points + rng.uniform(-1e-6, 1e-6, (len(p.knots), 3))) for p in exact]
+    model = Model(tuple(patches))
+    assert not model.joints.shared
+    assert len(seam_remarks(model)) == 4
+    assert all("--weld 3e-06" in line or "--weld 2e-06" in line for line in seam_remarks(model))
+    welded = model.replace(weld=1e-5)
+    assert welded.joints.closed
+    assert max(joint.distance for joint in welded.joints.shared) < 4e-6
+    assert not len(tessellate(welded, 8).open_sides)
+    mesh, middle = tessellate(welded, 16), tessellate(exact, 16)
+    assert np.abs(mesh.vertices - middle.vertices).max() < 3e-6
