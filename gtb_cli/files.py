@@ -10,7 +10,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import IO
 
-from gtb_cli.errors import ExportError
+from gtb_cli.errors import ExportError, GtbError, SpecError
 
 TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
@@ -59,6 +59,18 @@ def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
         raise
     except OSError as error:
         raise _refusal(shown, error) from error
+
+
+def read_file(path: str | os.PathLike[str], limit: int, fault: type[GtbError] = SpecError) -> bytes:
+    """Read at most `limit` bytes of a file; `fault` with its name and the system's reason if it cannot be read."""
+    shown = os.fspath(path)
+    try:
+        with open(path, "rb") as file:
+            return file.read(limit)
+    except OSError as error:
+        raise fault(f"{shown or repr(shown)}: {error.strerror or error}") from None
+    except ValueError as error:  # a null character in the path
+        raise fault(f"{shown!r}: {error}") from None
 
 
 class StagedFiles:

@@ -14,7 +14,8 @@ from gtb_cli.design.fill import fill as fill_sides
 from gtb_cli.design.holes import fill_hole
 from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
 from gtb_cli.design.sides import Side, curve_side
-from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.errors import DomainError
+from gtb_cli.files import read_file
 from gtb_cli.spec.document import MAX_BYTES
 from gtb_cli.spec.scanner import Format
 from gtb_cli.theory.model import Model
@@ -79,12 +80,7 @@ def read_loop(path: str | os.PathLike[str]) -> list[Side] | Model:
     """
     source = os.fspath(path)
     suffix = os.path.splitext(source)[1].lower()
-    try:
-        with open(source, "rb") as file:
-            data = file.read((MAX_LOOP_BYTES if suffix in SUFFIXES else MAX_BYTES) + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise SpecError(f"{source or repr(source)}: {reason or error}") from None
+    data = read_file(source, (MAX_LOOP_BYTES if suffix in SUFFIXES else MAX_BYTES) + 1)
     if suffix in SUFFIXES:
         return loop_from_text(data, source)
     kind: Format | None = "json" if suffix == ".json" else "toml" if suffix == ".toml" else None

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import os
 from codecs import BOM_UTF8
+from importlib import import_module
 
 import numpy as np
 
 from gtb_cli.errors import GtbError
+from gtb_cli.files import read_file
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content
 from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
@@ -56,14 +58,7 @@ def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
     GtbError
         The file cannot be read; the message is one line that names it.
     """
-    shown = os.fspath(path)
-    try:
-        with open(path, "rb") as file:
-            data = file.read(MAX_FILE_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise GtbError(f"{shown}: {reason or error}") from None
-    return decode_mesh(data, shown, format).mesh
+    return decode_mesh(read_file(path, MAX_FILE_BYTES + 1, GtbError), os.fspath(path), format).mesh
 
 
 def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh:
@@ -131,21 +126,9 @@ _OBJ_STARTS = {b"v", b"vn", b"vt", b"g", b"o", b"s", b"mtllib", b"usemtl", b"f",
 
 
 def _content(data: bytes, kind: str) -> Content:
-    if kind == "obj":
-        from gtb_cli.formats.obj import read_obj
-
-        return read_obj(data)
-    if kind == "ply":
-        from gtb_cli.formats.ply import read_ply
-
-        return read_ply(data)
-    if kind == "stl":
-        from gtb_cli.formats.stl import read_stl
-
-        return read_stl(data)
-    from gtb_cli.formats.glb import read_glb
-
-    return read_glb(data)
+    room = import_module(f"gtb_cli.formats.{kind}")  # only that of one format is needed
+    content: Content = getattr(room, f"read_{kind}")(data)
+    return content
 
 
 def _printable(text: str) -> str:

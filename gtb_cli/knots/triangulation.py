@@ -75,13 +75,9 @@ class Triangulation:
         return Triangulation(np.concatenate([self.parameters, middle[None]]), cells, self.boundary)
 
 
-def cell_count(domain: Domain, resolution: int) -> int:
-    """The number of cells of `triangulation`, without making it."""
-    return cell_count_of(len(domain.vertices), resolution)
-
-
-def cell_count_of(corners: int, resolution: int) -> int:
-    """The same for a polygon with a given number of corners; a segment has 2."""
+def cell_count(domain: Domain | int, resolution: int) -> int:
+    """The number of cells of `triangulation`, without making it; of a domain, or a polygon with so many corners."""
+    corners = domain if isinstance(domain, int) else len(domain.vertices)
     if corners == 2:
         return resolution
     return resolution**2 * {3: 1, 4: 2}.get(corners, corners)

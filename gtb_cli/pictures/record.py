@@ -8,6 +8,7 @@ import os
 from typing import Any
 
 from gtb_cli.errors import SpecError
+from gtb_cli.files import read_file
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.pictures.sequences import Frames
 from gtb_cli.vocabulary import SEQUENCE_RECORD
@@ -27,11 +28,7 @@ def read_frames(path: str) -> Frames:
         A mesh cannot be read.
     """
     record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
-    try:
-        with open(record, "rb") as file:
-            data = file.read(MAX_RECORD_BYTES + 1)
-    except OSError as error:
-        raise SpecError(f"{record}: {error.strerror or error}") from None
+    data = read_file(record, MAX_RECORD_BYTES + 1)
     try:
         entries = json.loads(data if len(data) <= MAX_RECORD_BYTES else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
-from gtb_cli.knots.triangulation import cell_count_of
+from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
 from gtb_cli.sequences.film import film_mesh
@@ -226,7 +226,7 @@ def degeneration_sequence(
     decomposition = regular_decomposition(patch.knots, exponents if upward else -exponents)
     # Checked before there is a patch for each value and cell: there may be thousands of both.
     n = resolution if tolerance is None else 1
-    cells = sum(cell_count_of(len(polygon), n) for polygon in decomposition.polygons)
+    cells = sum(cell_count(len(polygon), n) for polygon in decomposition.polygons)
     _refuse_too_many(cells, len(values) + 1, max_faces)
     family = degenerating(patch, [abs(math.log(value)) for value in values], decomposition)
     values.append(INF if upward else 0.0)

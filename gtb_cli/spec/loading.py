@@ -10,6 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
+from gtb_cli.files import read_file
 from gtb_cli.spec.document import MAX_BYTES, Document, Faults, read, spec_format_of
 from gtb_cli.spec.includes import Library
 from gtb_cli.spec.models import ModelReader
@@ -39,14 +40,7 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
         path and what was found.
     """
     source = os.fspath(path)
-    try:
-        with open(source, "rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise SpecError(f"{source or repr(source)}: {error.strerror or error}") from None
-    except ValueError as error:  # a null character in the path
-        raise SpecError(f"{source!r}: {error}") from None
-    return parse(data, source, spec_format_of(source))
+    return parse(read_file(source, MAX_BYTES + 1), source, spec_format_of(source))
 
 
 def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:

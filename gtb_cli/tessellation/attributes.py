@@ -33,10 +33,10 @@ def with_attributes(
     shape : Patch or Model
         What the mesh is of. Vertices that patches share get the scalars of the first one.
     mesh : Mesh
-        As `gtb_cli.tessellation.tessellate.tessellate` made it.
+        Made by `gtb_cli.tessellation.tessellate.tessellate`.
     names : sequence of str
-        Of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only); the curvatures as in `Curvature`;
-        or ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``.
+        Some of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only), and the curvatures as in
+        `Curvature`; or ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``.
     parametrization : {"linear", "toric"}
         That of the mesh.
 

@@ -52,7 +52,7 @@ class Recipe:
     thickness : float or None
         Makes a solid of a surface: on the side of its normals, or if negative on the other side.
     attributes : tuple of str
-        Of `gtb_cli.vocabulary.ATTRIBUTES`.
+        Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
         Refuse what does not have these properties: "watertight", "unfolded", "smooth:1deg", see
         `gtb_cli.assembly.requirements`. One word may stand for itself, and None for none.
@@ -131,7 +131,7 @@ class Recipe:
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         surface = mesh
         offset_folds: list[str] = []
-        remarks = self._seams(spec) + self._confusion(spec, mesh)
+        remarks = self._remarks_on_model(spec, mesh)
         if self.parametrization == "toric":
             from gtb_cli.tessellation.crowding import crowding
 
@@ -157,30 +157,23 @@ class Recipe:
             require(self.require, spec, mesh, surface, offset_folds)
         return mesh, remarks + offset_folds
 
-    def _seams(self, spec: Patch | Model) -> list[str]:
-        """Remarks on the seams of a model."""
-        from gtb_cli.theory.model import Model
-
-        if not isinstance(spec, Model):
+    def _remarks_on_model(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
+        """Remarks on the seams of a model, and on a mesh so coarse that sides have more than two faces."""
+        model = _model(spec)
+        if model is None:
             return []
         from gtb_cli.assembly.openings import seam_remarks
 
-        return seam_remarks(spec)
-
-    def _confusion(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
-        """A remark on a model whose mesh is so coarse that sides have more than two faces."""
-        from gtb_cli.theory.model import Model
-
-        if not isinstance(spec, Model) or self.tolerance is not None or self.resolution > 2 or mesh.is_curve:
-            return []
-        # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
-        crowded = len(mesh.crowded_sides) - self.resolution * len(spec.joints.crowded)
-        if crowded <= 0:
-            return []
-        return [
-            f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
-            f"more than two faces; -n {self.resolution + 1} keeps them apart"
-        ]
+        remarks = seam_remarks(model)
+        if self.tolerance is None and self.resolution <= 2 and not mesh.is_curve:
+            # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
+            crowded = len(mesh.crowded_sides) - self.resolution * len(model.joints.crowded)
+            if crowded > 0:
+                remarks.append(
+                    f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
+                    f"more than two faces; -n {self.resolution + 1} keeps them apart"
+                )
+        return remarks
 
     def _faces_around(self, tolerance: float | None) -> int:
         """Faces around each segment of a tube with a tolerance; 1 for other meshes, whose cells are their faces."""
@@ -251,12 +244,10 @@ class Recipe:
 
     def leaves_open(self, spec: Patch | Model) -> bool:
         """Whether the mesh has a boundary: it is neither a tube nor a solid, and the spec is not a closed model."""
-        from gtb_cli.theory.model import Model
-
         if self.radius is not None or self.thickness is not None:
             return False
-        model = welded(spec, self.weld)
-        return not (isinstance(model, Model) and model.joints.closed)
+        model = _model(welded(spec, self.weld))
+        return model is None or not model.joints.closed
 
     def faces(self, spec: Patch | Model) -> int:
         """Count the faces (of a curve: segments) of a mesh of this resolution, without making it."""
@@ -332,13 +323,18 @@ def percentage(text: str) -> float:
 
 def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
     """A model with another weld, in model units or as a percentage of its size; else the spec as it is."""
-    from gtb_cli.theory.model import Model
-
-    if not isinstance(spec, Model) or weld is None:
+    model = _model(spec)
+    if model is None or weld is None:
         return spec
     from gtb_cli.theory.joints import diagonal_of
 
-    return spec.replace(weld=percentage(weld) / 100 * diagonal_of(spec.patches) if isinstance(weld, str) else weld)
+    return model.replace(weld=percentage(weld) / 100 * diagonal_of(model.patches) if isinstance(weld, str) else weld)
+
+
+def _model(spec: Patch | Model) -> Model | None:
+    from gtb_cli.theory.model import Model
+
+    return spec if isinstance(spec, Model) else None
 
 
 def _where(mesh: Mesh, cells: IntArray) -> str:

@@ -58,7 +58,8 @@ def tessellate(
     tolerance : float or str, optional
         Largest distance from the surface to the mesh, in model units, or as ``"1%"`` of the bounding box's diagonal.
     parametrization : {"linear", "toric"}
-        Where vertices are put: evenly (linear), or at the paper's parameters. With a tolerance always linear.
+        Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
+        large exponents. With a tolerance always linear.
     normals : bool
         Whether a surface's mesh gets its unit normals, which take longer than its points.
     max_faces : int

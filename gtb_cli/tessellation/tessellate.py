@@ -47,26 +47,16 @@ def tessellate(
     resolution : int
         Cells along each edge of the domain; not used with a tolerance.
     tolerance : float, optional
-        Largest distance from the surface to the mesh, in model units: certain for a curve, verified by sampling for a
-        surface.
-    parametrization : {"linear", "toric"}
-        Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
-        large exponents. With a tolerance always linear.
+        Largest distance from the surface to the mesh, in model units: certain for a curve, sampled for a surface.
+    parametrization, max_faces
+        See `gtb_cli.tessellation.shape.tessellate`.
     normals : bool
         Whether a surface's mesh gets its unit normals. They take longer than its points, and are computed when they
         are first asked for.
-    max_faces : int
-        More cells than this are refused before they are made.
     joints : Joints, optional
         Those of the model's patches, if known; see `find_joints`.
     certify : bool
         Whether the tolerance must be certain for a surface, too.
-
-    Returns
-    -------
-    Mesh
-        With parameters, and unit normals if asked for. Edges that patches of a model share are sampled once, by the
-        curve's own data, and their vertices are one.
 
     Raises
     ------

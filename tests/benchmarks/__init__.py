@@ -39,7 +39,7 @@ class Row:
         Largest difference between both results, in units of the model; None where they are compared exactly or not at
         all.
     unit : str
-        Of `measured` and `beside`: "s", or what is counted.
+        The unit of `measured` and `beside`: "s", or what is counted.
     missing : str
         Why there is no peer to measure; then all numbers are NaN.
     """

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 Found = dict[str, Any]
-"""As `kinds.agreement` takes it."""
+"""What a reader found, for `kinds.agreement`."""
 
 
 SAMPLES = [(0.1, 0.2), (0.7, 0.1), (0.3, 0.6), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
