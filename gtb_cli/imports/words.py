@@ -67,9 +67,9 @@ class Words:
         """Return the next word, or an empty string at the end."""
         return self._words[self._next] if self.left else ""
 
-    def skip(self, count: int = 1) -> None:
-        """Skip words."""
-        self._next += count
+    def skip(self) -> None:
+        """Skip a word."""
+        self._next += 1
 
     def rest_of_line(self) -> str:
         """Read the remaining words on the line of the next word."""

@@ -31,9 +31,6 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
         coordinates in which a triangle is equilateral and a parallelogram is a square, so that the lattices of Bézier
         triangles and tensor products have their usual nets.
 
-    Returns
-    -------
-    list of (int, int)
     """
     if patch.dimension == 1 and lifting is None and patch.lifting is None:
         _, first = np.unique(patch.knots[:, 0], return_index=True)
@@ -115,11 +112,6 @@ def _chord(corners: FloatArray, axis: int, value: float) -> tuple[float, float] 
         if (a[axis] - value) * (b[axis] - value) <= 0 and a[axis] != b[axis]:
             met.append(float(a[1 - axis] + (b[1 - axis] - a[1 - axis]) * ((value - a[axis]) / (b[axis] - a[axis]))))
     return (min(met), max(met)) if met and min(met) < max(met) else None
-
-
-def net_paths(patch: Patch, lifting: ArrayLike | None = None) -> list[FloatArray]:
-    """Return the (2, 3) ends of each line of the control net."""
-    return [patch.control_points[[a, b]] for a, b in net_of(patch, lifting)]
 
 
 def is_flat(clouds: Sequence[FloatArray]) -> bool:

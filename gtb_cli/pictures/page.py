@@ -18,9 +18,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.pictures.colours import scale_of
 from gtb_cli.pictures.sight import Sight
 
-FRAME = (
-    '<iframe srcdoc="{page}" style="width:100%;height:{height}px;border:1px solid #8884;border-radius:6px"></iframe>'
-)
+FRAME = '<iframe srcdoc="{page}" style="width:100%;height:420px;border:1px solid #8884;border-radius:6px"></iframe>'
+"""Frame of a page within another page."""
 
 BOX_DIGITS = 4
 """Digits, relative to a box's size, to which its corners are given."""
@@ -57,9 +56,9 @@ def page_with(data: dict[str, Any], title: str) -> str:
     return page
 
 
-def frame_of(sight: Sight, height: int = 420) -> str:
+def frame_of(sight: Sight) -> str:
     """Return HTML of a frame that shows something within another page, such as a notebook."""
-    return FRAME.format(page=html.escape(page_of(sight), quote=True), height=height)
+    return FRAME.format(page=html.escape(page_of(sight), quote=True))
 
 
 def page_data(sight: Sight) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
-from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_paths
+from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_of
 from gtb_cli.pictures.planar import HALO, basis_values, note
 from gtb_cli.pictures.raster import Raster
 from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, scene_of, scenes_of, triad
@@ -91,7 +91,16 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
 def draw_net(ax: Axes, scene: Scene, raster: Raster | None, patches: Sequence[Patch], look: Look) -> None:
     """Draw control points, numbered, and the lines between them."""
     for patch in patches:
-        lines(ax, scene, raster, net_paths(patch), colour=NET, width=0.9, hidden=HIDDEN_STRENGTH, order=4)
+        lines(
+            ax,
+            scene,
+            raster,
+            list(patch.control_points[net_of(patch)]),
+            colour=NET,
+            width=0.9,
+            hidden=HIDDEN_STRENGTH,
+            order=4,
+        )
     spots = np.concatenate([patch.control_points for patch in patches])
     texts = [subscript("b", i) for patch in patches for i in range(len(patch.knots))]
     few = len(patches) == 1 and look.numbers(len(spots))

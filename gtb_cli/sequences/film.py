@@ -15,18 +15,10 @@ FILM_CELLS = {1: 1024, 2: 64}
 """Cells of a film along each of its sides."""
 
 
-def film_mesh(limit: KnotLimit, resolution: int | None = None) -> Mesh:
-    """Mesh the films of a knot limit: segments for a curve, triangles for a surface.
-
-    Parameters
-    ----------
-    limit : KnotLimit
-        A limit with films.
-    resolution : int, optional
-        Cells along each side of each film; default `FILM_CELLS`.
-    """
+def film_mesh(limit: KnotLimit) -> Mesh:
+    """Mesh the films of a knot limit that has some: segments for a curve, triangles for a surface."""
     dimension = limit.patch.dimension
-    n = FILM_CELLS[dimension] if resolution is None else resolution
+    n = FILM_CELLS[dimension]
     points, cells, count = [], [], 0
     for film in limit.films:
         if dimension == 1:
