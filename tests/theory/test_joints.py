@@ -60,6 +60,16 @@ def test_elevated_models_have_the_same_joints(name):
     assert (after.shared, after.open, after.almost) == (before.shared, before.open, ())
 
 
+@pytest.mark.parametrize("name", ["box-corner", "rounded-cube", "hebesphenorotunda"])
+def test_models_with_patches_elevated_by_different_numbers_have_the_same_joints(name):
+    patches = load(SPECS / f"{name}.toml")
+    before = find_joints(patches)
+    after = find_joints([elevate(patch, k % 3) for k, patch in enumerate(patches)])
+    assert (after.open, after.almost) == (before.open, ())
+    assert len(after.shared) == len(before.shared)
+    assert any(joint.places for joint in after.shared)
+
+
 @pytest.mark.parametrize("shift", [1e5, 1e7, 1e8])
 def test_edges_far_away_are_joined_although_their_points_are_rounded(shift):
     model = load(SPECS / "box-corner.toml")
