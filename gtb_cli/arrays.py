@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -145,3 +146,14 @@ def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
         return
     places = np.split(np.argsort(numbers, kind="stable"), np.cumsum(counts[present])[:-1])
     yield from zip(present.tolist(), places, strict=True)
+
+
+def ascending(costs: FloatArray) -> IntArray:
+    """(m,) columns of (m, k) costs, one for each row, that do not descend and have the least sum of costs."""
+    sums = costs.copy()
+    for before, row in pairwise(sums):
+        row += np.minimum.accumulate(before)
+    columns = np.full(len(costs), costs.shape[1] - 1)
+    for row in range(len(costs) - 1, -1, -1):
+        columns[: row + 1] = sums[row, : columns[row] + 1].argmin()
+    return columns

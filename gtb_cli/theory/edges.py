@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.arrays import EPS, FloatArray, IntArray, ascending, dot
 from gtb_cli.theory.basis import exponentials
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.parametrization import RationalBasis
@@ -201,17 +201,19 @@ def correspondence(one: Curve, other: Curve, turned: bool, reach: float) -> tupl
     steps, offsets = np.diff(way, axis=0), points[:, None] - way[:-1]
     share = np.clip((offsets * steps).sum(axis=2) / np.maximum(dot(steps, steps), np.finfo(float).tiny), 0.0, 1.0)
     square = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
-    if np.sqrt(square.min(axis=1).max()) > reach:
+    step = -1 if turned else 1
+    rows, part = np.arange(len(points)), ascending(square[:, ::step])
+    part = len(steps) - 1 - part if turned else part
+    if np.sqrt(square[rows, part].max()) > reach:
         return None
-    part = square.argmin(axis=1)
-    start = fine[part] + share[np.arange(len(part)), part] * fine[1]
+    start = fine[part] + share[rows, part] * fine[1]
     low, high = fine[np.maximum(part - 1, 0)], fine[np.minimum(part + 2, len(steps))]
     found, there = other.nearest(points, start, low, high)
     places = np.concatenate([[1.0 if turned else 0.0], found, [0.0 if turned else 1.0]])
-    if not (np.diff(places) * (-1 if turned else 1) > 0).all():
+    if not (step * np.diff(places) > 0).all():
         return None
     # Between these places, the other curve must not leave this one.
     between = other.points_at((places[1:] + places[:-1]) / 2)
     _, back = one.nearest(between, (even[1:] + even[:-1]) / 2, even[:-1], even[1:])
-    gaps = np.concatenate([points - there, between - back, one.ends - other.ends[:: -1 if turned else 1]])
+    gaps = np.concatenate([points - there, between - back, one.ends - other.ends[::step]])
     return float(np.linalg.norm(gaps, axis=1).max()), places
