@@ -226,7 +226,7 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
 
 def end_tangents(probe: Probe) -> Outcome:
     """Compare directions near the ends with those to the next distinct control point."""
-    return _worst(_end_tangent(probe, _End.of(probe, end)) for end in (0, 1))
+    return _worst(_end_tangent(probe, _End(probe, end)) for end in (0, 1))
 
 
 def _worst(outcomes: Iterable[Outcome]) -> Outcome:
@@ -275,7 +275,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
 
 def end_tangent_lengths(probe: Probe) -> Outcome:
     """Compare difference quotients at the ends with the paper's formula, with its k_0 and k_1."""
-    ends = [_End.of(probe, end) for end in (0, 1)]
+    ends = [_End(probe, end) for end in (0, 1)]
     if ends[0].lead is None:
         return not_applicable("all control points coincide")
     k_0, k_1 = (1 / end.places[1] for end in ends)
@@ -323,7 +323,8 @@ def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[f
 class _End:
     """One end of the merged curve: its knots by distance, with their weights and steps from the end point."""
 
-    def __init__(self, patch: Patch, end: int, tolerance: float) -> None:
+    def __init__(self, probe: Probe, end: int) -> None:
+        patch, tolerance = probe.merged, 8 * EPS * probe.reach * probe.extent
         knots = patch.knots[:, 0]
         self.sign = 1.0 if end == 0 else -1.0
         self.at = float(patch.domain.vertices[end, 0])
@@ -340,10 +341,6 @@ class _End:
         self.lead = int(different[0]) if len(different) else None
         self.next_row = int(order[1])
         self.step = self.vectors[order[self.lead or 0]]
-
-    @classmethod
-    def of(cls, probe: Probe, end: int) -> _End:
-        return cls(probe.merged, end, 8 * EPS * probe.reach * probe.extent)
 
 
 def one_weight(probe: Probe) -> Outcome:

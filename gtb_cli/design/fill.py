@@ -20,6 +20,7 @@ from gtb_cli.design.net import Net, net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
     Side,
+    binomials,
     loop,
     points_and_tangents,
     side_normals,
@@ -28,6 +29,7 @@ from gtb_cli.design.sides import (
 )
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
+from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
@@ -40,15 +42,9 @@ from gtb_cli.theory.patch import Patch
 MAX_SIDES = 24
 """Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
 
-RIDGE_FRACTION = 1e-12
-"""Fraction of the mean energy that is added, so that what the samples do not see stays where it is."""
-
-FOLD_RINGS = 16
-"""Rings of the mesh that is searched for folds."""
-
 FOLD_STEPS = 128
-"""Steps of the way across a side of that mesh, where it turns by more than a right angle: a surface that only turns
-fast turns by less in one of them."""
+"""Steps of the way across a side of the mesh of `FOLD_RINGS`, where it turns by more than a right angle: a surface that
+only turns fast turns by less in one of them."""
 
 FOLD_DISTANCE = 1e-6
 """Largest distance of its vertices from their places, as a fraction of the mean side."""
@@ -230,12 +226,10 @@ def _solved(
 ) -> tuple[Net, FloatArray, float]:
     """Return the net, its control points and their energy."""
     polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
-    binomials = [np.array([float(math.comb(len(edge) - 1, j)) for j in range(len(edge))]) for edge in edges]
-    fewer = [np.array([float(math.comb(len(row) - 1, j)) for j in range(len(row))]) for row in polars]
     shape = net(
         np.array([_length(edge) for edge in edges]),
-        [count * edge[:, 3] for count, edge in zip(binomials, edges, strict=True)],
-        [count * row[:, 3] for count, row in zip(fewer, polars, strict=True)],
+        [binomials(len(edge) - 1) * edge[:, 3] for edge in edges],
+        [binomials(len(row) - 1) * row[:, 3] for row in polars],
     )
     matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind)
     matrix += RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
@@ -311,7 +305,7 @@ def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
     # The Bézier parameter t has the torus coordinate log(t / (1 − t)), divided by the step.
     shape = patch.domain
     edge = _edge_from(patch, side)
-    face = shape.faces[1 + edge]
+    face = shape.faces.edge(edge)
     along = shape.along(edge, patch.knots[face.knots])
     step = float(along.max()) / (len(along) - 1)
     s = (np.log(t[away] / (1 - t[away])) / step)[None]

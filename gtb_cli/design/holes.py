@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.fill import Filling, fill
-from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations
+from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations, step_count
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -115,32 +115,22 @@ def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
     """Return directions in a patch's tangent planes across an edge, out of the patch; None if it has no normals."""
     t = stations()
     shape = patch.domain
-    face = shape.faces[1 + edge]
+    face = shape.faces.edge(edge)
     along = face_knots(shape, face)[:, 0]
     logs = patch.log_products[face.knots]
     # The torus coordinate of the Bézier parameter; the Bézier curve has weight 1 at both ends.
     low, high = along == along.min(), along == along.max()
     tilt = float(np.logaddexp.reduce(logs[high]) - np.logaddexp.reduce(logs[low]))
-    degree = len(curve) - 1
-    step = float(np.ptp(along)) / degree if _is_lattice(along, degree) else float(np.ptp(along)) / _steps(along)
-    s = (np.log(t / (1 - t)) / step - tilt / float(np.ptp(along)))[None]
+    length = float(np.ptp(along))
+    steps = step_count((along - along.min()) / length)
+    assert steps is not None, "the edge has a Bézier form"
+    s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
     where = Location(np.arange(len(t)), face, face_knots(shape, face), s, np.ones((len(shape.vertices), len(t))))
     normals = patch.normals_at([where], len(t))
     if not np.isfinite(normals).all():
         return None
     _, tangents = points_and_tangents(curve, t)
     return np.asarray(np.cross(tangents, normals))
-
-
-def _is_lattice(along: FloatArray, degree: int) -> bool:
-    place = (along - along.min()) / np.ptp(along) * degree
-    return bool(np.abs(place - np.rint(place)).max() < 1e-6) and len(np.unique(np.rint(place))) == degree + 1
-
-
-def _steps(along: FloatArray) -> int:
-    """Return the number of steps of an edge whose knots may leave out some steps."""
-    place = (along - along.min()) / np.ptp(along)
-    return next(n for n in range(1, 100) if np.abs(place * n - np.rint(place * n)).max() < 1e-9 * n)
 
 
 def fill_hole(

@@ -9,6 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports.words import Words
 from gtb_cli.spec.loading import parse_loop
 from gtb_cli.spec.scanner import Format
 from gtb_cli.theory.model import Model
@@ -22,9 +23,6 @@ MAX_LOOP_BYTES = 1_000_000
 MAX_CURVES = 100
 """Largest number of curves of a loop that are read; a loop with too many sides to fill is refused later."""
 
-MAX_COORDINATE = 1e100
-"""Largest coordinate, as in specs."""
-
 
 def loop_from_text(data: bytes, source: str) -> list[Side]:
     """Read a `.gbp` or `.lop` file, by its suffix.
@@ -36,72 +34,26 @@ def loop_from_text(data: bytes, source: str) -> list[Side]:
     """
     if len(data) > MAX_LOOP_BYTES:
         raise SpecError(f"{source}: is too large, a loop has at most {MAX_LOOP_BYTES // 10**6} MB")
-    numbers = _Numbers(data, source)
-    return _gbp(numbers) if os.path.splitext(source)[1].lower() == ".gbp" else _lop(numbers)
+    words = Words(data, source)
+    sides = _gbp(words) if os.path.splitext(source)[1].lower() == ".gbp" else _lop(words)
+    words.end()
+    return sides
 
 
-class _Numbers:
-    """The numbers of a text, one after another, with the line of each."""
-
-    def __init__(self, data: bytes, source: str) -> None:
-        self.source = source
-        lines = data.decode("utf-8-sig", "backslashreplace").splitlines()
-        self._words = [(word, number) for number, line in enumerate(lines, 1) for word in line.split()]
-        self._next = 0
-        self._last = max(len(lines), 1)
-
-    def fault(self, message: str) -> SpecError:
-        """Return an error about the number that was read last."""
-        line = self._words[self._next - 1][1] if self._next else 1
-        return SpecError(f"{self.source}:{line}: {message}")
-
-    def real(self, what: str) -> float:
-        """Read a number."""
-        if self._next == len(self._words):
-            raise SpecError(f"{self.source}:{self._last}: ends where {what} is expected")
-        word, _ = self._words[self._next]
-        self._next += 1
-        try:
-            value = float(word)
-        except ValueError:
-            raise self.fault(f"{what} is expected, got {word[:40]!r}") from None
-        if "_" in word or not abs(value) <= MAX_COORDINATE:
-            raise self.fault(f"{what} must be at most {MAX_COORDINATE:g} in size, got {word[:40]!r}")
-        return value
-
-    def whole(self, what: str, low: int, high: int) -> int:
-        """Read a whole number within bounds."""
-        value = self.real(what)
-        if not (value.is_integer() and low <= value <= high):
-            raise self.fault(f"{what} must be a whole number from {low} to {high}, got {value:g}")
-        return int(value)
-
-    def points(self, count: int, what: str) -> FloatArray:
-        """Read points with three coordinates."""
-        return np.array([[self.real(f"a coordinate of {what}") for _ in range(3)] for _ in range(count)])
-
-    def end(self) -> None:
-        """Refuse what comes after the last number."""
-        if self._next < len(self._words):
-            word, line = self._words[self._next]
-            raise SpecError(f"{self.source}:{line}: more than its sides need, from {word[:40]!r} on")
-
-
-def _gbp(numbers: _Numbers) -> list[Side]:
+def _gbp(words: Words) -> list[Side]:
     """Read sides and ribbons of a generalized Bézier patch, its two outer layers; skip the centre and inner layers.
 
     Layer l has d − 2 l points for each side: those of row l that do not belong to the next side.
     """
-    n = numbers.whole("the number of sides", 3, MAX_CURVES)
-    degree = numbers.whole("the degree", 3, MAX_DEGREE)
-    numbers.points(1, "the centre")
-    first = numbers.points(n * degree, "the boundary").reshape(n, degree, 3)
+    n = words.whole("the number of sides", 3, MAX_CURVES)
+    degree = words.whole("the degree", 3, MAX_DEGREE)
+    words.rows(1, 3, "the centre")
+    first = words.rows(n * degree, 3, "the boundary").reshape(n, degree, 3)
     second = np.zeros((n, degree - 2, 3))
     if (degree + 1) // 2 > 1:
-        second = numbers.points(n * (degree - 2), "the second layer").reshape(n, degree - 2, 3)
+        second = words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)
     for layer in range(2, (degree + 1) // 2):
-        numbers.points(n * (degree - 2 * layer), f"layer {layer}")
-    numbers.end()
+        words.rows(n * (degree - 2 * layer), 3, f"layer {layer}")
     sides = []
     for k in range(n):
         following = (k + 1) % n
@@ -112,24 +64,23 @@ def _gbp(numbers: _Numbers) -> list[Side]:
     return sides
 
 
-def _lop(numbers: _Numbers) -> list[Side]:
+def _lop(words: Words) -> list[Side]:
     """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side."""
     sides: list[Side] = []
-    for k in range(numbers.whole("the number of curves", 1, MAX_CURVES)):
-        degree = numbers.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
-        count = numbers.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
-        knots = np.array([numbers.real(f"a knot of curve {k}") for _ in range(count)])
+    for k in range(words.whole("the number of curves", 1, MAX_CURVES)):
+        line = words.line
+        degree = words.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
+        count = words.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
+        knots = words.rows(count, 1, f"the knots of curve {k}")[:, 0]
         if not ((np.diff(knots) >= 0).all() and knots[degree] < knots[-degree - 1]):
-            raise numbers.fault(f"knots of curve {k} must ascend")
-        size = numbers.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
-        points = numbers.points(size, f"curve {k}")
-        pieces = bspline_pieces(degree, knots, points)
+            words.fail(f"knots of curve {k} must ascend", line)
+        size = words.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
+        pieces = bspline_pieces(degree, knots, words.rows(size, 3, f"the points of curve {k}"))
         if len(sides) + len(pieces) > MAX_CURVES:
-            raise numbers.fault(f"the curves have more than {MAX_CURVES} polynomial pieces")
+            words.fail(f"the curves have more than {MAX_CURVES} polynomial pieces", line)
         for i, piece in enumerate(pieces):
             name = f"side {k}" if len(pieces) == 1 else f"side {k} piece {i}"
             sides.append(Side(name, np.column_stack([piece, np.ones(len(piece))])))
-    numbers.end()
     return sides
 
 

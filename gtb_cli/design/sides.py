@@ -87,8 +87,12 @@ def stations() -> FloatArray:
 def bernstein(degree: int, t: FloatArray) -> FloatArray:
     """Return (m, degree + 1) values of the Bernstein polynomials."""
     j = np.arange(degree + 1)
-    binomials = np.array([float(math.comb(degree, i)) for i in range(degree + 1)])
-    return np.asarray(binomials * t[:, None] ** j * (1 - t[:, None]) ** (degree - j))
+    return np.asarray(binomials(degree) * t[:, None] ** j * (1 - t[:, None]) ** (degree - j))
+
+
+def binomials(degree: int) -> FloatArray:
+    """Return the (degree + 1,) binomial coefficients of a degree."""
+    return np.array([float(math.comb(degree, j)) for j in range(degree + 1)])
 
 
 def raised(points: FloatArray, times: int, multiplier: FloatArray | None = None) -> FloatArray:
@@ -165,7 +169,7 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     order = np.argsort(knots, kind="stable")
     length = float(np.ptp(knots))
     place = (knots[order] - knots.min()) / length
-    degree = _degree(place)
+    degree = step_count(place)
     if degree is None:
         raise DomainError(
             f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is not a "
@@ -187,19 +191,19 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
             raise DomainError(
                 f"{name}: its degree is more than {MAX_DEGREE} when the gaps between its knots are filled"
             )
-    count = len(found[0]) - 1
-    binomials = np.array([float(math.comb(count, j)) for j in range(count + 1)])[:, None]
-    return tuple(table / binomials for table in found)
+    factors = binomials(len(found[0]) - 1)[:, None]
+    return tuple(table / factors for table in found)
 
 
 def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
     return float(np.logaddexp.reduce(logs[np.asarray(members, dtype=bool)]))
 
 
-def _degree(place: FloatArray) -> int | None:
-    for degree in range(1, MAX_DEGREE + 1):
-        if np.abs(place * degree - np.rint(place * degree)).max() <= STEP_TOLERANCE * degree:
-            return degree
+def step_count(place: FloatArray) -> int | None:
+    """Return the least number of equal steps from 0 to 1 between which all places are; None beyond `MAX_DEGREE`."""
+    for count in range(1, MAX_DEGREE + 1):
+        if np.abs(place * count - np.rint(place * count)).max() <= STEP_TOLERANCE * count:
+            return count
     return None
 
 

@@ -43,7 +43,6 @@ def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
         A surface.
     kind : {"thin-plate", "dirichlet"}
         ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²``, in units of length².
-
     """
     points = patch.control_points - patch.control_points.mean(axis=0)
     return float(np.einsum("ik,ij,jk->", points, energy_matrix(patch.domain, patch.log_products, kind), points))

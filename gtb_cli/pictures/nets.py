@@ -30,7 +30,6 @@ def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, in
         Default: the patch's own. Without either, the net is that of the Delaunay triangulation of the knots, in
         coordinates in which a triangle is equilateral and a parallelogram is a square, so that the lattices of Bézier
         triangles and tensor products have their usual nets.
-
     """
     if patch.dimension == 1 and lifting is None and patch.lifting is None:
         _, first = np.unique(patch.knots[:, 0], return_index=True)

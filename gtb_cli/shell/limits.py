@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import SpecError
-from gtb_cli.shell.options import Function, numbers_of, taken
+from gtb_cli.shell.options import Function, evaluated, numbers_of, taken
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
@@ -37,12 +36,7 @@ def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...
         return None
     if isinstance(value, tuple):
         return tuple(x_of(ctx, param, one) for one in value)
-    from gtb_cli.spec.expression import evaluate_expression
-
-    try:
-        x = math.inf if value.strip() == "inf" else evaluate_expression(value.strip())
-    except SpecError as error:
-        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+    x = math.inf if value.strip() == "inf" else evaluated(ctx, param, value, [value])[0]
     if x < 0:
         raise click.BadParameter(f"{value!r} is negative", ctx, param)
     return x

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -59,28 +59,26 @@ def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str
     return tuple(dict.fromkeys(value))
 
 
-def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    """Read numbers, or number expressions as in a spec, separated by commas."""
-    if value is None:
-        return None
+def evaluated(ctx: click.Context, param: click.Parameter, value: str, texts: Sequence[str]) -> tuple[float, ...]:
+    """Evaluate the expressions in a value."""
     from gtb_cli.spec.expression import evaluate_expression
 
     try:
-        return tuple(evaluate_expression(part.strip()) for part in value.split(","))
+        return tuple(evaluate_expression(text.strip()) for text in texts)
     except SpecError as error:
         raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+
+
+def numbers_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
+    """Read numbers, or number expressions as in a spec, separated by commas."""
+    return None if value is None else evaluated(ctx, param, value, value.split(","))
 
 
 def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
     """Read a number other than zero, or a number expression as in a spec."""
     if value is None:
         return None
-    from gtb_cli.spec.expression import evaluate_expression
-
-    try:
-        number = evaluate_expression(value.strip())
-    except SpecError as error:
-        raise click.BadParameter(f"{value!r}: {error}", ctx, param) from None
+    (number,) = evaluated(ctx, param, value, [value])
     if number == 0:
         raise click.BadParameter(f"{value!r} is zero", ctx, param)
     return number

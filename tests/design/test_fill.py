@@ -330,15 +330,19 @@ def test_a_loop_of_bsplines_is_filled():
 @pytest.mark.parametrize(
     ("suffix", "text", "message"),
     [
-        ("gbp", "", "x.gbp:1: ends where the number of sides is expected"),
-        ("gbp", "5 x", "x.gbp:1: the degree is expected, got 'x'"),
-        ("gbp", "2 3", "x.gbp:1: the number of sides must be a whole number from 3 to 100, got 2"),
-        ("gbp", "3 2.5", "x.gbp:1: the degree must be a whole number from 3 to 20"),
-        ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: ends where a coordinate of the boundary is expected"),
-        ("gbp", "3 3\n0 0 nan", "x.gbp:2: a coordinate of the centre must be at most 1e+100"),
-        ("lop", "1\n3\n8 0 0 0 0 1 1 1 0", "x.lop:3: knots of curve 0 must ascend"),
-        ("lop", "1\n3\n8 0 0 0 0 1 1 1 1\n5", "x.lop:4: the number of points of curve 0 must be"),
-        ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: more than its sides need, from '7' on"),
+        ("gbp", "", "x.gbp: is empty"),
+        ("gbp", "5 x", "x.gbp:1: expected the degree, a whole number from 3 to 20, got 'x'"),
+        ("gbp", "2 3", "x.gbp:1: expected the number of sides, a whole number from 3 to 100, got '2'"),
+        ("gbp", "3 2.5", "x.gbp:1: expected the degree, a whole number from 3 to 20, got '2.5'"),
+        ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: expected the boundary, 27 numbers, and the file ends after 2"),
+        ("gbp", "3 3\n0 0 nan", "x.gbp:2: expected the centre, got 'nan', which is not a number up to 1e+100"),
+        ("lop", "1\n3\n8 0 0 0 0 1 1 1 0", "x.lop:2: knots of curve 0 must ascend"),
+        (
+            "lop",
+            "1\n3\n8 0 0 0 0 1 1 1 1\n5",
+            "x.lop:4: expected the number of points of curve 0, a whole number from 4",
+        ),
+        ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: expected the end of the file, got '7'"),
         ("lop", "1" * 1_000_001, "x.lop: is too large"),
     ],
 )
