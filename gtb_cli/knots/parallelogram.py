@@ -1,37 +1,45 @@
 """Smooth values at the vertices of a parallelogram's mesh, by polynomials through values at Chebyshev points.
 
 The error falls by a constant factor with each further point in a direction if the values are analytic, edges included
-(L. N. Trefethen, Approximation Theory and Approximation Practice, ch. 8). It is measured, since not all values are.
+(L. N. Trefethen, Approximation Theory and Approximation Practice, ch. 8). It is measured, since not all values are, and
+parts in which it is too large are quartered.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from typing import TypeAlias
+from functools import cache
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 
-FIRST_POINTS = 24
-"""Chebyshev points in each direction from whose error the necessary number is estimated."""
+POINTS = 20
+"""Chebyshev points of a part in each direction."""
 
-SURPLUS = 1.25
-"""Factor by which that estimate is raised."""
-
-PLACES_PER_POINT = 16
-"""Fewest wanted values for each value that is computed."""
-
-MEASURED_PLACES = 256
-"""Places all over the parallelogram at which the error is measured; it is also measured at the knots."""
+MEASURED_PLACES = 64
+"""Places all over a part at which its error is measured; it is also measured at the knots."""
 
 INTERPOLATION_ERROR = 5e-14
 """Largest error of an interpolated value, as a fraction of the values' range …"""
 
-ROUNDING_ULPS = 16
-"""… and in units in the last place of the largest value: values far from 0 are rounded more coarsely."""
+ROUNDING_ULPS = 8
+"""… and in units in the last place of the largest value."""
+
+MAX_OFFSET = 64
+"""Largest value, as a multiple of the range, that is interpolated: its rounding would be multiplied for nothing."""
+
+MIN_VERTICES_PER_VALUE = 6
+"""Fewest vertices in a part for each value computed there: computing all their values takes about twice as long …"""
+
+MIN_VERTICES_PER_DOUBT = 24
+"""… and the fewest if, by the error of the whole, the error of a quarter will probably be too large."""
+
+MAX_LEFT_SHARE = 0.35
+"""Largest share of vertices left to others: if more are left, all of them are found sooner together."""
 
 VERTEX_ULPS = 16
 """Units in the last place within which vertices are those of `triangulation`."""
@@ -39,20 +47,23 @@ VERTEX_ULPS = 16
 BLOCK_VALUES = 1 << 18
 """Values that are made at once: two megabytes, which fit in the cache."""
 
-Function: TypeAlias = Callable[[FloatArray], FloatArray]
-"""(m, k) values at (m, 2) places."""
+QUARTERS = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
+"""Corners of the quarters of a part, in halves of it."""
+
+Function: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
+"""(m, 2 + k) values at (m, 2) places: first two of which approximate ones, if there are any, help with the others."""
 
 
 def fill(
     result: FloatArray, function: Function, shape: Domain, p: FloatArray, inner: IntArray, resolution: int
-) -> bool:
-    """Fill rows of an (m, k) result by interpolation if that is as good as `function`, and say whether it is.
+) -> IntArray | None:
+    """Fill rows of an (m, k) result by interpolation where that is as good as `function` to rounding.
 
     Parameters
     ----------
     result : (m, k) float
     function : callable
-        Values at points inside Δ.
+        Values at points inside Δ; the first two serve only to start from.
     shape : Domain
     p : (m, 2) float
         Points, which may be the vertices of `triangulation`, or some of them.
@@ -61,81 +72,128 @@ def fill(
     resolution : int
         Cells of `triangulation` along each edge.
 
-    Notes
-    -----
-    False unless Δ is a parallelogram. Values change quickly around knots, if anywhere, and are compared there, too.
+    Returns
+    -------
+    (l,) int or None
+        The rows that are left to do; None if nothing is filled, as unless Δ is a parallelogram.
     """
     v, line = shape.vertices, np.arange(1, resolution) / resolution
-    if len(v) != 4 or len(inner) != len(line) ** 2:
-        return False
+    if len(v) != 4 or len(inner) != len(line) ** 2 or not len(inner):
+        return None
     rows, sides = inner.reshape(len(line), -1), np.array([v[1] - v[0], v[3] - v[0]])
     border = np.ones(rows.shape, dtype=bool)
     border[1:-1, 1:-1] = False
     expected = v[0] + (np.argwhere(border)[:, ::-1] + 1) @ sides / resolution
-    if np.abs(p[rows[border]] - expected).max() > VERTEX_ULPS * EPS * np.abs(v).max():
-        return False
+    step = rows[-1, 0] - rows[-2, 0]
+    if (
+        np.abs(p[rows[border]] - expected).max() > VERTEX_ULPS * EPS * np.abs(v).max()
+        or (np.diff(rows[:, 0]) != step).any()
+    ):
+        return None
+    # Values change quickly around knots, if anywhere.
     knots = (shape.knots[~shape.incidence.any(axis=1)] - v[0]) @ np.linalg.inv(sides)
-    values = _resolved(lambda places: function(v[0] + places @ sides), len(inner), knots)
-    if values is None:
-        return False
-    cardinals = _cardinals(len(values), line)
-    columns = (cardinals @ values).reshape(len(values), -1)
-    length = max(1, BLOCK_VALUES // columns.shape[1])
-    for begin in range(0, len(line), length):
-        block = cardinals[begin : begin + length] @ columns
-        for first, row in zip(rows[begin : begin + length, 0].tolist(), block, strict=True):
-            result[first : first + len(line)] = row.reshape(len(line), -1)
-    return True
+    parts = _parts(lambda places, start: function(v[0] + places @ sides, start), knots, len(inner))
+    if parts is None:
+        return None
+    row, number = result.strides
+    table = as_strided(result[inner[0] :], (*rows.shape, result.shape[1]), (step * row, row, number))
+    left = np.ones(rows.shape, dtype=bool)
+    for part in parts:
+        (columns, along), (lines, across) = (part.cardinals(axis, line) for axis in (0, 1))
+        left[lines, columns] = False
+        sums = (along @ part.values).reshape(POINTS, -1)
+        length = max(1, BLOCK_VALUES // sums.shape[1])
+        for begin in range(0, len(across), length):
+            block = across[begin : begin + length] @ sums
+            some = slice(lines.start + begin, lines.start + begin + len(block))
+            table[some, columns] = block.reshape(len(block), len(along), -1)
+    return rows[left]
 
 
-def _resolved(function: Function, wanted: int, knots: FloatArray) -> FloatArray | None:
-    """(c, c, k) values at Chebyshev points of the unit square, row by row, if they say all; otherwise None."""
-    places = np.concatenate([_all_over(MEASURED_PLACES), knots])
-    count, right = FIRST_POINTS, None
-    while count * count * PLACES_PER_POINT <= wanted:
-        points = _points(count)
-        values = function(np.stack(np.meshgrid(points, points), axis=-1).reshape(-1, 2))
-        if right is None:
-            right = function(places)
-            span = float(np.ptp(right, axis=0).max())
-            target = INTERPOLATION_ERROR * span + ROUNDING_ULPS * EPS * float(np.abs(right).max())
-        x, y = (_cardinals(count, column) for column in places.T)
-        lines = (y @ values.reshape(count, -1)).reshape(len(places), count, -1)
-        error = float(np.abs((x[:, None] @ lines)[:, 0] - right).max())
-        if error <= target:
-            return values.reshape(count, count, -1)
-        if not error < span:
-            return None
-        count = math.ceil(SURPLUS * count * math.log(target / span) / math.log(error / span))
-    return None
+class _Part(NamedTuple):
+    """A square part of the unit square, and (POINTS, POINTS, k) values at its Chebyshev points, row by row."""
+
+    corner: FloatArray
+    size: float
+    values: FloatArray
+
+    def cardinals(self, axis: int, line: FloatArray) -> tuple[slice, FloatArray]:
+        """Which of ascending coordinates in a direction lie in this part, and the polynomials there."""
+        begin, end = np.searchsorted(line, [self.corner[axis], self.corner[axis] + self.size]).tolist()
+        return slice(begin, end), _cardinals((line[begin:end] - self.corner[axis]) / self.size)
 
 
-def _points(count: int) -> FloatArray:
-    """(count,) Chebyshev points of the first kind in the unit interval."""
-    return np.asarray(np.sin(_angles(count)) ** 2)
+def _parts(function: Function, knots: FloatArray, vertices: int) -> list[_Part] | None:
+    """Parts of the unit square in which polynomials are as good as a function; None if too many are missing."""
+    places, polynomials, quarters = _places()
+    if vertices < MIN_VERTICES_PER_DOUBT * len(places):
+        return None
+    values = function(np.concatenate([places, knots]), None)
+    starts, values, at_knots = values[: len(places), :2], values[: len(places), 2:], values[len(places) :, 2:]
+    span, largest = float(np.ptp(values, axis=0).max()), float(np.abs(values).max())
+    if largest > MAX_OFFSET * span:
+        return None
+    target = INTERPOLATION_ERROR * span + ROUNDING_ULPS * EPS * largest
+    corners, size, parts, left = np.zeros((1, 2)), 1.0, list[_Part](), 0.0
+    while True:
+        chosen, right = np.split(values.reshape(len(corners), len(places), -1), [POINTS**2], axis=1)
+        error = np.abs(np.tensordot(polynomials, chosen, (1, 1)) - right.swapaxes(0, 1)).max(axis=(0, 2))
+        chosen = chosen.reshape(len(corners), POINTS, POINTS, -1)
+        steps = knots - corners[:, None]
+        part, knot = np.nonzero(((steps >= 0) & (steps < size)).all(axis=2))
+        x, y = (_cardinals(column / size) for column in steps[part, knot].T)
+        found = np.einsum("mj,mi,mjik->mk", y, x, chosen[part])
+        np.maximum.at(error, part, np.abs(found - at_knots[knot]).max(axis=1))
+        good = error <= target
+        parts += [_Part(*one) for one in zip(corners[good], [size] * int(good.sum()), chosen[good], strict=True)]
+        # Half as large, a part has the square of the error: there are twice as many points for each length.
+        is_hopeful = error <= np.sqrt(target) * np.sqrt(span)
+        room = np.where(is_hopeful, MIN_VERTICES_PER_VALUE, MIN_VERTICES_PER_DOUBT) * len(places)
+        split = ~good & (vertices * size**2 / 4 >= room)
+        left += float((~good & ~split).sum()) * size**2
+        if left > MAX_LEFT_SHARE or not split.any():
+            return parts if left <= MAX_LEFT_SHARE else None
+        size /= 2
+        corners = (corners[split][:, None] + size * QUARTERS).reshape(-1, 2)
+        starts = np.tensordot(quarters, starts.reshape(len(split), -1, 2)[split, : POINTS**2], (1, 1)).swapaxes(0, 1)
+        values = function((corners[:, None] + size * places).reshape(-1, 2), starts.reshape(-1, 2))
+        starts, values = values[:, :2], values[:, 2:]
 
 
-def _angles(count: int) -> FloatArray:
-    return np.asarray((np.arange(count) + 0.5) * (np.pi / (2 * count)))
+@cache
+def _places() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Chebyshev points of the unit square, row by row, and places between; values of the points' polynomials there.
+
+    The third is the same for all places in its quarters.
+    """
+    points = np.sin(_angles()) ** 2
+    # Multiples of powers of the plastic number, modulo 1, are spread evenly.
+    between = (0.5 + np.arange(1, MEASURED_PLACES + 1)[:, None] / 1.32471795724474602596 ** np.array([1, 2])) % 1.0
+    places = np.concatenate([np.stack(np.meshgrid(points, points), axis=-1).reshape(-1, 2), between])
+    return places, _polynomials(between), _polynomials(((places + QUARTERS[:, None]) / 2).reshape(-1, 2))
 
 
-def _cardinals(count: int, x: FloatArray) -> FloatArray:
-    """(m, count) polynomials at (m,) places, each 1 at one Chebyshev point and 0 at the others.
+def _polynomials(places: FloatArray) -> FloatArray:
+    """(m, POINTS²) values at (m, 2) places."""
+    x, y = (_cardinals(column) for column in places.T)
+    return np.asarray((y[:, :, None] * x[:, None]).reshape(len(places), -1))
+
+
+def _angles() -> FloatArray:
+    return np.asarray((np.arange(POINTS) + 0.5) * (np.pi / (2 * POINTS)))
+
+
+def _cardinals(x: FloatArray) -> FloatArray:
+    """(m, POINTS) polynomials at (m,) places, each 1 at one Chebyshev point and 0 at the others.
 
     They are ``w_j/(x − x_j)`` but for a common factor, where the weights w_j are sines of alternating sign (J.-P.
     Berrut, L. N. Trefethen, Barycentric Lagrange interpolation, SIAM Review 46 (2004), sect. 5).
     """
-    distance = x[:, None] - _points(count)
+    distance = x[:, None] - np.sin(_angles()) ** 2
     hit = distance == 0
     distance[hit] = 1.0
-    shares = np.sin(2 * _angles(count)) * (-1.0) ** np.arange(count) / distance
+    shares = np.sin(2 * _angles()) * (-1.0) ** np.arange(POINTS) / distance
     shares /= shares.sum(axis=1, keepdims=True)
     at_point = hit.any(axis=1)
     shares[at_point] = hit[at_point]
     return np.asarray(shares)
-
-
-def _all_over(count: int) -> FloatArray:
-    """(count, 2) places spread evenly over the unit square: multiples of powers of the plastic number, modulo 1."""
-    plastic = 1.32471795724474602596
-    return np.asarray((0.5 + np.arange(1, count + 1)[:, None] / [plastic, plastic**2]) % 1.0)

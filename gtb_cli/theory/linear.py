@@ -29,16 +29,16 @@ from gtb_cli.threads import in_threads
 if TYPE_CHECKING:
     from gtb_cli.knots.sheets import Sheets
 
-WORTH_THREADS = 20_000
+MIN_THREADED_POINTS = 20_000
 """Fewest points worth starting threads: fewer are found in less time than the start takes."""
 
-COARSEST_EVEN = 48
+MIN_EVEN_CELLS = 48
 """Fewest cells along an edge whose vertices are found from a coarser lattice."""
 
-COARSE = 1e-10
+START_RESIDUAL = 1e-10
 """Residual sufficient for points that only serve as starts of others."""
 
-HOPELESS = 0.5
+MAX_FAILED_SHARE = 0.5
 """Interpolation is given up if it fails for at least this share of the points, as with x^λ for x = 1e30."""
 
 LAST_CORNER = 1e-6
@@ -115,7 +115,7 @@ class LinearParametrization:
 
         # Each chart has its own moment map, which learns only from its own points.
         parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
-        yield from in_threads(located, parts, worth=len(inside) > WORTH_THREADS)
+        yield from in_threads(located, parts, worth=len(inside) > MIN_THREADED_POINTS)
 
     def _torus_coordinates(self, t: FloatArray, within: float) -> FloatArray:
         """(m,) torus coordinates of (m,) points inside an interval."""
@@ -137,20 +137,23 @@ class LinearParametrization:
         It makes (B, k) arrays, in copies of this process where that is faster. Returns the rows that are left to do, or
         None if no vertices are located in this way.
         """
-        if self._factors or self.shape.dimension == 1 or resolution < COARSEST_EVEN:
+        if self._factors or self.shape.dimension == 1:
             return None
         from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
 
         chart, face, length = self._longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
 
-        def values(points: FloatArray) -> FloatArray:
-            s, knots = chart.moments.inverse(chart.columns(points).T), chart.moments.knots
+        def values(points: FloatArray, start: FloatArray | None) -> FloatArray:
+            places = chart.columns(points)
+            s = chart.solved(places, None if start is None else start.T, 0.0)
             blocks = [slice(begin, begin + length) for begin in range(0, len(points), length)]
-            return np.concatenate([function(Location(block, face, knots, s[:, block], None)) for block in blocks])
+            made = [function(Location(block, face, chart.moments.knots, s[:, block], None)) for block in blocks]
+            return np.column_stack([chart.moments.corrections(places, s).T, np.concatenate(made)])
 
         with suppress(ToleranceError):
-            if fill(result, values, self.shape, p, np.flatnonzero(faces == INTERIOR), resolution):
-                return np.flatnonzero(faces != INTERIOR)
+            left = fill(result, values, self.shape, p, np.flatnonzero(faces == INTERIOR), resolution)
+            if left is not None:
+                return np.concatenate([np.flatnonzero(faces != INTERIOR), left])
         even = self._evenly(p, faces, resolution)
         if even is None:
             return None
@@ -191,7 +194,7 @@ class LinearParametrization:
         unknown = np.ones(len(p), dtype=bool)
         unknown[known] = False
         blocks = [known[begin : begin + length] for begin in range(0, len(known), length)]
-        for location, left, new in in_threads(located, blocks, worth=len(known) > WORTH_THREADS):
+        for location, left, new in in_threads(located, blocks, worth=len(known) > MIN_THREADED_POINTS):
             if found is not None and new is not None:
                 found[location.rows] = new.T
             unknown[left] = True
@@ -203,14 +206,14 @@ class LinearParametrization:
             rest = rest[faces[rest] == INTERIOR]
             with suppress(ToleranceError):
                 places = chart.columns(p[rest])
-                found[rest] = moments.corrections(places, moments.inverse(places.T, COARSE)).T
+                found[rest] = moments.corrections(places, moments.inverse(places.T, START_RESIDUAL)).T
 
     def _evenly(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
 
         Values interpolated from a few of them are their starts, all in the chart of the longest edge.
         """
-        if self.shape.dimension == 1 or resolution < COARSEST_EVEN:
+        if self.shape.dimension == 1 or resolution < MIN_EVEN_CELLS:
             return None
         from gtb_cli.knots.sheets import sheets  # a coarse mesh does not need it
 
@@ -221,13 +224,7 @@ class LinearParametrization:
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
             places = chart.columns(points)
-            s, left = np.empty_like(places), np.arange(len(points))
-            if start is not None:
-                s, left = chart.moments.nearly(places, start)
-                if len(left) > HOPELESS * len(points):
-                    raise ToleranceError("interpolation says nothing")
-            put(s, left, chart.moments.inverse(places.take(left, axis=1).T, COARSE))
-            return chart.moments.corrections(places, s)
+            return chart.moments.corrections(places, chart.solved(places, start, START_RESIDUAL))
 
         try:
             return _Even(p, faces, inner, lattice, lattice.lines(solve), chart, self.shape.faces[INTERIOR])
@@ -348,6 +345,22 @@ class _Chart:
         corner = self.shape.vertices[(self.edge + self.last) % len(self.shape.vertices)]
         steps = np.empty((2, len(points)))
         return np.asarray(self.axes @ np.subtract(points.T, corner[:, None], out=steps))
+
+    def solved(self, places: FloatArray, start: FloatArray | None, within: float) -> FloatArray:
+        """(2, m) torus coordinates of (2, m) coordinates, sooner found from approximate corrections, if there are any.
+
+        Raises
+        ------
+        ToleranceError
+            These say nothing, or |μ(s) − p| stays above `RESIDUAL` times the hull's size.
+        """
+        s, left = np.empty_like(places), np.arange(places.shape[1])
+        if start is not None:
+            s, left = self.moments.nearly(places, start, within)
+            if len(left) > MAX_FAILED_SHARE * len(places.T):
+                raise ToleranceError("interpolation says nothing")
+        put(s, left, self.moments.inverse(places.take(left, axis=1).T, within))
+        return s
 
     @cached_property
     def axes(self) -> FloatArray:
