@@ -47,7 +47,7 @@ def main() -> None:
         from gtb_cli.commands.cli import run
         from gtb_cli.forks import allow_forks
 
-        allow_forks()  # the only other thread draws the progress
+        allow_forks()  # other threads draw the progress or wait for the disk
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)

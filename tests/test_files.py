@@ -111,6 +111,37 @@ def test_the_file_is_flushed_before_it_is_renamed(tmp_path, monkeypatch):
     assert calls == [("fsync", 3), ("replace", 3)]
 
 
+def test_a_long_file_goes_to_the_disk_while_it_is_computed(tmp_path, monkeypatch):
+    flushed = threading.Event()
+    fsync = os.fsync
+
+    def noted_fsync(descriptor):
+        fsync(descriptor)
+        flushed.set()
+
+    def blocks():
+        yield bytes(files.FLUSHED_BYTES)
+        assert flushed.wait(60)
+        yield b"the end"
+
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    replace_file(tmp_path / "mesh.obj", blocks())
+    assert (tmp_path / "mesh.obj").read_bytes() == bytes(files.FLUSHED_BYTES) + b"the end"
+
+
+def test_a_disk_that_is_full_is_noticed_although_it_says_so_once(tmp_path, monkeypatch):
+    answers = [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]
+
+    def full(descriptor):
+        if answers:
+            raise answers.pop()
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ExportError, match="No space left on device"):
+        replace_file(tmp_path / "mesh.obj", [bytes(files.FLUSHED_BYTES), b"the end"])
+    assert not os.listdir(tmp_path)
+
+
 @pytest.mark.parametrize("exists", [True, False])
 def test_a_symbolic_link_is_followed(tmp_path, exists):
     (tmp_path / "far").mkdir()
