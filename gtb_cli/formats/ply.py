@@ -8,6 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.forks import in_forks
 from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, plain_name, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
@@ -55,10 +56,12 @@ def ply_blocks(
 
 
 def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
-    for start in range(0, len(values), BLOCK_ROWS):
+    def text(start: int) -> bytes:
         block = values[start : start + BLOCK_ROWS]
-        text: str = line * len(block) % tuple(block.ravel().tolist())
-        yield text.encode("ascii")
+        lines: str = line * len(block) % tuple(block.ravel().tolist())
+        return lines.encode("ascii")
+
+    return in_forks(text, range(0, len(values), BLOCK_ROWS))
 
 
 def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str, FloatArray]) -> bytes:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
+from gtb_cli.forks import in_forks
 from gtb_cli.formats.content import SINGLE_FLOAT, STL_HEADER_BYTES, Content, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
@@ -50,9 +51,8 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     if not ascii:
         yield _stl_of_trimesh(vertices, triangles)
         return
-    title = name.encode("ascii", "replace")[:NAME_LENGTH]
-    yield b"solid " + title + b"\n"
-    for start in range(0, len(triangles), BLOCK_ROWS):
+
+    def text(start: int) -> bytes:
         block = triangles[start : start + BLOCK_ROWS]
         used, places = compacted(block)
         corners = ["vertex {!r} {!r} {!r}\n".format(*row) for row in vertices[used].tolist()]
@@ -61,7 +61,11 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
             _FACET.format(*normal, corners[a], corners[b], corners[c])
             for normal, (a, b, c) in zip(normals, places.tolist(), strict=True)
         ]
-        yield "".join(facets).encode("ascii")
+        return "".join(facets).encode("ascii")
+
+    title = name.encode("ascii", "replace")[:NAME_LENGTH]
+    yield b"solid " + title + b"\n"
+    yield from in_forks(text, range(0, len(triangles), BLOCK_ROWS))
     yield b"endsolid " + title + b"\n"
 
 
