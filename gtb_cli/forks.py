@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Generic, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Generic, NoReturn, TypeVar
 
 from gtb_cli.threads import in_threads, limit_threads, thread_count
+
+if TYPE_CHECKING:
+    from gtb_cli.arrays import FloatArray
 
 T = TypeVar("T")
 
@@ -64,6 +68,17 @@ def in_forks(function: Callable[[T], bytes], tasks: Sequence[T]) -> Iterator[byt
     finally:
         for copy in copies:
             copy.end()
+
+
+def shared_array(shape: tuple[int, ...]) -> FloatArray:
+    """A new array, which copies of this process can fill as well."""
+    import mmap
+
+    import numpy as np
+
+    if thread_count() == 1 or not _allowed:
+        return np.empty(shape)
+    return np.frombuffer(mmap.mmap(-1, 8 * math.prod(shape))).reshape(shape)
 
 
 class _Copy(Generic[T]):

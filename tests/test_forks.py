@@ -9,7 +9,7 @@ import time
 import pytest
 
 from gtb_cli import forks
-from gtb_cli.forks import WORTH_TASKS, in_forks
+from gtb_cli.forks import WORTH_TASKS, in_forks, shared_array
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.threads import limit_threads
@@ -40,6 +40,18 @@ def test_results_are_in_order_and_come_from_copies():
     processes = {int(process) for _, process in results}
     assert len(processes) == 3
     assert os.getpid() not in processes
+
+
+def test_copies_fill_an_array():
+    filled = shared_array((len(TASKS), 2))
+
+    def fill(number):
+        filled[number] = number, os.getpid() != here
+        return b""
+
+    here = os.getpid()
+    assert list(in_forks(fill, TASKS)) == [b""] * len(TASKS)
+    assert filled.tolist() == [[number, 1] for number in TASKS]
 
 
 def test_few_tasks_are_done_here():

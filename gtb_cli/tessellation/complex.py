@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
@@ -285,7 +285,7 @@ class Sampler:
         result = np.empty((len(patch), 3))
         face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
-            points = self._points(index, parameters[rows], face[rows], within)
+            points = self._made(self.evaluated[index].points_at, index, parameters[rows], face[rows], within)
             if isinstance(rows, slice):
                 return points
             result[rows] = points
@@ -311,22 +311,26 @@ class Sampler:
                 found[rows] = own
         return result
 
-    def _points(self, index: int, u: FloatArray, face: IntArray, within: float) -> FloatArray:
-        """(m, 3) positions on one patch."""
-        patch = self.evaluated[index]
+    def _made(
+        self,
+        function: Callable[[Iterable[Location], int], FloatArray],
+        index: int,
+        u: FloatArray,
+        face: IntArray,
+        within: float = 0.0,
+    ) -> FloatArray:
+        """(m, 3) positions or normals on one patch."""
         if self.resolution and self.parametrization == "linear" and len(u) > MAX_SHARED_LOCATIONS:
-            even = self._linear[index], u, face, self.resolution
-            return patch.rational_basis.blend_even(patch.control_points, *even)
-        return patch.points_at(self.locations(index, u, face, within), len(u))
+            return self._linear[index].evenly(function, u, face, self.resolution)
+        return function(self.locations(index, u, face, within), len(u))
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
         """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
         result = np.empty((len(patch), 3))
         face = face if self.faces is None else self.faces[patch, face]
         for index, rows in _groups(patch):
-            where = self.locations(index, parameters[rows], face[rows])
             sign = -1.0 if self.flipped and self.flipped[index] else 1.0
-            result[rows] = sign * self.evaluated[index].normals_at(where, len(parameters[rows]))
+            result[rows] = sign * self._made(self.evaluated[index].normals_at, index, parameters[rows], face[rows])
         return result
 
     @property

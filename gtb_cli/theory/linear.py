@@ -6,7 +6,7 @@ it, so that patches that share an edge share its points. Each face has its own m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +16,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
-from gtb_cli.forks import in_forks
+from gtb_cli.forks import in_forks, shared_array
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.face import INTERIOR, Face
 from gtb_cli.knots.grid import grid_of
@@ -86,7 +86,7 @@ class LinearParametrization:
         yield from with_rasters(self.shape, p, faces, line, lambda p, faces: self._locations(p, faces, within, 0))
 
     def _locations(self, p: FloatArray, faces: IntArray | None, within: float, resolution: int) -> Iterator[Location]:
-        even = self._evenly(p, faces, resolution) if resolution and faces is not None else None
+        even = self._lattice(p, faces, resolution) if resolution and faces is not None else None
         if even is not None and faces is not None:
             rest = [even.others]
             for location, left in in_threads(even.located, even.blocks):
@@ -124,21 +124,35 @@ class LinearParametrization:
             s[location.rows] = location.s[0]
         return s
 
-    def even(
+    def evenly(
         self,
-        function: Callable[[Location], FloatArray],
-        result: FloatArray,
+        function: Callable[[Iterable[Location], int], FloatArray],
         p: FloatArray,
         faces: IntArray,
         resolution: int,
-    ) -> IntArray | None:
-        """Fill rows of an (m, k) result with what `function` makes of locations of the vertices of `triangulation`.
+    ) -> FloatArray:
+        """(m, 3) what a function of locations and their number makes of the vertices of `triangulation`.
 
-        It makes (B, k) arrays, in copies of this process where that is faster. Returns the rows that are left to do, or
-        None if no vertices are located in this way.
+        They lie on given faces of Δ. Most are located, and the function is called, in copies of this process where that
+        is faster.
         """
+        result, left = self._even(function, p, faces, resolution)
+        if len(left) == len(p):
+            return function(self.locations(p, faces, 0.0, resolution), len(p))
+        result[left] = function(self.locations(p[left], faces[left]), len(left))
+        return result
+
+    def _even(
+        self,
+        function: Callable[[Iterable[Location], int], FloatArray],
+        p: FloatArray,
+        faces: IntArray,
+        resolution: int,
+    ) -> tuple[FloatArray, IntArray]:
+        """`evenly`, and the rows that are left to do."""
+        result, everything = np.empty((len(p), 3)), np.arange(len(p))
         if self._factors or self.shape.dimension == 1:
-            return None
+            return result, everything
         from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
 
         chart, face, length = self._longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
@@ -147,27 +161,26 @@ class LinearParametrization:
             places = chart.columns(points)
             s = chart.solved(places, None if start is None else start.T, 0.0)
             blocks = [slice(begin, begin + length) for begin in range(0, len(points), length)]
-            made = [function(Location(block, face, chart.moments.knots, s[:, block], None)) for block in blocks]
-            return np.column_stack([chart.moments.corrections(places, s).T, np.concatenate(made)])
+            located = (Location(rows, face, chart.moments.knots, s[:, rows], None) for rows in blocks)
+            return np.column_stack([chart.moments.corrections(places, s).T, function(located, len(points))])
 
         with suppress(ToleranceError):
             left = fill(result, values, self.shape, p, np.flatnonzero(faces == INTERIOR), resolution)
             if left is not None:
-                return np.concatenate([np.flatnonzero(faces != INTERIOR), left])
-        even = self._evenly(p, faces, resolution)
+                return result, np.concatenate([np.flatnonzero(faces != INTERIOR), left])
+        even = self._lattice(p, faces, resolution)
         if even is None:
-            return None
+            return result, everything
+        shared = shared_array(result.shape)
 
         def made(block: tuple[slice, slice]) -> bytes:
             location, left = even.located(block)
-            return function(location).tobytes() + left.tobytes()
+            rows = shared[even.span(block)]
+            rows[...] = function([location._replace(rows=slice(None))], len(rows))
+            return left.tobytes()
 
-        rest = [even.others]
-        for block, data in zip(even.blocks, in_forks(made, even.blocks), strict=True):
-            rows = result[even.span(block)]
-            rows[...] = np.frombuffer(data, count=rows.size).reshape(rows.shape)
-            rest.append(np.frombuffer(data, dtype=np.int64, offset=rows.nbytes))
-        return np.concatenate(rest)
+        left = [np.frombuffer(rows, dtype=np.int64) for rows in in_forks(made, even.blocks)]
+        return shared, np.concatenate([even.others, *left])
 
     def near(
         self, p: FloatArray, faces: IntArray, guesses: FloatArray, within: float, found: FloatArray | None = None
@@ -208,7 +221,7 @@ class LinearParametrization:
                 places = chart.columns(p[rest])
                 found[rest] = moments.corrections(places, moments.inverse(places.T, START_RESIDUAL)).T
 
-    def _evenly(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
+    def _lattice(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
 
         Values interpolated from a few of them are their starts, all in the chart of the longest edge.

@@ -118,33 +118,14 @@ class RationalBasis:
         """
         result = np.empty((count, values.shape[1]))
         for location in locations:
-            sums = self._sums(values, location)
+            face = location.face.knots
+            sums = weighted_sums(location.knots, self.log_weights[face], values[face], location.s, location.raster)
             if isinstance(location.rows, slice):
                 np.divide(sums[1:], sums[0], out=result[location.rows].T)
             else:
                 for column, values_there in zip(result.T, sums[1:] / sums[0], strict=True):
                     column[location.rows] = values_there  # numpy takes twice as long for rows
         return result
-
-    def blend_even(
-        self, values: FloatArray, linear: LinearParametrization, u: FloatArray, faces: IntArray, resolution: int
-    ) -> FloatArray:
-        """`blend` at linear parameters that are the vertices of `triangulation`, on given faces of Δ."""
-
-        def blended(location: Location) -> FloatArray:
-            sums = self._sums(values, location)
-            return np.ascontiguousarray((sums[1:] / sums[0]).T)
-
-        result = np.empty((len(u), values.shape[1]))
-        left = linear.even(blended, result, u, faces, resolution)
-        if left is None:
-            return self.blend(values, linear.locations(u, faces, 0.0, resolution), len(u))
-        result[left] = self.blend(values, linear.locations(u[left], faces[left]), len(left))
-        return result
-
-    def _sums(self, values: FloatArray, location: Location) -> FloatArray:
-        face = location.face.knots
-        return weighted_sums(location.knots, self.log_weights[face], values[face], location.s, location.raster)
 
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:

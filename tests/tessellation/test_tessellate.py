@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.tessellation.complex import Sampler, joined_complex
+from gtb_cli.tessellation.complex import MAX_SHARED_LOCATIONS, Sampler, joined_complex
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
@@ -16,6 +16,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
+from tests.patches import bicubic, collapsed_edge, pentagon
 
 HALF = math.sqrt(0.5)
 TRIANGLE = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [0, 2]]
@@ -258,6 +259,14 @@ def test_missing_normals_are_the_mean_of_adjacent_faces():
     assert filled[0].tolist() == [0, 0, 1]
     assert filled[1:4].tolist() == normals[1:4].tolist()
     assert np.isfinite(filled).all()
+
+
+@pytest.mark.parametrize("patch", [bicubic(), pentagon(), collapsed_edge()], ids=lambda patch: patch.name)
+def test_normals_of_fine_meshes_are_those_of_the_patch(patch):
+    """They come from polynomials, or from interpolated places, as the points do."""
+    mesh = tessellate(patch, 72)
+    assert len(mesh.vertices) > MAX_SHARED_LOCATIONS
+    assert np.nanmax(np.abs(mesh.normals - patch.normals(mesh.parameters, "linear"))) < 1e-11
 
 
 def test_patches_with_one_basis_are_located_once(monkeypatch):

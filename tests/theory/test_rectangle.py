@@ -114,6 +114,6 @@ def test_an_even_mesh_of_smooth_weights_takes_few_evaluations(monkeypatch):
     patch = Patch(knots, bumps(knots), np.where(inside, 2.0, 1.0), coefficients="binomial")
     basis, part = patch.rational_basis, triangulation(patch.domain, 240)
     faces = part.faces(patch.domain.faces)
-    points = basis.blend_even(patch.control_points, basis.linear(), part.parameters, faces, 240)
+    points = basis.linear().evenly(patch.points_at, part.parameters, faces, 240)
     assert sum(counted) < len(points) / 4
     assert np.abs(points - patch.evaluate(part.parameters[::-1], "linear")[::-1]).max() <= error_of_linear_points(patch)
