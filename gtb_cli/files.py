@@ -5,19 +5,15 @@ from __future__ import annotations
 import os
 import re
 import stat
-import threading
 from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
 from typing import IO
 
+from gtb_cli.disk import write_to_disk
 from gtb_cli.errors import ExportError, GtbError, SpecError
 
 TEMPORARY_PREFIX = ".gtb-"
-
-FLUSHED_BYTES = 1 << 22
-"""Bytes of a file that go to the disk together, in a thread that computes nothing: it would be idle until the end."""
-
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 _STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
 
@@ -326,7 +322,7 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
     with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:
         if old is not None:
             _make_like(file.fileno(), temporary, old)
-        _write_to_disk(file, blocks)
+        write_to_disk(file, blocks)
 
 
 def _is_protected(path: str) -> bool:
@@ -353,35 +349,6 @@ def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:
                 mode &= ~(stat.S_ISUID | stat.S_ISGID)  # the old file was not meant to run as another owner
     # By the descriptor if the system can: the path may have been replaced by a link.
     os.chmod(descriptor if os.chmod in os.supports_fd else path, mode)
-
-
-def _write_to_disk(file: IO[bytes], blocks: Iterable[bytes]) -> None:
-    """Write `blocks` to a file and to the disk, which takes what there is while other blocks are still computed."""
-    errors: list[OSError] = []
-
-    def flush() -> None:
-        try:
-            os.fsync(file.fileno())
-        except OSError as error:  # the system tells it only once
-            errors.append(error)
-
-    thread, waiting = None, 0
-    try:
-        for block in blocks:
-            file.write(block)
-            waiting += len(block)
-            if waiting >= FLUSHED_BYTES and not (thread and thread.is_alive()):
-                waiting, thread = 0, threading.Thread(target=flush)
-                with suppress(RuntimeError):  # there may be no more threads
-                    thread.start()
-    finally:
-        if thread and thread.ident:
-            thread.join()
-    file.flush()
-    if not errors:
-        flush()
-    for error in errors:
-        raise error
 
 
 def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from gtb_cli import files
+from gtb_cli.disk import FLUSHED_BYTES
 from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.files import StagedFiles, replace_file
 
@@ -120,13 +121,13 @@ def test_a_long_file_goes_to_the_disk_while_it_is_computed(tmp_path, monkeypatch
         flushed.set()
 
     def blocks():
-        yield bytes(files.FLUSHED_BYTES)
+        yield bytes(FLUSHED_BYTES)
         assert flushed.wait(60)
         yield b"the end"
 
     monkeypatch.setattr(os, "fsync", noted_fsync)
     replace_file(tmp_path / "mesh.obj", blocks())
-    assert (tmp_path / "mesh.obj").read_bytes() == bytes(files.FLUSHED_BYTES) + b"the end"
+    assert (tmp_path / "mesh.obj").read_bytes() == bytes(FLUSHED_BYTES) + b"the end"
 
 
 def test_a_disk_that_is_full_is_noticed_although_it_says_so_once(tmp_path, monkeypatch):
@@ -138,7 +139,7 @@ def test_a_disk_that_is_full_is_noticed_although_it_says_so_once(tmp_path, monke
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ExportError, match="No space left on device"):
-        replace_file(tmp_path / "mesh.obj", [bytes(files.FLUSHED_BYTES), b"the end"])
+        replace_file(tmp_path / "mesh.obj", [bytes(FLUSHED_BYTES), b"the end"])
     assert not os.listdir(tmp_path)
 
 
