@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +15,7 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.cad import Sheet
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.edges import EdgeRef
+from gtb_cli.theory.joints import Joint
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -58,7 +61,7 @@ class Sheets(NamedTuple):
 
 
 class Half(NamedTuple):
-    """Half of an exact edge, as an adjacent fitted surface takes it over.
+    """Half of an edge, as an adjacent fitted surface takes it over.
 
     Attributes
     ----------
@@ -66,24 +69,37 @@ class Half(NamedTuple):
         Control points x, y, z and weights, starting at a corner; the weights at both ends are 1.
     fractions : (D + 1,) float
         Their places along the whole edge, measured from the same corner.
+    is_exact : bool
+        Whether rows are the edge; otherwise only their places are.
+    own : function, optional
+        The fractions of the fitted surface's edge at the points of those of this edge, from the same corner.
     """
 
     rows: FloatArray
     fractions: FloatArray
+    is_exact: bool = True
+    own: Callable[[FloatArray], FloatArray] | None = None
 
-    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def at(self, t: FloatArray) -> tuple[FloatArray | None, FloatArray, FloatArray]:
         """(k, 3) points at (k,) parameters in [0, 1], their weights, and their places as fractions of this half."""
         degree = len(self.rows) - 1
         k = np.arange(degree + 1)
         shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
         shares = shares * self.rows[:, 3]
         weights = shares.sum(axis=1)
-        return shares @ self.rows[:, :3] / weights[:, None], weights, shares @ self.fractions / (weights * self.end)
+        points = shares @ self.rows[:, :3] / weights[:, None] if self.is_exact else None
+        if self.own is None:
+            return points, weights, shares @ self.fractions / (weights * self.end)
+        return points, weights, self.own(shares @ self.fractions / weights) / self.end
 
     @property
     def end(self) -> float:
         """The end of this half, as a fraction of the edge."""
-        return float(self.fractions[-1])
+        return float(self.fractions[-1] if self.own is None else self.own(self.fractions[-1:])[0])
+
+
+EVEN_HALF = Half(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)
+"""Half of an edge that fitted surfaces share, by equal fractions of one of them."""
 
 
 def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
@@ -141,30 +157,47 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
 def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int, str]) -> dict[EdgeRef, list[Half]]:
     """Halves of the edges that fitted patches share with exact ones, from the start and from the end of each edge.
 
-    An exact patch whose edges have too high a degree for its neighbours becomes a fitted one.
+    So are those that they share with each other at other fractions. An exact patch whose edges have too high a degree
+    for its neighbours becomes a fitted one.
     """
-    groups: dict[EdgeRef, list[tuple[EdgeRef, bool]]] = {}
+    groups: dict[EdgeRef, list[Joint]] = {}
     for joint in model.joints.shared:
-        groups.setdefault(joint.first, [(joint.first, False)]).append((joint.second, joint.opposite))
+        groups.setdefault(joint.first, [Joint(joint.first, joint.first, False)]).append(joint)
     while True:
         found: dict[EdgeRef, list[Half]] = {}
         for uses in groups.values():
-            whole = [use for use in uses if use[0][0] in exact]
-            fitted = [use for use in uses if use[0][0] in reasons]
+            whole = [use for use in uses if use.second[0] in exact]
+            fitted = [use for use in uses if use.second[0] in reasons]
+            if not whole:
+                found |= {use.second: _carried([EVEN_HALF] * 2, model, uses[0], use) for use in fitted if use.places}
             if not whole or not fitted:
                 continue
-            (index, edge), turned = whole[0]
+            index, edge = whole[0].second
             halves = _halves(model[index], edge)
             if len(halves[0].rows) - 1 > EDGE_DEGREE:
                 del exact[index]
                 reasons[index] = (
                     f"has exact pieces of a degree above {EDGE_DEGREE} on its edge {edge}, which it shares with "
-                    f"{_name(model[fitted[0][0][0]], fitted[0][0][0])}, that has none"
+                    f"{_name(model[fitted[0].second[0]], fitted[0].second[0])}, that has none"
                 )
                 break
-            found |= {ref: halves[::-1] if opposite != turned else halves for ref, opposite in fitted}
+            found |= {use.second: _carried(halves, model, whole[0], use) for use in fitted}
         else:
             return found
+
+
+def _carried(halves: list[Half], model: Model, one: Joint, other: Joint) -> list[Half]:
+    """Halves of an edge for another one, both joined with the same first edge."""
+    turned = one.opposite != other.opposite
+    if one.places or other.places:
+
+        def own(fractions: FloatArray, is_last: int) -> FloatArray:
+            first = one.back(model.patches, 1 - fractions if is_last else fractions)
+            found = other.across(model.patches, first)
+            return 1 - found if is_last != turned else found
+
+        halves = [half._replace(own=partial(own, is_last=k)) for k, half in enumerate(halves)]
+    return halves[::-1] if turned else halves
 
 
 def _halves(patch: Patch, edge: int) -> list[Half]:

@@ -49,17 +49,26 @@ class Joint:
 
     def across(self, patches: Sequence[Patch], fractions: FloatArray) -> FloatArray:
         """(m,) fractions of the second edge at the points of (m,) fractions of the first one."""
+        return self._carried(patches, fractions, 1)
+
+    def back(self, patches: Sequence[Patch], fractions: FloatArray) -> FloatArray:
+        """(m,) fractions of the first edge at the points of (m,) fractions of the second one."""
+        return self._carried(patches, fractions, -1)
+
+    def _carried(self, patches: Sequence[Patch], fractions: FloatArray, way: int) -> FloatArray:
         if not self.places:
             return 1 - fractions if self.opposite else fractions
-        first, second = (edge_curve(patches[p], edge) for p, edge in (self.first, self.second))
-        places, last = np.array(self.places), EDGE_SAMPLES - 1
-        result = np.asarray(np.interp(fractions, (0, 1), places[[0, -1]]))
+        ours, theirs = (np.linspace(0.0, 1.0, EDGE_SAMPLES), np.array(self.places))[::way]
+        one, other = (edge_curve(patches[p], edge) for p, edge in (self.first, self.second)[::way])
+        if ours[0] > ours[-1]:
+            ours, theirs = ours[::-1], theirs[::-1]
+        result = np.asarray(np.interp(fractions, (0, 1), theirs[[0, -1]]))
         inside = (fractions > 0) & (fractions < 1)
         t = fractions[inside]
-        before = np.floor(t * last).astype(int)
-        ends = places[np.maximum(before - 1, 0)], places[np.minimum(before + 2, last)]
-        start = np.interp(t, np.linspace(0.0, 1.0, EDGE_SAMPLES), places)
-        result[inside] = second.nearest(first.points_at(t), start, np.minimum(*ends), np.maximum(*ends))[0]
+        after = np.searchsorted(ours, t, side="right")
+        ends = theirs[np.maximum(after - 2, 0)], theirs[np.minimum(after + 1, EDGE_SAMPLES - 1)]
+        start = np.interp(t, ours, theirs)
+        result[inside] = other.nearest(one.points_at(t), start, np.minimum(*ends), np.maximum(*ends))[0]
         return result
 
 

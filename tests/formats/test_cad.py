@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gtb_cli.bezier.elevation import elevate
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
@@ -208,6 +209,17 @@ def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     assert distance(shape, points) <= 2e-3
     with pytest.raises(ToleranceError, match="fitted surfaces of 128 × 128 spans are still"):
         sheets_of(patch, 1e-12)
+
+
+@long
+@pytest.mark.parametrize(("name", "kind"), [("box-corner", "SHELL"), ("hebesphenorotunda", "SOLID")])
+def test_edges_with_other_parameters_are_sewn(name: str, kind: str, tmp_path: Path) -> None:
+    patches = tuple(elevate(patch, k % 3) for k, patch in enumerate(load(SPECS / f"{name}.toml")))
+    model = Model(patches, name)
+    assert any(joint.places for joint in model.joints.shared)
+    shape = read(encode_cad(sheets_of(model).sheets, "brep").data, "brep", tmp_path)
+    assert is_valid(shape)
+    assert len(parts(shape, kind)) == 1
 
 
 def pillow(top: Patch, *, turned: bool = False) -> Model:
