@@ -21,11 +21,11 @@ from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
 from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.knot_limit import knot_limit, move_knots
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
-from gtb_cli.theory.knot_limit import knot_limit, move_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import MAX_FACES
 

@@ -18,7 +18,7 @@ from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import mostly_long
+from tests.marks import long
 from tests.shell import gtb
 
 ROUNDING = 1e-13
@@ -92,7 +92,7 @@ def assert_parameters_are_those_of_points(model: Model, mosaic: Complex, points:
         assert np.abs(area).sum() == pytest.approx(np.abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)), rel=1e-9)
 
 
-@pytest.mark.parametrize("case", mostly_long(CASES))
+@pytest.mark.parametrize("case", [CASES[0], *(pytest.param(case, marks=long) for case in CASES[1:])])
 def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     model = body(*case)
     scale, shift = case[-2:]

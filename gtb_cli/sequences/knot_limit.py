@@ -48,7 +48,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
 
     Notes
     -----
-    On the boundary of Δ the convergence may fail: see `gtb_cli.theory.knot_limit.knot_limit`.
+    On the boundary of Δ the convergence may fail: see `gtb_cli.sequences.knot_limit.knot_limit`.
 
     References
     ----------
