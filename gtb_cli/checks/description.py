@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import EdgeNormals, domain
 from gtb_cli.knots.lattice import lattice_of
@@ -86,7 +86,7 @@ def description(patch: Patch) -> Description:
         degree=degree,
         edges=tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices))),
         edge_normals=_edge_normals(patch),
-        bounding_box=_box(patch),
+        bounding_box=bounds_of(patch.control_points),
         linear_precision_error=_linear_precision_error(patch),
         repeated_knots=_repeated_knots(patch.knots),
     )
@@ -100,12 +100,8 @@ def descriptions(patches: Iterable[Patch]) -> list[Description]:
         key = (patch.rational_basis, patch.edge_normals)
         if key not in known:
             known[key] = description(patch)
-        found.append(replace(known[key], bounding_box=_box(patch)))
+        found.append(replace(known[key], bounding_box=bounds_of(patch.control_points)))
     return found
-
-
-def _box(patch: Patch) -> FloatArray:
-    return np.stack([patch.control_points.min(axis=0), patch.control_points.max(axis=0)])
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.design.fill import Filling, fill
-from gtb_cli.design.sides import MAX_GAP, Side, bezier_form, points_and_tangents, stations, step_count
+from gtb_cli.design.sides import MAX_GAP, STEP_TOLERANCE, Side, bezier_form, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -122,7 +123,7 @@ def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
     low, high = along == along.min(), along == along.max()
     tilt = float(np.logaddexp.reduce(logs[high]) - np.logaddexp.reduce(logs[low]))
     length = float(np.ptp(along))
-    steps = step_count((along - along.min()) / length)
+    steps = bezier_degree(along - along.min(), STEP_TOLERANCE * length)
     assert steps is not None, "the edge has a Bézier form"
     s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
     where = Location(np.arange(len(t)), face, face_knots(shape, face), s, np.ones((len(shape.vertices), len(t))))

@@ -6,9 +6,9 @@ import os
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.imports.nurbs import span_matrices
 from gtb_cli.imports.words import Words
 from gtb_cli.spec.loading import parse_loop
 from gtb_cli.spec.scanner import Format
@@ -72,42 +72,19 @@ def _lop(words: Words) -> list[Side]:
         degree = words.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
         count = words.whole(f"the number of knots of curve {k}", 2 * degree + 2, 1000)
         knots = words.rows(count, 1, f"the knots of curve {k}")[:, 0]
-        if not ((np.diff(knots) >= 0).all() and knots[degree] < knots[-degree - 1]):
-            words.fail(f"knots of curve {k} must ascend", line)
         size = words.whole(f"the number of points of curve {k}", count - degree - 1, count - degree - 1)
-        pieces = bspline_pieces(degree, knots, words.rows(size, 3, f"the points of curve {k}"))
-        if len(sides) + len(pieces) > MAX_CURVES:
+        points = words.rows(size, 3, f"the points of curve {k}")
+        try:
+            spans = span_matrices(degree, knots, size)
+        except DomainError as error:
+            words.fail(f"curve {k}: {error}", line)
+        if len(sides) + len(spans) > MAX_CURVES:
             words.fail(f"the curves have more than {MAX_CURVES} polynomial pieces", line)
-        for i, piece in enumerate(pieces):
-            name = f"side {k}" if len(pieces) == 1 else f"side {k} piece {i}"
+        for i, (first, matrix) in enumerate(spans):
+            name = f"side {k}" if len(spans) == 1 else f"side {k} piece {i}"
+            piece = matrix @ points[first : first + degree + 1]
             sides.append(Side(name, np.column_stack([piece, np.ones(len(piece))])))
     return sides
-
-
-def bspline_pieces(degree: int, knots: FloatArray, points: FloatArray) -> list[FloatArray]:
-    """Return the Bézier points of each polynomial piece of a B-spline curve: its blossom at the ends of the piece."""
-    pieces = []
-    for k in range(degree, len(knots) - degree - 1):
-        low, high = knots[k], knots[k + 1]
-        if low < high:
-            pieces.append(
-                np.array(
-                    [_blossom(degree, knots, points, k, [low] * (degree - j) + [high] * j) for j in range(degree + 1)]
-                )
-            )
-    return pieces
-
-
-def _blossom(degree: int, knots: FloatArray, points: FloatArray, k: int, arguments: list[float]) -> FloatArray:
-    """Evaluate the blossom on span k by de Boor's algorithm, with a separate argument in each round."""
-    row = points[k - degree : k + 1].copy()
-    for level, t in enumerate(arguments, 1):
-        for j in range(degree, level - 1, -1):
-            i = j + k - degree
-            low, high = knots[i], knots[i + degree + 1 - level]
-            share = (t - low) / (high - low)
-            row[j] = (1 - share) * row[j - 1] + share * row[j]
-    return np.asarray(row[degree])
 
 
 def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[Side] | Model:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
@@ -169,8 +170,8 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     order = np.argsort(knots, kind="stable")
     length = float(np.ptp(knots))
     place = (knots[order] - knots.min()) / length
-    degree = step_count(place)
-    if degree is None:
+    degree = bezier_degree(place, STEP_TOLERANCE)
+    if degree is None or degree > MAX_DEGREE:
         raise DomainError(
             f"{name}: its knots are not multiples of a common step (up to {MAX_DEGREE} of them), so that it is not a "
             "rational Bézier curve: gtb fit makes one near it"
@@ -197,14 +198,6 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
 
 def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
     return float(np.logaddexp.reduce(logs[np.asarray(members, dtype=bool)]))
-
-
-def step_count(place: FloatArray) -> int | None:
-    """Return the least number of equal steps from 0 to 1 between which all places are; None beyond `MAX_DEGREE`."""
-    for count in range(1, MAX_DEGREE + 1):
-        if np.abs(place * count - np.rint(place * count)).max() <= STEP_TOLERANCE * count:
-            return count
-    return None
 
 
 def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:

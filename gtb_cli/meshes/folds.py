@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross
+from gtb_cli.meshes.topology import adjacent
 
 FLAT_SINE = 64 * EPS
 """Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own."""
@@ -17,11 +18,7 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     """
     a, b, c = (vertices[cells[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
-    sides = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    order = np.lexsort(sides.T)
-    ordered = sides[order]
-    first = np.flatnonzero((ordered[1:] == ordered[:-1]).all(axis=1))
-    pairs = np.stack([order[first] // 3, order[first + 1] // 3], axis=1)
+    pairs, _ = adjacent(cells)
     lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
     looks = np.linalg.norm(normals, axis=1) > FLAT_SINE * lengths
     normals[~looks] = 0.0

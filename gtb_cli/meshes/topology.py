@@ -83,6 +83,15 @@ def sides_of(cells: IntArray) -> Sides:
     return Sides(directed, edges, edge.reshape(len(cells), len(around) // 2), first, uses)
 
 
+def adjacent(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """(p, 2) triangles that share an edge, two by two where more do, and (p, 2) the ascending ends of these edges."""
+    sides = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(sides.T)
+    ordered = sides[order]
+    first = np.flatnonzero((ordered[1:] == ordered[:-1]).all(axis=1))
+    return np.stack([order[first] // 3, order[first + 1] // 3], axis=1), ordered[first]
+
+
 def are_proper(cells: IntArray) -> BoolArray:
     """(k,) whether all vertices of a cell differ."""
     start, end = cells.T[:2]

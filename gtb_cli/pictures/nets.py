@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
+from gtb_cli.design.isocurve import span
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
@@ -86,31 +87,13 @@ def curve_path(curve: Patch) -> FloatArray:
 
 def isoparametric_paths(patch: Patch, count: int) -> list[FloatArray]:
     """Return (m, 3) points along `count` lines of constant u, and as many of constant v, evenly spaced inside Δ."""
-    corners = patch.domain.vertices
-    share = (
-        1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1))
-    ) / 2  # closer near the boundary, where a patch may bend
+    share = (1 - np.cos(np.linspace(0, np.pi, LINE_SEGMENTS + 1)[1:-1, None])) / 2  # a patch may bend at its boundary
     paths = []
-    for axis in (0, 1):
-        low, high = corners[:, axis].min(), corners[:, axis].max()
-        for value in np.linspace(low, high, count + 2)[1:-1].tolist():
-            ends = _chord(corners, axis, value)
-            if ends is None:
-                continue
-            other = ends[0] + (ends[1] - ends[0]) * share
-            u = np.empty((len(other), 2))
-            u[:, axis], u[:, 1 - axis] = value, other
-            paths.append(patch.evaluate(u[1:-1]))
+    for axis, coordinates in enumerate(patch.domain.vertices.T):
+        for value in np.linspace(coordinates.min(), coordinates.max(), count + 2)[1:-1].tolist():
+            start, end = span(patch, axis, value)
+            paths.append(patch.evaluate(start + share * (end - start)))
     return paths
-
-
-def _chord(corners: FloatArray, axis: int, value: float) -> tuple[float, float] | None:
-    """Return where the line of points with this coordinate enters and leaves a convex polygon, along the other axis."""
-    met = []
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        if (a[axis] - value) * (b[axis] - value) <= 0 and a[axis] != b[axis]:
-            met.append(float(a[1 - axis] + (b[1 - axis] - a[1 - axis]) * ((value - a[axis]) / (b[axis] - a[axis]))))
-    return (min(met), max(met)) if met and min(met) < max(met) else None
 
 
 def is_flat(clouds: Sequence[FloatArray]) -> bool:

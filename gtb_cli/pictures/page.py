@@ -6,14 +6,13 @@ import base64
 import html
 import json
 import math
-from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.pictures.colours import scale_of
 from gtb_cli.pictures.sight import Sight
@@ -70,7 +69,7 @@ def page_data(sight: Sight) -> dict[str, Any]:
         There is nothing to show, or it is too large.
     """
     clouds = [cloud for moment in sight.moments for cloud in (moment.vertices, moment.net_points) if len(cloud)]
-    low, high = _ends(clouds)
+    low, high = bounds_of(np.concatenate(clouds))
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
@@ -93,7 +92,7 @@ def page_data(sight: Sight) -> dict[str, Any]:
         ends = scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             scalars[name] = {"values": _text(values.clip(*ends).astype("<f4")), "low": ends[0], "high": ends[1]}
-    start, end = _ends([moment.vertices for moment in sight.moments])
+    start, end = bounds_of(np.concatenate([moment.vertices for moment in sight.moments]))
     lines = {name: _text(getattr(sight, name).astype("<u4")) for name in ("border", "open", "folds", "net")}
     return {
         "name": sight.name,
@@ -113,13 +112,6 @@ def page_data(sight: Sight) -> dict[str, Any]:
         "knots": {"points": placed(sight.knots), "names": list(sight.knot_names)},
         "scalars": scalars,
     }
-
-
-def _ends(clouds: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest and largest coordinates of points."""
-    return np.min([cloud.min(axis=0) for cloud in clouds], axis=0), np.max(
-        [cloud.max(axis=0) for cloud in clouds], axis=0
-    )
 
 
 def _facts(sight: Sight) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.pictures.camera import Camera
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.pictures.planar import label_all
@@ -111,11 +111,9 @@ def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequen
     """Scenes of several surfaces with one window, which holds all of them and other points."""
     clouds = [*(surface.vertices for surface in surfaces if surface is not None), *others]
     clouds = [cloud for cloud in clouds if len(cloud)]
-    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    low, high = bounds_of(np.concatenate(clouds))
     frame = Scene(camera, low, high, np.zeros((2, 2)))
-    flat = np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds])
-    ends = np.stack([flat.min(axis=0), flat.max(axis=0)])
+    ends = bounds_of(np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds]))
     margin = SCENE_MARGIN * max(float(np.ptp(ends, axis=0).max()), 1e-3)
     window = ends + np.array([[-margin], [margin]])
     return [Scene(camera, low, high, window, surface) for surface in surfaces]

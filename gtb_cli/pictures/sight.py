@@ -10,6 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import adjacent
 from gtb_cli.pictures.look import subscript
 from gtb_cli.pictures.nets import net_of
 from gtb_cli.pictures.sequences import Frames, with_normals
@@ -203,18 +204,14 @@ def joined(sights: Sequence[Sight]) -> Sight:
 def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> tuple[IntArray, IntArray, IntArray]:
     """Return the sides of triangles between groups, open sides, and folds within a group, each once."""
     group = np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
-    pairs = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(mesh.faces)), 3)
-    order = np.lexsort(pairs.T)
-    pairs, owner = pairs[order], owner[order]
-    same = np.flatnonzero((pairs[1:] == pairs[:-1]).all(axis=1))
-    first, second = owner[same], owner[same + 1]
+    pairs, ends = adjacent(mesh.faces)
+    first, second = pairs.T
     between = group[first] != group[second]
     size = float(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max()) or 1.0
     corners = mesh.vertices[mesh.faces] / size
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     back = dot(normals[first], normals[second]) < 0
-    return pairs[same[between]], mesh.open_sides, pairs[same[back & ~between]]
+    return ends[between], mesh.open_sides, ends[back & ~between]
 
 
 def _normals(mesh: Mesh) -> FloatArray:

@@ -10,8 +10,8 @@ import pytest
 
 from gtb_cli.design.fill import Filling, _folds, fill
 from gtb_cli.design.holes import fill_hole, rings
-from gtb_cli.design.loops import bspline_pieces, loop_from_text, loop_or_model
-from gtb_cli.design.sides import Side, bernstein, bezier_form, curve_side, points_and_tangents, raised, stations
+from gtb_cli.design.loops import loop_from_text, loop_or_model
+from gtb_cli.design.sides import Side, bezier_form, curve_side, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy
 from gtb_cli.spec.loading import parse
@@ -295,18 +295,6 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
         bezier_form(Patch([0, math.sqrt(0.2), 1], [[0, 0, 0], [1, 2, 0], [2, 2, 1]]))
 
 
-def test_pieces_of_a_bspline():
-    """Against the Cox-de Boor recursion of scipy."""
-    from scipy.interpolate import BSpline
-
-    knots = np.array([0, 0, 0, 0, 0.3, 0.7, 0.7, 1, 1, 1, 1.0])
-    points = np.random.default_rng(1).normal(size=(7, 3))
-    spline = BSpline(knots, points, 3)
-    t = np.linspace(0, 1, 9)
-    for piece, (low, high) in zip(bspline_pieces(3, knots, points), [(0, 0.3), (0.3, 0.7), (0.7, 1)], strict=True):
-        np.testing.assert_allclose(bernstein(3, t) @ piece, spline(low + t * (high - low)), atol=1e-14)
-
-
 # --- files
 
 
@@ -336,7 +324,7 @@ def test_a_loop_of_bsplines_is_filled():
         ("gbp", "3 2.5", "x.gbp:1: expected the degree, a whole number from 3 to 20, got '2.5'"),
         ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: expected the boundary, 27 numbers, and the file ends after 2"),
         ("gbp", "3 3\n0 0 nan", "x.gbp:2: expected the centre, got 'nan', which is not a number up to 1e+100"),
-        ("lop", "1\n3\n8 0 0 0 0 1 1 1 0", "x.lop:2: knots of curve 0 must ascend"),
+        ("lop", "1\n1\n4 0 0 1 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: must ascend, got 1 before 0"),
         (
             "lop",
             "1\n3\n8 0 0 0 0 1 1 1 1\n5",

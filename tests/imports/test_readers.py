@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gtb_cli.design.sides import bernstein
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import curve_spans, span_matrices
 from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
@@ -218,6 +219,21 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
 def test_what_is_not_such_a_file(path: str, data: bytes, message: str) -> None:
     with pytest.raises(SpecError, match=message):
         import_file(path, data)
+
+
+def test_pieces_of_a_bspline() -> None:
+    """Against the Cox-de Boor recursion of scipy."""
+    from scipy.interpolate import BSpline
+
+    knots = np.array([0, 0, 0, 0, 0.3, 0.7, 0.7, 1, 1, 1, 1.0])
+    points = np.random.default_rng(1).normal(size=(7, 3))
+    spline = BSpline(knots, points, 3)
+    t = np.linspace(0, 1, 9)
+    ends = [(0, 0.3), (0.3, 0.7), (0.7, 1)]
+    for (first, matrix), (low, high) in zip(span_matrices(3, knots, len(points)), ends, strict=True):
+        np.testing.assert_allclose(
+            bernstein(3, t) @ matrix @ points[first : first + 4], spline(low + t * (high - low)), atol=1e-14
+        )
 
 
 def test_nurbs_have_limits() -> None:
