@@ -111,3 +111,9 @@ MAX_FACES = 5_000_000
 
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
 """Colour maps, by their names in matplotlib: readable in print and with colour-blindness."""
+
+
+def plain_name(name: str) -> str:
+    """Return a name without characters that would end a word, or continue a line, in a text format."""
+    plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
+    return plain or "patch"

@@ -90,9 +90,3 @@ def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDAr
         result[stop - len(part) : stop] = part
         stop -= len(part)
     return result
-
-
-def plain_name(name: str) -> str:
-    """Return a name without characters that would end a word, or continue a line, in a text format."""
-    plain = "".join("_" if c.isspace() or not c.isprintable() or c == "\\" else c for c in name)
-    return plain or "patch"

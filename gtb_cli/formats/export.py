@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.content import plain_name
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.vocabulary import FORMATS, UP, Up, suffix_of
+from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
 VISIBLE_SHIFT = 1e-5
 """Fraction of the model's diagonal; shading shows facets if vertices are shifted by more."""
@@ -121,7 +120,7 @@ def encode_mesh(
     mesh = standing(mesh, kind, up)
     vertex_normals = None if vertex_normals is None else mesh.normals
     if kind == "obj":
-        from gtb_cli.formats.obj import obj_blocks
+        from gtb_cli.formats.digits import obj_blocks
 
         return obj_blocks(mesh.vertices, mesh.cells, vertex_normals, coordinates, groups)
     if kind == "ply":

@@ -1,19 +1,16 @@
-"""Wavefront OBJ, both ways: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
+"""Wavefront OBJ files that are read: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.forks import in_forks
 from gtb_cli.formats.content import Content, joined, segments, triangles
-from gtb_cli.formats.digits import BLOCK_ROWS, cell_lines, decimals, number_lines
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 
@@ -29,62 +26,6 @@ MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}
 """Fewest numbers in a line, by keyword."""
 
 Row = TypeVar("Row", FloatArray, IntArray)
-
-
-def obj_blocks(
-    vertices: FloatArray,
-    cells: IntArray,
-    normals: FloatArray | None = None,
-    uv: FloatArray | None = None,
-    groups: Sequence[tuple[str, int, int]] = (),
-) -> Iterator[bytes]:
-    """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
-
-    The lines equal those of trimesh's exporter for the same arrays with
-    ``digits=decimals(vertices)``.
-
-    Parameters
-    ----------
-    vertices : (m, 3) float
-        Positions, finite.
-    cells : (k, 2) or (k, 3) int
-        Segments or triangles, 0-based.
-    normals : (m, 3) float, optional
-        One normal for each vertex.
-    uv : (m, 2) float, optional
-        Texture coordinates of each vertex.
-    groups : sequence of (name, start, stop)
-        Ranges of `cells`, in order; names without blanks.
-
-    Returns
-    -------
-    iterator of bytes
-        Whole lines, some thousands at a time.
-
-    Notes
-    -----
-    About 90 ns for a vertex and 40 ns for a triangle, 25 times faster than a format string. Only a few blocks
-    are in memory at a time.
-    """
-    digits = decimals(vertices)
-    blocks: list[Callable[[], bytes]] = []
-    for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
-        if values is not None:
-            for start in range(0, len(values), BLOCK_ROWS):
-                blocks.append(partial(number_lines, prefix, values[start : start + BLOCK_ROWS], digits))
-    prefix = "f" if cells.shape[1] == 3 else "l"
-    # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
-    leads = [b" "]
-    if uv is not None:
-        leads.append(b"/")
-    if normals is not None and prefix == "f":
-        leads.append(b"/" if uv is not None else b"//")
-    for name, first, last in groups or [("", 0, len(cells))]:
-        if name:
-            blocks.append(partial(str.encode, f"g {name}\n"))
-        for start in range(first, last, BLOCK_ROWS):
-            blocks.append(partial(cell_lines, prefix, leads, cells[start : min(start + BLOCK_ROWS, last)]))
-    return in_forks(lambda block: block(), blocks)
 
 
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
