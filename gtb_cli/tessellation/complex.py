@@ -21,6 +21,7 @@ from gtb_cli.theory.parametrization import Parametrization, toric_locations
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
+    from gtb_cli.tessellation.neighbours import Neighbours
     from gtb_cli.theory.edges import EdgeRef
     from gtb_cli.theory.joints import Joints
     from gtb_cli.theory.linear import LinearParametrization
@@ -291,24 +292,20 @@ class Sampler:
             result[rows] = points
         return result
 
-    def near(
-        self,
-        patch: IntArray,
-        parameters: FloatArray,
-        face: IntArray,
-        guesses: FloatArray,
-        within: float,
-        found: FloatArray | None = None,
-    ) -> FloatArray:
-        """`points`, found from guesses where these are not NaN; see `LinearParametrization.near`."""
-        result = np.empty((len(patch), 3))
+    @cached_property
+    def neighbours(self) -> list[Neighbours]:
+        """Of each patch what finds points beside others."""
+        from gtb_cli.tessellation.neighbours import Neighbours  # a uniform mesh does not need it
+
+        return [Neighbours(*pair) for pair in zip(self.evaluated, self._linear, strict=True)]
+
+    def corrections(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
+        """(m, 2) corrections of points, NaN where there are none, as on the boundary."""
+        result = np.full(parameters.shape, np.nan)
         face = face if self.faces is None else self.faces[patch, face]
-        for index, rows in _groups(patch):
-            own = None if found is None else np.full((len(patch[rows]), 2), np.nan)
-            where = self._linear[index].near(parameters[rows], face[rows], guesses[rows], within, own)
-            result[rows] = self.evaluated[index].points_at(where, len(patch[rows]))
-            if found is not None and own is not None:
-                found[rows] = own
+        inside = np.flatnonzero(face == INTERIOR)
+        for index, own in groups(patch[inside]):
+            result[inside[own]] = self.neighbours[index].corrections(parameters[inside[own]])
         return result
 
     def _made(

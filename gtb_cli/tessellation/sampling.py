@@ -1,21 +1,53 @@
 """Samples of the surface over a subdivision's edges and cells, and their distances from these.
 
 Where a point is looked for, is known from its neighbours: corrections of torus coordinates (see
-`gtb_cli.theory.linear.LinearParametrization.near`) change slowly. They are kept at vertices and in the middles of
+`gtb_cli.tessellation.neighbours.Neighbours`) change slowly. They are kept at vertices and in the middles of
 edges, NaN where there are none, as on the boundary of Δ.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
+from gtb_cli.theory.basis import block_length
+from gtb_cli.threads import in_threads
 
 MIDDLE = np.array([0.5])
+
+WORTH_THREADS = 20_000
+"""Fewest samples worth starting threads."""
+
+
+class _Places(NamedTuple):
+    """Where (k,) edges or cells, given by their rows, are sampled, each at w places.
+
+    Attributes
+    ----------
+    rows, patch, face : (k,) int
+    number : int
+        w.
+    parameters, guesses : callable
+        (r, w, d) parameters, and guesses of corrections there, for r of the rows.
+    distances : callable
+        (m,) distances of (m, 3) samples from the edges or cells in m rows.
+    """
+
+    rows: IntArray
+    patch: IntArray
+    face: IntArray
+    number: int
+    parameters: Callable[[IntArray], FloatArray]
+    guesses: Callable[[IntArray], FloatArray]
+    distances: Callable[[IntArray, FloatArray], FloatArray]
 
 
 class Sampling:
@@ -34,10 +66,13 @@ class Sampling:
 
     def middles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """(e, 3) middles of the curves of new edges, which are learnt from, and (e,) distances from the edges."""
-        start, end = self._at_ends(rows)
-        learnt = np.empty((len(rows), 2))
-        samples, distance = self._along(rows, MIDDLE, (_either(start, end) + _either(end, start)) / 2, 0.0, learnt)
-        self.at_middles = self.growth.append("middles", self.at_middles, learnt)
+
+        def guesses(rows: IntArray) -> FloatArray:
+            start, end = self._at_ends(rows)
+            return np.asarray((_either(start, end) + _either(end, start)) / 2)[:, None]
+
+        samples, distance, learnt = self._sampled(self._on_edges(rows, MIDDLE, guesses), 0.0, learn=True)
+        self.at_middles = self.growth.append("middles", self.at_middles, learnt[:, 0])
         return samples[:, 0], distance[:, 0]
 
     def follow(self, chosen: IntArray) -> None:
@@ -46,56 +81,104 @@ class Sampling:
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
         """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
-        middle = self.at_middles.take(rows, axis=0)
-        start, end = (_either(value, middle)[:, None] for value in self._at_ends(rows))
         t = fractions[:, None]
-        guesses = start * ((1 - t) * (1 - 2 * t)) + middle[:, None] * (4 * t * (1 - t)) + end * (t * (2 * t - 1))
-        return self._along(rows, fractions, guesses.reshape(-1, 2), within)
+
+        def guesses(rows: IntArray) -> FloatArray:
+            middle = self.at_middles.take(rows, axis=0)
+            start, end = (_either(value, middle)[:, None] for value in self._at_ends(rows))
+            return np.asarray(
+                start * ((1 - t) * (1 - 2 * t)) + middle[:, None] * (4 * t * (1 - t)) + end * (t * (2 * t - 1))
+            )
+
+        samples, distance, _ = self._sampled(self._on_edges(rows, fractions, guesses), within)
+        return samples, distance
 
     def _at_ends(self, rows: IntArray) -> list[FloatArray]:
         return [self.at_vertices.take(ends, axis=0) for ends in self.mesh.edges.ends.take(rows, axis=0).T]
 
-    def _along(
-        self,
-        rows: IntArray,
-        fractions: FloatArray,
-        guesses: FloatArray,
-        within: float,
-        found: FloatArray | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
-        rows = np.repeat(rows, len(fractions))
-        edges = self.mesh.edges.at(rows)
-        t = np.tile(fractions, len(rows) // len(fractions))[:, None]
-        u = (1 - t) * edges.parameters[:, 0] + t * edges.parameters[:, 1]
-        if self.mesh.is_surface:
-            sample = self.sampler.near(edges.patch, u, edges.face, guesses, within, found)
-        else:
-            sample = self.sampler.points(edges.patch, u, edges.face, within)
-        distance = to_segments(sample, *self.mesh.ends(rows))
-        return sample.reshape(-1, len(fractions), 3), distance.reshape(-1, len(fractions))
+    def _on_edges(self, rows: IntArray, fractions: FloatArray, guesses: Callable[[IntArray], FloatArray]) -> _Places:
+        edges, t = self.mesh.edges, fractions[:, None]
+
+        def parameters(rows: IntArray) -> FloatArray:
+            ends = edges.parameters.take(rows, axis=0)
+            return np.asarray((1 - t) * ends[:, :1] + t * ends[:, 1:])
+
+        def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
+            return to_segments(samples, *self.mesh.ends(rows))
+
+        return _Places(
+            rows, edges.patch.take(rows), edges.face.take(rows), len(fractions), parameters, guesses, distances
+        )
 
     def inside(self, rows: IntArray, weights: FloatArray, within: float) -> FloatArray:
         """(k, w) distances of the surface at (w, 3) barycentric places from the triangles they lie in."""
-        cells = self.mesh.cells
-        u = np.einsum("wc,kcd->kwd", weights, cells.corners.take(rows, axis=0)).reshape(-1, 2)
-        sides = [self.at_middles.take(side, axis=0) for side in cells.sides.take(rows, axis=0).T]
-        corners = [self.at_vertices.take(vertex, axis=0) for vertex in cells.cells.take(rows, axis=0).T]
-        corners = [_either(corner, _either(sides[k], sides[k - 1])) for k, corner in enumerate(corners)]
-        sides = [_either(side, (corners[k] + corners[k - 2]) / 2) for k, side in enumerate(sides)]
-        a = weights.T
+        cells, a = self.mesh.cells, weights.T
         shares = [*(a * (2 * a - 1)), *(4 * a * np.roll(a, -1, axis=0))]
-        guesses = np.zeros((len(rows), len(weights), 2))
-        for share, value in zip(shares, [*corners, *sides], strict=True):
-            guesses += share[:, None] * value[:, None]
-        cell, inner = np.repeat(rows, len(weights)), np.zeros(len(u), dtype=np.int64)
-        sample = self.sampler.near(cells.patch.take(cell), u, inner, guesses.reshape(-1, 2), within)
-        return to_triangles(sample, *self.mesh.corners(cell)).reshape(len(rows), -1)
+
+        def parameters(rows: IntArray) -> FloatArray:
+            return np.asarray(np.einsum("wc,kcd->kwd", weights, cells.corners.take(rows, axis=0)))
+
+        def guesses(rows: IntArray) -> FloatArray:
+            sides = [self.at_middles.take(side, axis=0) for side in cells.sides.take(rows, axis=0).T]
+            corners = [self.at_vertices.take(vertex, axis=0) for vertex in cells.cells.take(rows, axis=0).T]
+            corners = [_either(corner, _either(sides[k], sides[k - 1])) for k, corner in enumerate(corners)]
+            sides = [_either(side, (corners[k] + corners[k - 2]) / 2) for k, side in enumerate(sides)]
+            result = np.zeros((len(rows), len(weights), 2))
+            for share, value in zip(shares, [*corners, *sides], strict=True):
+                result += share[:, None] * value[:, None]
+            return result
+
+        def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
+            return to_triangles(samples, *self.mesh.corners(rows))
+
+        inner = np.full(len(rows), INTERIOR)
+        places = _Places(rows, cells.patch.take(rows), inner, len(weights), parameters, guesses, distances)
+        return self._sampled(places, within)[1]
 
     def at(self, cell: IntArray, u: FloatArray, within: float) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
-        inner = np.zeros(len(cell), dtype=np.int64)
+        inner = np.full(len(cell), INTERIOR)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inner, within)
         return to_triangles(sample, *self.mesh.corners(cell))
+
+    def _sampled(
+        self, places: _Places, within: float, learn: bool = False
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k, w, 3) samples, their (k, w) distances, and if asked for their (k, w, 2) corrections, where there are any.
+
+        What guesses lead to is found in blocks, by several threads; the rest after that, as points are learnt from.
+        """
+        rows, number, sampler = places.rows, places.number, self.sampler
+        points, distances, learnt = (
+            np.full((len(rows), number, *size), np.nan) for size in ((3,), (), (2 if learn else 0,))
+        )
+
+        def sample(task: tuple[int, slice | IntArray]) -> None:
+            index, some = task
+            own = rows[some]
+            u, guesses = (each(own).reshape(-1, 2) for each in (places.parameters, places.guesses))
+            found, new = sampler.neighbours[index].near(u, guesses, within)
+            points[some] = found.reshape(-1, number, 3)
+            distances[some] = places.distances(np.repeat(own, number), found).reshape(-1, number)
+            if learn:
+                learnt[some] = new.reshape(-1, number, 2)
+
+        tasks: list[tuple[int, slice | IntArray]] = []
+        for index, own in groups(places.patch) if self.mesh.is_surface else ():
+            length = max(1, block_length(len(sampler.evaluated[index].knots)) // number)
+            blocks = [slice(begin, begin + length) for begin in range(0, len(own), length)]
+            tasks += [(index, block if len(own) == len(rows) else own[block]) for block in blocks]
+        for _ in in_threads(sample, tasks, worth=len(rows) * number > WORTH_THREADS):
+            pass
+        row, place = np.nonzero(np.isnan(points[:, :, 0]))
+        if len(row):
+            own, patch, face = rows[row], places.patch[row], places.face[row]
+            u = places.parameters(own)[np.arange(len(own)), place]
+            points[row, place] = sampler.points(patch, u, face, within)
+            distances[row, place] = places.distances(own, points[row, place])
+            if learn and self.mesh.is_surface:
+                learnt[row, place] = sampler.corrections(patch, u, face)
+        return points, distances, learnt
 
 
 def _either(values: FloatArray, others: FloatArray) -> FloatArray:

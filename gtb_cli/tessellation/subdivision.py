@@ -12,12 +12,16 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
+from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.edges import edge_curves
 from gtb_cli.theory.patch import Patch
 
 MAX_ASPECT_RATIO = 12.0
 """Ratio of length to height from which on a triangle that is split has its longest edge split too: slivers then hardly
 get thinner, and refinement ends."""
+
+BLOCK_PAIRS = 1 << 18
+"""Pairs of a cell and a peak that are tried at once."""
 
 
 class Subdivision:
@@ -220,9 +224,12 @@ def peaks_of(patch: Patch) -> list[FloatArray]:
     """
     domain, knots = patch.domain, patch.knots
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
-    apart = np.hypot(*(inner[:, None] - knots).transpose(2, 0, 1))
-    nearest = knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]
-    peaks = [np.concatenate([inner, (inner + nearest) / 2])]
+    middles, length = [], block_length(len(knots))
+    for begin in range(0, len(inner), length):
+        block = inner[begin : begin + length]
+        apart = sum(np.subtract.outer(x, y) ** 2 for x, y in zip(block.T, knots.T, strict=True))
+        middles.append((block + knots[np.where(apart > 0, apart, np.inf).argmin(axis=1)]) / 2)
+    peaks = [np.concatenate([inner, *middles])]
     for edge in range(len(domain.vertices)):
         ordered = knots[domain.edge_knots(edge)]
         peaks.append(np.concatenate([ordered, (ordered[1:] + ordered[:-1]) / 2]))
@@ -236,10 +243,22 @@ def _with_peaks(
     """Rows of cells that hold peaks, and these; each group has rows, the corners of their cells, and peaks to try."""
     rows_found, found = [np.empty(0, dtype=np.int64)], [np.empty((0, 2))]
     for rows, corners, peaks in groups:
-        for peak in peaks:
-            chosen = rows[holds(corners, peak)]
-            rows_found.append(chosen)
-            found.append(np.repeat(peak[None], len(chosen), axis=0))
+        if not len(rows) or not len(peaks):
+            continue
+        axis = np.ptp(corners.reshape(-1, 2), axis=0).argmax()
+        order = np.argsort(peaks[:, axis], kind="stable")
+        columns, places = corners[:, :, axis].T, peaks[order, axis]
+        first = np.searchsorted(places, reduce(np.minimum, columns))
+        count = np.searchsorted(places, reduce(np.maximum, columns), side="right") - first
+        near = np.flatnonzero(count)
+        first, count = first[near], count[near]
+        cell = np.repeat(near, count)
+        peak = order[np.arange(len(cell)) + np.repeat(first - np.cumsum(count) + count, count)]
+        for begin in range(0, len(cell), BLOCK_PAIRS):
+            block = slice(begin, begin + BLOCK_PAIRS)
+            held = begin + np.flatnonzero(holds(corners.take(cell[block], axis=0), peaks.take(peak[block], axis=0)))
+            rows_found.append(rows[cell[held]])
+            found.append(peaks[peak[held]])
     return np.concatenate(rows_found), np.concatenate(found)
 
 

@@ -155,7 +155,7 @@ class LinearParametrization:
             return result, everything
         from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
 
-        chart, face, length = self._longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
+        chart, face, length = self.longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
 
         def values(points: FloatArray, start: FloatArray | None) -> FloatArray:
             places = chart.columns(points)
@@ -182,45 +182,6 @@ class LinearParametrization:
         left = [np.frombuffer(rows, dtype=np.int64) for rows in in_forks(made, even.blocks)]
         return shared, np.concatenate([even.others, *left])
 
-    def near(
-        self, p: FloatArray, faces: IntArray, guesses: FloatArray, within: float, found: FloatArray | None = None
-    ) -> Iterator[Location]:
-        """Locate (m, 2) points on given faces from (m, 2) guesses, for which nearby points' corrections serve.
-
-        Guesses are NaN where there are none; they count inside Δ alone, in the chart of the longest edge. The right
-        corrections are written to `found`, if given, where there are any.
-        """
-        chart, inner = self._longest, np.flatnonzero(faces == INTERIOR)
-        moments, known = chart.moments, inner[~np.isnan(guesses[inner, 0])]
-        if moments.bezier_shift is not None:  # nothing is sooner found than there
-            yield from self._locations(p, faces, within, 0)
-            return
-        length = block_length(len(self.shape.knots))
-        face = self.shape.faces[INTERIOR]
-
-        def located(rows: IntArray) -> tuple[Location, IntArray, FloatArray | None]:
-            places = chart.columns(p.take(rows, axis=0))
-            s, left = moments.nearly(places, np.ascontiguousarray(guesses.take(rows, axis=0).T), within)
-            new = None if found is None else moments.corrections(places, s)
-            return Location(rows, face, moments.knots, s, None), rows[left], new
-
-        unknown = np.ones(len(p), dtype=bool)
-        unknown[known] = False
-        blocks = [known[begin : begin + length] for begin in range(0, len(known), length)]
-        for location, left, new in in_threads(located, blocks, worth=len(known) > MIN_THREADED_POINTS):
-            if found is not None and new is not None:
-                found[location.rows] = new.T
-            unknown[left] = True
-            yield location
-        rest = np.flatnonzero(unknown)
-        for location in self._locations(p[rest], faces[rest], within, 0):
-            yield location._replace(rows=rest[location.rows])
-        if found is not None:
-            rest = rest[faces[rest] == INTERIOR]
-            with suppress(ToleranceError):
-                places = chart.columns(p[rest])
-                found[rest] = moments.corrections(places, moments.inverse(places.T, START_RESIDUAL)).T
-
     def _lattice(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
 
@@ -233,7 +194,7 @@ class LinearParametrization:
         lattice, inner = sheets(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
             return None
-        chart = self._longest
+        chart = self.longest
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
             places = chart.columns(points)
@@ -245,7 +206,7 @@ class LinearParametrization:
             return None
 
     @cached_property
-    def _longest(self) -> _Chart:
+    def longest(self) -> _Chart:
         """The chart of the longest edge."""
         sides = np.roll(self.shape.vertices, -1, axis=0) - self.shape.vertices
         return self._chart(2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax()))

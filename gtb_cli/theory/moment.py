@@ -128,9 +128,8 @@ class MomentMap:
             often = self._corrections.unknown(part, SCOUT_POINTS)
             if len(often) >= MIN_SCOUT_PARTS:
                 start = safe[:, often]
-                self._learn(
-                    part[often], unit[:, often], start, self._solve(unit[:, often], start, start, TARGET_RESIDUAL)
-                )
+                found = self._solve(unit[:, often], start, start, TARGET_RESIDUAL)
+                self._learn(part[often], unit[:, often], start, found)
             seldom = self._corrections.unknown(part, 1)
             s += self._corrections(part, unit)
         length = block_length(len(self.knots))
@@ -144,17 +143,21 @@ class MomentMap:
     def nearly(self, p: FloatArray, corrections: FloatArray, within: float = 0.0) -> tuple[FloatArray, IntArray]:
         """(d, m) torus coordinates of (d, m) points from their approximate `corrections`.
 
-        Also the indices of the points not found in this way.
+        Also the indices of the points not found in this way, whose places are starts.
         """
         unit = self._unit(p)
         start = self._hull.starts(unit)
         start += corrections
-        bound = self._reach[:-1] @ np.abs(start) + self._reach[-1]
-        if not bound.max(initial=0.0) <= SAFE_EXPONENT:
-            start[:, ~(bound <= SAFE_EXPONENT)] = np.nan
+        far = np.flatnonzero(~(self._reach[:-1] @ np.abs(start) + self._reach[-1] <= SAFE_EXPONENT))
+        there, start[:, far] = start[:, far], np.nan
         found, left = self._short_steps(unit, start, max(TARGET_RESIDUAL, within))
-        found /= self._extents[:, None]
-        return found, left
+        put(found, far, there)
+        return found / self._extents[:, None], left
+
+    def inverse_near(self, p: FloatArray, start: FloatArray, within: float = 0.0) -> FloatArray:
+        """(d, m) torus coordinates of (d, m) points from nearby ones, as `inverse`, which learns."""
+        unit, start = self._unit(p), start * self._extents[:, None]
+        return np.asarray(self._solve(unit, start, start, max(TARGET_RESIDUAL, within)) / self._extents[:, None])
 
     def corrections(self, p: FloatArray, s: FloatArray) -> FloatArray:
         """(d, m) differences between torus coordinates of (d, m) points and those from the nearest layers alone."""
@@ -312,11 +315,8 @@ class MomentMap:
             decrease = dot(mu, step)
             step += s
             longest = length.max(initial=0.0)
-            if (
-                turn == 0
-                and longest <= MAX_STEP_EXPONENT
-                and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target
-            ):
+            is_good = turn == 0 and longest <= MAX_STEP_EXPONENT
+            if is_good and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target:
                 return step, NO_ROWS  # as most often after a good start
             done = short & ~(-0.5 * np.exp(np.minimum(length, MAX_STEP_EXPONENT)) * decrease > target)
             if turn == 0:
