@@ -136,9 +136,10 @@ class LinearParametrization:
         They lie on given faces of Δ. Most are located, and the function is called, in copies of this process where that
         is faster.
         """
-        result, left = self._even(function, p, faces, resolution)
-        if len(left) == len(p):
+        even = self._even(function, p, faces, resolution)
+        if even is None:
             return function(self.locations(p, faces, 0.0, resolution), len(p))
+        result, left = even
         result[left] = function(self.locations(p[left], faces[left]), len(left))
         return result
 
@@ -148,11 +149,10 @@ class LinearParametrization:
         p: FloatArray,
         faces: IntArray,
         resolution: int,
-    ) -> tuple[FloatArray, IntArray]:
-        """`evenly`, and the rows that are left to do."""
-        result, everything = np.empty((len(p), 3)), np.arange(len(p))
+    ) -> tuple[FloatArray, IntArray] | None:
+        """`evenly`, and the rows that are left to do; None if these would be all."""
         if self._factors or self.shape.dimension == 1:
-            return result, everything
+            return None
         from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
 
         chart, face, length = self.longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
@@ -164,23 +164,24 @@ class LinearParametrization:
             located = (Location(rows, face, chart.moments.knots, s[:, rows], None) for rows in blocks)
             return np.column_stack([chart.moments.corrections(places, s).T, function(located, len(points))])
 
+        result = np.empty((len(p), 3))
         with suppress(ToleranceError):
             left = fill(result, values, self.shape, p, np.flatnonzero(faces == INTERIOR), resolution)
             if left is not None:
                 return result, np.concatenate([np.flatnonzero(faces != INTERIOR), left])
         even = self._lattice(p, faces, resolution)
         if even is None:
-            return result, everything
-        shared = shared_array(result.shape)
+            return None
+        result = shared_array(result.shape)
 
         def made(block: tuple[slice, slice]) -> bytes:
             location, left = even.located(block)
-            rows = shared[even.span(block)]
+            rows = result[even.span(block)]
             rows[...] = function([location._replace(rows=slice(None))], len(rows))
             return left.tobytes()
 
-        left = [np.frombuffer(rows, dtype=np.int64) for rows in in_forks(made, even.blocks)]
-        return shared, np.concatenate([even.others, *left])
+        rest = [np.frombuffer(rows, dtype=np.int64) for rows in in_forks(made, even.blocks)]
+        return result, np.concatenate([even.others, *rest])
 
     def _lattice(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
