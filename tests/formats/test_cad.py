@@ -276,6 +276,19 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     assert volume(shape) == pytest.approx(fine + (fine - rough) / 3, rel=2 * VOLUME)  # the mesh's error is quadratic
 
 
+@long
+def test_fitted_patches_share_edges_with_other_parameters() -> None:
+    one = pillow(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]))[1]
+    model = Model((one, elevate(one)))
+    assert sum(bool(joint.places) for joint in model.joints.shared) == 5
+    found = sheets_of(model)
+    assert found.fitted == len(found.sheets) == 10
+    rims = [np.concatenate([sheet.net[:, 0, :3], sheet.net[0, :, :3]]) for sheet in found.sheets]
+    size = np.ptp(one.control_points)
+    for ours, theirs in zip(rims[:5], rims[5:], strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * size)
+
+
 def test_an_exact_patch_of_high_degree_is_fitted_beside_a_fitted_one() -> None:
     found = sheets_of(pillow(rectangle(17)))
     assert found.fitted == len(found.sheets) == 8

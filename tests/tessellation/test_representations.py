@@ -14,7 +14,7 @@ from gtb_cli.checks.joints import joint_findings
 from gtb_cli.spec.writer import save
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.tessellate import refined, tessellate
-from gtb_cli.theory.edges import edge_points_at
+from gtb_cli.theory.edges import Curve, correspondence, edge_points_at
 from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -164,25 +164,51 @@ def test_three_representations_on_one_edge_meet_in_the_same_vertices():
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_patch_is_joined_with_itself_at_other_parameters(order):
-    angles = 2 * np.pi * np.arange(4)[::order] / 3
-    rows = [(0, 0.5, 1)] * 3 + [(0, 0.7, 1)]
-    knots = [(i, j) for i in range(4) for j in range(3)]
-    ring = Patch(knots, [(np.cos(a), np.sin(a), 2 * t) for a, row in zip(angles, rows, strict=True) for t in row])
-    model = Model((ring,))
+    """A ring about the z axis, of a curve turned to four angles, the last as the first, of a higher degree there."""
+    one = curve([(1.0, 0, 0), (2.0, 0, 1), (1.0, 0, 2)], [1, 2, 1])
+    sides = [one, one, one, represented(one, 3.0, 1)][::order]
+    knots, points, weights = [], [], []
+    for i, (side, angle) in enumerate(zip(sides, 2 * np.pi * np.arange(4) / 3, strict=True)):
+        turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        knots += [(i, 2 * k / side.knots[-1, 0]) for k in side.knots[:, 0]]
+        points += list(side.control_points @ turn)
+        weights += list(np.exp(side.log_products))
+    model = Model((Patch(knots, points, weights),))
     assert len(model.joints.open) == 2
     sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
-    for mosaic, points in (
+    even = joined_complex(model.patches, model.joints, 6)
+    for mosaic, found in (
+        (even, sampler.points(even.patch, even.parameters, even.face)),
         refined(model.patches, model.joints, sampler, 1e-2, 10**5),
-        (
-            (even := joined_complex(model.patches, model.joints, 6)),
-            sampler.points(even.patch, even.parameters, even.face),
-        ),
     ):
-        assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
+        assert_parameters_are_those_of_points(model, mosaic, found, 1e-13)
+
+
+def test_vertices_inside_follow_those_of_the_edge():
+    """Else triangles across the cylinder would cut through it: the distance from it would grow fivefold."""
+    one = curve(ARC, [1, 0.5**0.5, 1])
+    errors = []
+    for factor, by in ((1, 0), (5, 2)):
+        model = Model((loft(one, 0 * UP, UP), loft(represented(one, factor, by), UP, 2 * UP)))
+        mesh = tessellate(model, 16)
+        errors.append(np.abs(1 - np.hypot(*mesh.vertices[mesh.faces].mean(axis=1)[:, :2].T)).max())
+    assert errors[1] < 2.5 * errors[0]
+
+
+def test_triangles_that_would_turn_over_are_cut_around_the_centre():
+    corners = np.array([(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)])
+    around = [Patch(corners, [p, q, p + q - r]) for p, q, r in (np.roll(corners, -k, axis=0) for k in range(3))]
+    uneven = Patch([*corners, (1, 0), (1, 1), (0, 1)], [*corners, (0.02, 0), (1, 1), (0, 0.02)], [1, 1, 1, 5, 3, 5])
+    model = Model((*around, uneven))
+    assert sum(bool(joint.places) for joint in model.joints.shared) == 2
+    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    mosaic = joined_complex(model.patches, model.joints, 8)
+    assert (mosaic.cell_patch == 3).sum() == 3 * 64
+    points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
+    assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
 
 
 def test_a_curve_that_leaves_and_returns_is_another_one():
-    """A loop between two samples, or a detour of a thousandth, is seen."""
     one = curve(ARC, [1, 0.5**0.5, 1])
     bent = represented(one, 2, 2)
     points = bent.control_points.copy()
@@ -191,6 +217,19 @@ def test_a_curve_that_leaves_and_returns_is_another_one():
     found = find_joints(patches)
     assert not found.shared
     assert found.almost[0][2] == pytest.approx(5e-4, rel=0.5)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.3])
+def test_a_spike_between_samples_is_seen(height):
+    """Points are near knots, on a segment at uneven places, with one of them beside it."""
+    segment = Curve(np.array([0.0, 1.0]), np.zeros(2), np.array([(0.0, 0, 0), (1.0, 0, 0)]))
+    knots = np.linspace(0, 1, 4 * EDGE_SAMPLES - 3)
+    points = np.column_stack([knots**1.3, 0 * knots, 0 * knots])
+    middle = (np.array([16, 17]) / 32) ** (1 / 1.3)
+    points[np.abs(knots - middle.mean()).argmin(), 1] = height
+    distance, places = correspondence(segment, Curve(knots, -4 / knots[1] ** 2 * knots**2, points), False, np.inf)
+    np.testing.assert_allclose(places[16:18], middle, atol=knots[1])
+    assert (distance < 1e-12) if height == 0 else (distance > 0.1)
 
 
 def test_other_parameters_are_welded_like_equal_ones():
