@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from itertools import repeat
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,6 +23,9 @@ POINTS = 20
 
 MEASURED_PLACES = 64
 """Places all over a part at which its error is measured; it is also measured at the knots."""
+
+PART_VALUES = POINTS**2 + MEASURED_PLACES
+"""Values that are computed in a part."""
 
 INTERPOLATION_ERROR = 5e-14
 """Largest error of an interpolated value, as a fraction of the values' range …"""
@@ -78,7 +82,7 @@ def fill(
         The rows that are left to do; None if nothing is filled, as unless Δ is a parallelogram.
     """
     v, line = shape.vertices, np.arange(1, resolution) / resolution
-    if len(v) != 4 or len(inner) != len(line) ** 2 or not len(inner):
+    if len(v) != 4 or len(inner) != len(line) ** 2 or len(inner) < MIN_VERTICES_PER_DOUBT * PART_VALUES:
         return None
     rows, sides = inner.reshape(len(line), -1), np.array([v[1] - v[0], v[3] - v[0]])
     border = np.ones(rows.shape, dtype=bool)
@@ -126,29 +130,27 @@ class _Part(NamedTuple):
 def _parts(function: Function, knots: FloatArray, vertices: int) -> list[_Part] | None:
     """Parts of the unit square in which polynomials are as good as a function; None if too many are missing."""
     places, polynomials, quarters = _places()
-    if vertices < MIN_VERTICES_PER_DOUBT * len(places):
-        return None
     values = function(np.concatenate([places, knots]), None)
-    starts, values, at_knots = values[: len(places), :2], values[: len(places), 2:], values[len(places) :, 2:]
+    starts, values, at_knots = values[:PART_VALUES, :2], values[:PART_VALUES, 2:], values[PART_VALUES:, 2:]
     span, largest = float(np.ptp(values, axis=0).max()), float(np.abs(values).max())
     if largest > MAX_OFFSET * span:
         return None
     target = INTERPOLATION_ERROR * span + ROUNDING_ULPS * EPS * largest
     corners, size, parts, left = np.zeros((1, 2)), 1.0, list[_Part](), 0.0
     while True:
-        chosen, right = np.split(values.reshape(len(corners), len(places), -1), [POINTS**2], axis=1)
+        chosen, right = np.split(values.reshape(len(corners), PART_VALUES, -1), [POINTS**2], axis=1)
         error = np.abs(np.tensordot(polynomials, chosen, (1, 1)) - right.swapaxes(0, 1)).max(axis=(0, 2))
-        chosen = chosen.reshape(len(corners), POINTS, POINTS, -1)
-        steps = knots - corners[:, None]
-        part, knot = np.nonzero(((steps >= 0) & (steps < size)).all(axis=2))
-        x, y = (_cardinals(column / size) for column in steps[part, knot].T)
-        found = np.einsum("mj,mi,mjik->mk", y, x, chosen[part])
-        np.maximum.at(error, part, np.abs(found - at_knots[knot]).max(axis=1))
         good = error <= target
-        parts += [_Part(*one) for one in zip(corners[good], [size] * int(good.sum()), chosen[good], strict=True)]
+        for part in np.flatnonzero(good).tolist():
+            steps = (knots - corners[part]) / size
+            inside = ((steps >= 0) & (steps < 1)).all(axis=1)
+            off = _polynomials(steps[inside]) @ chosen[part] - at_knots[inside]
+            good[part] = np.abs(off).max(initial=0.0) <= target
+        shape = (-1, POINTS, POINTS, chosen.shape[2])
+        parts += [_Part(*one) for one in zip(corners[good], repeat(size), chosen[good].reshape(shape))]
         # Half as large, a part has the square of the error: there are twice as many points for each length.
         is_hopeful = error <= np.sqrt(target) * np.sqrt(span)
-        room = np.where(is_hopeful, MIN_VERTICES_PER_VALUE, MIN_VERTICES_PER_DOUBT) * len(places)
+        room = np.where(is_hopeful, MIN_VERTICES_PER_VALUE, MIN_VERTICES_PER_DOUBT) * PART_VALUES
         split = ~good & (vertices * size**2 / 4 >= room)
         left += float((~good & ~split).sum()) * size**2
         if left > MAX_LEFT_SHARE or not split.any():
@@ -176,7 +178,7 @@ def _places() -> tuple[FloatArray, FloatArray, FloatArray]:
 def _polynomials(places: FloatArray) -> FloatArray:
     """(m, POINTS²) values at (m, 2) places."""
     x, y = (_cardinals(column) for column in places.T)
-    return np.asarray((y[:, :, None] * x[:, None]).reshape(len(places), -1))
+    return np.asarray((y[:, :, None] * x[:, None]).reshape(-1, POINTS**2))
 
 
 def _angles() -> FloatArray:
