@@ -208,16 +208,7 @@ def _write_folder(
     errors: list[GtbError] = []
     for path in specs:
         try:
-            if manifest is not None and path != STANDARD:
-                entry = manifest.kept(os.path.join(folder, _file_name(path, kind)), path)
-                if entry is not None:
-                    planned.append(Kept(path, entry))
-                    continue
-            sums = _sums(manifest, path, spec_format)
-            spec = read_spec(path, spec_format)
-            with about(shown_input(path)):
-                options.recipe.check_size(spec)
-            planned.append(Task(spec, path, options, kind, sums))
+            planned.append(_planned(path, spec_format, folder, kind, options, manifest))
         except Exception as error:  # noqa: BLE001 -- an error in one spec does not stop the others
             errors.append(_fault(path, error))
     if not planned:
@@ -271,6 +262,21 @@ def _write_folder(
         console.report(output, size, warnings)
     if errors:
         raise _joined(errors)
+
+
+def _planned(
+    path: str, spec_format: str | None, folder: str, kind: str, options: MeshOptions, manifest: Manifest | None
+) -> Task | Kept:
+    """Read a spec, unless its mesh in the folder is up to date according to the manifest."""
+    if manifest is not None and path != STANDARD:
+        entry = manifest.kept(os.path.join(folder, _file_name(path, kind)), path)
+        if entry is not None:
+            return Kept(path, entry)
+    sums = _sums(manifest, path, spec_format)
+    spec = read_spec(path, spec_format)
+    with about(shown_input(path)):
+        options.recipe.check_size(spec)
+    return Task(spec, path, options, kind, sums)
 
 
 def _joined(errors: list[GtbError]) -> GtbError:

@@ -16,7 +16,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import Face
 from gtb_cli.knots.hulls import extents_of
 from gtb_cli.newton import dot, regularised_step, size
-from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, face_knots
+from gtb_cli.theory.basis import face_knots, scaled_exponentials
 from gtb_cli.theory.moment import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentMap
 from gtb_cli.theory.patch import Patch
 
@@ -190,7 +190,7 @@ class Stratum:
         start = np.ascontiguousarray(np.moveaxis(start, 1, 0)).reshape(len(self.p), -1)
         weights = self.exponents(np.repeat(logarithms, len(self.cell)), np.tile(self.cell, count))
         s, found = self._solve(weights, np.tile(self.p, count), start, target)
-        e = exponentials(self.knots @ s + weights)
+        e = scaled_exponentials(self.knots @ s + weights)
         points = (self.control_points.T @ e) / e.sum(axis=0)
         return s, points.T.reshape(count, -1, 3), found
 
@@ -208,7 +208,7 @@ class Stratum:
         active = np.arange(start.shape[1])
         found = np.zeros(len(active), dtype=bool)
         for _ in range(MAX_STEPS):
-            sums = self.summed @ exponentials(self.knots @ s + weights)
+            sums = self.summed @ scaled_exponentials(self.knots @ s + weights)
             moments = sums[1:] / sums[0]
             gradient, hessian = moments[:d] - p, moments[d:]
             hessian[:d] -= moments[:d] ** 2
@@ -236,10 +236,3 @@ def squares_of(knots: FloatArray) -> FloatArray:
     """(1 or 3, n) squares of the coordinates of (n, d) knots, for d = 2 followed by their product."""
     a = knots.T
     return np.concatenate([a**2, a[:1] * a[1:]])
-
-
-def exponentials(e: FloatArray) -> FloatArray:
-    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
-    e -= e.max(axis=0)
-    np.maximum(e, UNDERFLOW_EXPONENT, out=e)
-    return np.exp(e, out=e)

@@ -6,7 +6,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.newton import dot
-from gtb_cli.sequences.continuation import Stratum, exponentials, squares_of
+from gtb_cli.sequences.continuation import Stratum, squares_of
+from gtb_cli.theory.basis import scaled_exponentials
 
 LONGEST_SLIDE = 2.0
 """Longest step of a nearest point, in torus coordinates of unit knots."""
@@ -37,12 +38,12 @@ class Chart:
 
     def points(self, s: FloatArray, weights: FloatArray) -> FloatArray:
         """(3, m) points at (d, m) torus coordinates under (n, m) logarithms of weights."""
-        e = exponentials(self.stratum.knots @ s + weights)
+        e = scaled_exponentials(self.stratum.knots @ s + weights)
         return np.asarray((self.summed[self.count : self.count + 3] @ e) / e.sum(axis=0))
 
     def derivatives(self, s: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s; see `PAIRS`."""
-        sums = self.summed @ exponentials(self.stratum.knots @ s + weights)
+        sums = self.summed @ scaled_exponentials(self.stratum.knots @ s + weights)
         sums /= sums[0]
         d, a = self.dimension, sums[1 : self.count]
         mixed = sums[self.count :].reshape(self.count, 3, -1)

@@ -59,24 +59,7 @@ class Reader:
         if not isinstance(table, dict):
             self.values.faults.add(path, f"must be a table, got {shown(table)}")
             return None
-        for key in table:
-            if key in (MODEL_KEYS if path else {"weld"}) - PATCH_KEYS:
-                self.values.faults.add(
-                    (*path, key),
-                    "belongs to a model, before all [[patches]]"
-                    if key != "patches"
-                    else "belongs to the model, not to a patch",
-                )
-            elif key in COPY_KEYS - PATCH_KEYS:
-                fault = "belongs to a copy: copy = NAME says of which patch"
-                self.values.faults.add((*path, key), fault if path else "belongs in one of several [[patches]]")
-        own = {key: value for key, value in table.items() if key not in (MODEL_KEYS | COPY_KEYS) - PATCH_KEYS}
-        self._check_ribbon(own, path)
-        known = PATCH_KEYS if self._second_row is None else PATCH_KEYS | {RIBBON}
-        meant = self.values.unknown_keys(own, path, known if path else known | MODEL_KEYS)
-        for key in ("knots", "control_points"):
-            if key not in table and key not in meant and "patches" not in meant:
-                self.values.faults.add((*path, key), "is missing")
+        self._check_keys(table, path)
         title = self.values.name(table, path, name)
         knots, n = self.knots(table, path)
         points = self.points(table, path, n)
@@ -124,6 +107,27 @@ class Reader:
         except DomainError as error:
             self.domain_fault(path, error)
             return None
+
+    def _check_keys(self, table: dict[str, Any], path: Path) -> None:
+        """Note keys of a patch that are unknown, belong elsewhere, or are missing."""
+        for key in table:
+            if key in (MODEL_KEYS if path else {"weld"}) - PATCH_KEYS:
+                self.values.faults.add(
+                    (*path, key),
+                    "belongs to a model, before all [[patches]]"
+                    if key != "patches"
+                    else "belongs to the model, not to a patch",
+                )
+            elif key in COPY_KEYS - PATCH_KEYS:
+                fault = "belongs to a copy: copy = NAME says of which patch"
+                self.values.faults.add((*path, key), fault if path else "belongs in one of several [[patches]]")
+        own = {key: value for key, value in table.items() if key not in (MODEL_KEYS | COPY_KEYS) - PATCH_KEYS}
+        self._check_ribbon(own, path)
+        known = PATCH_KEYS if self._second_row is None else PATCH_KEYS | {RIBBON}
+        meant = self.values.unknown_keys(own, path, known if path else known | MODEL_KEYS)
+        for key in ("knots", "control_points"):
+            if key not in table and key not in meant and "patches" not in meant:
+                self.values.faults.add((*path, key), "is missing")
 
     def _check_ribbon(self, own: dict[str, Any], path: Path) -> None:
         """Take the ribbon, if any, out of a table's keys; note one that does not belong there."""

@@ -96,11 +96,14 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
         Torus coordinates.
     """
     e = exponents(knots, log_weights, s)
-    if not _are_safe(knots, log_weights, s):
-        e -= e.max(axis=0)
-        np.maximum(e, UNDERFLOW_EXPONENT, out=e)
-    np.exp(e, out=e)
-    return e
+    return np.exp(e, out=e) if _are_safe(knots, log_weights, s) else scaled_exponentials(e)
+
+
+def scaled_exponentials(e: FloatArray) -> FloatArray:
+    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
+    e -= e.max(axis=0)
+    np.maximum(e, UNDERFLOW_EXPONENT, out=e)
+    return np.exp(e, out=e)
 
 
 def _are_safe(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> bool:
