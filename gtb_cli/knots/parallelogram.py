@@ -133,7 +133,7 @@ def _parts(function: Function, knots: FloatArray, vertices: int) -> list[_Part] 
     values = function(np.concatenate([places, knots]), None)
     starts, values, at_knots = values[:PART_VALUES, :2], values[:PART_VALUES, 2:], values[PART_VALUES:, 2:]
     span, largest = float(np.ptp(values, axis=0).max()), float(np.abs(values).max())
-    if largest > MAX_OFFSET * span:
+    if not largest <= MAX_OFFSET * span:  # also NaN
         return None
     target = INTERPOLATION_ERROR * span + ROUNDING_ULPS * EPS * largest
     corners, size, parts, left = np.zeros((1, 2)), 1.0, list[_Part](), 0.0

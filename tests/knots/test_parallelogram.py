@@ -63,6 +63,8 @@ def test_smooth_values_are_those_of_polynomials(offset):
     [
         lambda p: 1e-9 * np.abs(p[:, :1] - p[:, 1:]),
         lambda p: np.sin(300 * p[:, :1]),
+        lambda p: np.full((len(p), 1), np.nan),
+        lambda p: np.where(p[:, :1] > 1, np.nan, 0.0),
         lambda p: np.full((len(p), 1), 1e7),  # whose rounding would be multiplied
     ],
 )
