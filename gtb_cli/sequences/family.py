@@ -16,7 +16,10 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.continuation import Continuation, Places
+from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.knot_limit import KnotLimit, move_knots
 from gtb_cli.tessellation.complex import Complex, Sampler, alone, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
@@ -87,12 +90,18 @@ class Family:
         from what it is inside; empty if there is none.
     degeneration : Degeneration or None
         None for other families.
+    knot_limit : KnotLimit or None
+        Likewise.
+    steps : tuple of float
+        Those of a knot limit's members.
     """
 
     samplers: tuple[Sampler, ...]
     joints: Joints | None
     thickness: tuple[float, ...] = ()
     degeneration: Degeneration | None = None
+    knot_limit: KnotLimit | None = None
+    steps: tuple[float, ...] = ()
 
     @property
     def limit(self) -> Sampler:
@@ -103,6 +112,16 @@ class Family:
     def dimension(self) -> int:
         """1 for curves, 2 for surfaces."""
         return self.limit.patches[0].dimension
+
+    @property
+    def has_film(self) -> bool:
+        """Whether the limit as a set is more than the last patches."""
+        return self.knot_limit is not None and bool(self.knot_limit.films)
+
+    @cached_property
+    def film(self) -> Mesh | None:
+        """A mesh of what it is more."""
+        return film_mesh(self.knot_limit) if self.knot_limit is not None and self.has_film else None
 
     def cell_count(self, resolution: int) -> int:
         """Number of cells of `uniform`, without making it."""
@@ -138,11 +157,11 @@ class Family:
         return _in_order(mosaic)
 
 
-def approaching(patches: Sequence[Patch], limit: Patch, thickness: Sequence[float] = ()) -> Family:
-    """Patches and their limit, all with the same Δ; `thickness` is that of all but the limit."""
-    return Family(
-        (*(_linear(patch) for patch in patches), _linear(limit)), None, (*thickness, 0.0) if thickness else ()
-    )
+def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
+    """Patches at some steps of a knot limit, and the merged one."""
+    samplers = [_linear(move_knots(limit.patch, limit.moves, step)) for step in steps]
+    thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
+    return Family((*samplers, _linear(limit.merged)), None, thickness, knot_limit=limit, steps=tuple(steps))
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from functools import reduce
+from typing import Any
+
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.newton import dot
 from gtb_cli.sequences.continuation import Stratum, squares_of
 from gtb_cli.theory.basis import scaled_exponentials
@@ -26,8 +30,64 @@ PAIRS = ((0, 0), (1, 1), (0, 1))
 """Pairs of coordinates by which second derivatives are taken, in order."""
 
 
-class Chart:
-    """Points of a stratum and their derivatives with respect to s, as quotients of sums over its knots."""
+class Chart(ABC):
+    """Points of a surface in torus coordinates s, with their derivatives.
+
+    What else tells where the points are stands in columns, one for each point: see `StratumChart`, `MovingChart`.
+    """
+
+    dimension: int
+
+    @abstractmethod
+    def points(self, s: FloatArray, columns: Any) -> FloatArray:
+        """(3, m) points at (d, m) torus coordinates."""
+
+    @abstractmethod
+    def derivatives(self, s: FloatArray, columns: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s; see `PAIRS`."""
+
+    def within(self, s: FloatArray, columns: Any) -> FloatArray:
+        """Torus coordinates moved into the chart."""
+        return s
+
+    def least_squares(
+        self, points: FloatArray, start: FloatArray, columns: Any, accuracy: float, enough: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Find the points of the surface nearest to (3, m) points, by Newton's method from (d, m) starts.
+
+        Returns their (m,) squared distances and (d, m) torus coordinates.
+
+        Ends when a step would not shorten the squared distance by more than a fraction `accuracy`, or when this is at
+        most `enough` (m,).
+        """
+        s, active = start, np.arange(start.shape[1])
+        squares, enough = np.full(len(active), np.inf), np.maximum(enough, ROUNDING_DISTANCE**2)
+        feet = s.copy()
+        best, least, reach = s, squares, np.full(len(active), LONGEST_SLIDE / 2)
+        for _ in range(MAX_FOOT_STEPS):
+            place, first, second = self.derivatives(s, columns)
+            apart = place - points
+            square = dot(apart, apart)
+            better = square < least
+            gradient = np.stack([dot(each, apart) for each in first])
+            reach = np.where(better, np.minimum(2 * reach, LONGEST_SLIDE), reach / 4)
+            step = _descent(gradient, first, [dot(each, apart) for each in second], reach)
+            # Three quarters of a step that led farther away are taken back.
+            following = self.within(np.where(better, s + step, best + (s - best) / 4), columns)
+            step = np.where(better, following - s, step)
+            best, least = np.where(better, s, best), np.where(better, square, least)
+            squares[active], feet[:, active] = least, best
+            near = better & (-(gradient * step).sum(axis=0) <= accuracy * square)
+            going = np.flatnonzero(~near & (least > enough))
+            if not len(going):
+                break
+            active, s, points, columns = active[going], following[:, going], points[:, going], columns[..., going]
+            best, least, reach, enough = best[:, going], least[going], reach[going], enough[going]
+        return squares, feet
+
+
+class StratumChart(Chart):
+    """Places of a stratum, as quotients of sums over its knots; columns are (n, m) logarithms of weights."""
 
     def __init__(self, stratum: Stratum, middle: FloatArray, unit: float) -> None:
         self.stratum, self.dimension = stratum, stratum.knots.shape[1]
@@ -37,12 +97,12 @@ class Chart:
         self.summed = np.concatenate([moments, (moments[:, None] * b).reshape(-1, b.shape[1])])
 
     def points(self, s: FloatArray, weights: FloatArray) -> FloatArray:
-        """(3, m) points at (d, m) torus coordinates under (n, m) logarithms of weights."""
+        """See `Chart`."""
         e = scaled_exponentials(self.stratum.knots @ s + weights)
         return np.asarray((self.summed[self.count : self.count + 3] @ e) / e.sum(axis=0))
 
     def derivatives(self, s: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s; see `PAIRS`."""
+        """See `Chart`."""
         sums = self.summed @ scaled_exponentials(self.stratum.knots @ s + weights)
         sums /= sums[0]
         d, a = self.dimension, sums[1 : self.count]
@@ -54,33 +114,51 @@ class Chart:
         first = first - mu[:, None] * points
         return points, first, second
 
-    def least_squares(self, points: FloatArray, start: FloatArray, weights: FloatArray, accuracy: float) -> FloatArray:
-        """(m,) squared distances of (3, m) points from the surface, found by Newton's method from (d, m) starts.
 
-        Ends when a step would not shorten the squared distance by more than a fraction `accuracy`.
-        """
-        s, active = start, np.arange(start.shape[1])
-        squares = np.full(len(active), np.inf)
-        best, least, reach = s, squares, np.full(len(active), LONGEST_SLIDE / 2)
-        for _ in range(MAX_FOOT_STEPS):
-            place, first, second = self.derivatives(s, weights)
-            apart = place - points
-            square = dot(apart, apart)
-            better = square < least
-            gradient = np.stack([dot(each, apart) for each in first])
-            reach = np.where(better, np.minimum(2 * reach, LONGEST_SLIDE), reach / 4)
-            step = _descent(gradient, first, [dot(each, apart) for each in second], reach)
-            # Three quarters of a step that led farther away are taken back.
-            following = np.where(better, s + step, best + (s - best) / 4)
-            best, least = np.where(better, s, best), np.where(better, square, least)
-            squares[active] = least
-            near = better & (-(gradient * step).sum(axis=0) <= accuracy * square)
-            going = np.flatnonzero(~near & (least > ROUNDING_DISTANCE**2))
-            if not len(going):
-                break
-            active, s, points, weights = active[going], following[:, going], points[:, going], weights[:, going]
-            best, least, reach = best[:, going], least[going], reach[going]
-        return squares
+class MovingChart(Chart):
+    """Points of surfaces whose knots differ; columns are (m,) numbers of surfaces.
+
+    Parameters
+    ----------
+    knots : (d, n, k) float
+    log_weights : (n, k) float
+    control_points : (3, n) float
+    floors : (d, k) float, optional
+        Least torus coordinates.
+    """
+
+    def __init__(
+        self, knots: FloatArray, log_weights: FloatArray, control_points: FloatArray, floors: FloatArray | None = None
+    ) -> None:
+        self.knots, self.log_weights, self.control_points = knots, log_weights, control_points
+        self.floors, self.dimension = floors, len(knots)
+
+    def points(self, s: FloatArray, surface: IntArray) -> FloatArray:
+        """See `Chart`."""
+        return np.asarray(self.control_points @ self._shares(s, self.knots[..., surface], surface))
+
+    def derivatives(self, s: FloatArray, surface: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """See `Chart`."""
+        knots, b = self.knots[..., surface], self.control_points
+        shares = self._shares(s, knots, surface)
+        points = b @ shares
+        centred = [each - (shares * each).sum(axis=0) for each in knots]
+        weighted = [shares * each for each in centred]
+        products = [weighted[i] * centred[j] for i, j in PAIRS[: 2 * self.dimension - 1]]
+        second = np.stack([b @ each - each.sum(axis=0) * points for each in products])
+        return points, np.stack([b @ each for each in weighted]), second
+
+    def within(self, s: FloatArray, surface: IntArray) -> FloatArray:
+        """See `Chart`."""
+        return s if self.floors is None else np.maximum(s, self.floors[:, surface])
+
+    def _shares(self, s: FloatArray, knots: FloatArray, surface: IntArray) -> FloatArray:
+        """(n, m) shares of the knots in the points."""
+        s = self.within(s, surface)
+        e = scaled_exponentials(
+            reduce(np.add, (a * x for a, x in zip(knots, s, strict=True))) + self.log_weights[:, surface]
+        )
+        return np.asarray(e / e.sum(axis=0))
 
 
 def _descent(gradient: FloatArray, first: FloatArray, bends: list[FloatArray], reach: FloatArray) -> FloatArray:

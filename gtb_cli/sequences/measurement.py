@@ -9,13 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import joined
+from gtb_cli.arrays import FloatArray, joined
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
+from gtb_cli.sequences.motion import Motion
 from gtb_cli.sequences.separation import Separation
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.lattice import MIN_SAMPLES
@@ -32,6 +33,12 @@ SEARCH_CELLS = 512
 
 MAX_PLACES = 2500
 """Vertices and middles up to which memory holds all distances between them; beyond that, meshes are measured."""
+
+MOVING_TOGETHER = 8
+"""Steps of a knot limit that are measured together: more would be reported late, fewer take longer each."""
+
+MAX_TOGETHER_NUMBERS = 2_000_000
+"""Knots times places times steps up to which they are; if one step has more, meshes are measured."""
 
 MAX_MEASURED_FACES = 200_000
 """Faces of a mesh that is measured; if more would be needed, distances are between coarser meshes."""
@@ -66,8 +73,8 @@ ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
 class Measurement:
     """Distances of surfaces from a limit.
 
-    Distances of members of a degeneration are found on the surfaces themselves, see `Separation`; those of other
-    families, and of degenerations with too many places or some that cannot be followed, between meshes.
+    Distances are found on the surfaces themselves, see `Separation` and `Motion`; those of curves whose knots move,
+    and of surfaces with too many places or some that cannot be followed, between meshes.
 
     For these, surface and limit are meshed with the same triangulation, refined until each mesh is within the chord
     error of its surface. The Hausdorff distance is taken between cells, not vertices (`surface_distance`). It is off by
@@ -75,8 +82,9 @@ class Measurement:
     the same. It does not depend on the resolution of the meshes that are written.
     """
 
-    def __init__(self, family: Family, film: Mesh | None, accuracy: Accuracy) -> None:
-        self.family, self.film, self.accuracy = family, film, accuracy
+    def __init__(self, family: Family, accuracy: Accuracy) -> None:
+        self.family, self.accuracy = family, accuracy
+        self.moving: dict[int, FloatArray | None] = {}
         self.starts: dict[float, tuple[Complex, str]] = {}
 
     def resolution_for(self, cells: int) -> int:
@@ -89,8 +97,8 @@ class Measurement:
         """The chord error in model units."""
         start = self.family.uniform(self.resolution_for(self.accuracy.cells))
         points = self.family.limit.points(start.patch, start.parameters, start.face)
-        if self.film is not None:
-            points = np.concatenate([points, self.film.vertices])
+        if self.family.film is not None:
+            points = np.concatenate([points, self.family.film.vertices])
         return self.accuracy.chord_error * float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def distances(self, members: range) -> Iterator[tuple[float, float, str]]:
@@ -101,7 +109,33 @@ class Measurement:
             yield from ((distance, distance, "") for distance in found.tolist())
             return
         for member in members:
-            yield (0.0, 0.0, "") if member == last and self.film is None else self.between_meshes(member)
+            if member == last and not self.family.has_film:
+                yield 0.0, 0.0, ""
+            elif (both := self.with_moving_knots(member)) is not None:
+                yield float(both[0]), float(both[1]), ""
+            else:
+                yield self.between_meshes(member)
+
+    def with_moving_knots(self, member: int) -> FloatArray | None:
+        """Distances from a knot limit, found for some members together; None for other families, and where it fails."""
+        limit = self.family.knot_limit
+        if limit is None or self.family.dimension == 1:
+            return None
+        if member not in self.moving:
+            start = self.family.uniform(self.resolution_for(SEARCH_CELLS))
+            last, places = len(self.family.steps), len(start.patch) + len(start.cells)
+            together = min(MOVING_TOGETHER, MAX_TOGETHER_NUMBERS // (places * len(limit.patch.knots)))
+            if places > MAX_PLACES or not together:
+                return None
+            chosen = range(member, min(member + together, last))
+            patches = [self.family.samplers[k].patches[0] for k in chosen]
+            steps = self.family.steps[chosen.start : chosen.stop]
+            try:
+                found = Motion(limit, patches, steps, start, self.accuracy.relative).distances()
+                self.moving.update(zip([*chosen, last], found, strict=True))
+            except ToleranceError:
+                self.moving.update(dict.fromkeys([*chosen, last]))
+        return self.moving[member]
 
     @cached_property
     def on_surfaces(self) -> Separation | None:
@@ -128,9 +162,9 @@ class Measurement:
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
         plain = 0.0 if sampler is limit else surface_distance(surface, ends).value
         filmed = plain
-        if self.film is not None:
+        if self.family.film is not None:
             # The cells of surface and film do not match, so a smaller error would take long.
-            filmed = surface_distance(surface, _union(ends, self.film), FILM_ACCURACY * self.tolerance).value
+            filmed = surface_distance(surface, _union(ends, self.family.film), FILM_ACCURACY * self.tolerance).value
         return plain, filmed, doubt or other_doubt
 
     def fine_for_limit(self, member: int) -> tuple[Complex, str]:

@@ -20,8 +20,7 @@ from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
-from gtb_cli.sequences.film import film_mesh
-from gtb_cli.sequences.knot_limit import knot_limit, move_knots
+from gtb_cli.sequences.knot_limit import knot_limit
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.tessellate import vertex_normals
@@ -70,14 +69,11 @@ class MeshSequence:
         The parameter that differs between meshes: "x" or "step".
     values : tuple of float
         Values of the parameter; the last is inf or 0 for a degeneration, and 1 for a knot limit.
-    film : Mesh or None
-        The part of the limit as a set that the last mesh lacks.
     """
 
     name: str
     key: str
     values: tuple[float, ...]
-    film: Mesh | None
     _family: Family
     _mosaic: Complex
     _accuracy: Accuracy | None
@@ -86,12 +82,17 @@ class MeshSequence:
     def __len__(self) -> int:
         return len(self.values)
 
+    @cached_property
+    def film(self) -> Mesh | None:
+        """The part of the limit as a set that the last mesh lacks."""
+        return self._family.film
+
     def __iter__(self) -> Iterator[Member]:
         family, limit = self._family, self._family.limit
         vertices = Vertices(family, self._mosaic)
         # Measuring samples the limit, too, and what it learns there would change the last digits of its mesh.
         last = self._mesh(limit, vertices.sampled(limit))
-        measurement = None if self._accuracy is None else Measurement(family, self.film, self._accuracy)
+        measurement = None if self._accuracy is None else Measurement(family, self._accuracy)
         index = 0
         for block in vertices:
             members = range(index, index + len(block))
@@ -109,7 +110,7 @@ class MeshSequence:
             yield from (Member(self.values[k], mesh, None, None, "") for k, mesh in zip(members, meshes, strict=True))
             return
         for k, mesh, (plain, filmed, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
-            yield Member(self.values[k], mesh, plain, None if self.film is None else filmed, doubt)
+            yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, doubt)
 
     def _mesh(self, sampler: Sampler, vertices: FloatArray) -> Mesh:
         normals, cells = None, self._mosaic.cells
@@ -148,7 +149,7 @@ class MeshSequence:
             "faces": len(member.mesh.cells),
             "distance_to_limit": member.distance,
         }
-        if self.film is not None:
+        if self._family.has_film:
             entry["distance_to_limit_with_film"] = member.film_distance
         return entry
 
@@ -232,7 +233,7 @@ def degeneration_sequence(
     values.append(INF if upward else 0.0)
     mosaic = _mosaic(family, resolution, tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "x", tuple(values), None, family, mosaic, fineness, normals)
+    return MeshSequence(patch.name or "patch", "x", tuple(values), family, mosaic, fineness, normals)
 
 
 def knot_sequence(
@@ -277,13 +278,11 @@ def knot_sequence(
     """
     limit = knot_limit(patch, moves)
     values = sorted({float(step) for step in steps} - {1.0})
-    thickness = [limit.nearness(step) for step in values] if limit.films else []
-    family = approaching([move_knots(patch, moves, step) for step in values], limit.merged, thickness)
-    film = film_mesh(limit) if limit.films else None
+    family = approaching(limit, values)
     values.append(1.0)
     mosaic = _mosaic(family, resolution, tolerance, max_faces)
     fineness = (accuracy or ACCURACY[patch.dimension]) if distances else None
-    return MeshSequence(patch.name or "patch", "step", tuple(values), film, family, mosaic, fineness, normals)
+    return MeshSequence(patch.name or "patch", "step", tuple(values), family, mosaic, fineness, normals)
 
 
 def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces: int) -> Complex:

@@ -6,14 +6,20 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from gtb_cli import Patch, degenerate, load, regular_control_surface
-from gtb_cli.sequences.sequence import degeneration_sequence
+from gtb_cli import Patch, degenerate, load, move_knots, regular_control_surface, tessellate
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.sequences.family import approaching
+from gtb_cli.sequences.film import film_mesh
+from gtb_cli.sequences.knot_limit import knot_limit
+from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
 from tests.marks import mostly_long
 
 SPECS = Path(__file__).parents[2] / "specs"
 THREE_DIGITS = 5e-4
 SAMPLES = 200  # along each side: neighbours are 1 % of the size apart, and distances 0.1 % too large
 ROUGH = 3e-3
+CELLS = 60  # of meshes, likewise, whose nearest points are searched for in cells
 
 
 @pytest.mark.parametrize("x", mostly_long([100, 5, 600, 1e8]))
@@ -59,3 +65,56 @@ def test_units_do_not_matter(scale):
     assert degeneration_sequence(large, [5, 100], resolution=1).distances == pytest.approx(
         [scale * distance for distance in expected], rel=THREE_DIGITS
     )
+
+
+def inner_knots():
+    """A patch with two inner knots, edges and corners to move them to."""
+    rng = np.random.default_rng(6)
+    knots = [[0, 0], [3, 0], [0, 3], [1, 0], [0, 2], [1.5, 1.5], [0.6, 0.9], [1, 0.5]]
+    return Patch(knots, rng.normal(size=(8, 3)), np.exp(rng.normal(size=8)))
+
+
+@pytest.mark.parametrize(
+    ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.999)])
+)
+def test_moving_knots_against_dense_samples(moves, step):
+    """Film and merged patch are sampled by themselves, and the member up to a thousandth of its layer."""
+    patch = inner_knots()
+    limit, member = knot_limit(patch, moves), move_knots(patch, moves, step)
+    mosaic = approaching(limit, [step]).graded(CELLS, 0)
+    there = Mesh(member.evaluate(mosaic.parameters, "linear"), mosaic.cells)
+    merged = tessellate(limit.merged, CELLS)
+    found = knot_sequence(patch, moves, [step], resolution=2).members[0]
+    assert found.doubt == ""
+    size = np.linalg.norm(np.ptp(patch.control_points, axis=0))
+    assert found.distance == pytest.approx(farthest(there, [merged]), abs=2e-3 * size)
+    if limit.films:
+        film = film_mesh(limit)
+        assert found.film_distance == pytest.approx(farthest(there, [merged, film]), abs=2e-3 * size)
+
+
+def farthest(mesh, others):
+    """Two-sided distance of vertices from cells."""
+    trees = [NearestCells(each.vertices[each.cells]) for each in (mesh, *others)]
+
+    def away(points, tree):
+        return tree.search(points, *tree.start(points))[0]
+
+    there = np.min([away(mesh.vertices, tree) for tree in trees[1:]], axis=0).max()
+    return max(there, *(away(other.vertices, trees[0]).max() for other in others))
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_units_of_moving_knots_do_not_matter(scale):
+    patch = inner_knots()
+    large = patch.replace(knots=scale * (patch.knots + 7), control_points=scale * (patch.control_points + 1e3))
+    one, other = (knot_sequence(each, {6: 3}, [0.5, 0.9], resolution=1) for each in (patch, large))
+    for ours, theirs in ((one.distances, other.distances), (one.film_distances, other.film_distances)):
+        assert theirs == pytest.approx([scale * distance for distance in ours], rel=2 * THREE_DIGITS)
+
+
+def test_the_film_alone_is_measured():
+    """Without a step there is only the merged patch, from which the film reaches as far as ever."""
+    patch = inner_knots()
+    distances = [knot_sequence(patch, {6: 3}, steps, resolution=1).film_distances[-1] for steps in ([], [0.5])]
+    assert distances[0] == pytest.approx(distances[1], rel=2 * THREE_DIGITS)
