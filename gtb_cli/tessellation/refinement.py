@@ -161,10 +161,11 @@ class _Refinement:
     def advance(self, marked: BoolArray) -> None:
         """Split edges and sample what is new."""
         self.mesh.mark_thin(marked)
-        chosen = np.flatnonzero(marked)
-        self.refuse_hopeless(marked)
+        chosen, touched = np.flatnonzero(marked), np.flatnonzero(self.mesh.has_mark(marked))
+        # Each split side adds one cell.
         before = len(self.mesh)
-        changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0))
+        self.refuse_hopeless(chosen, before + int(np.count_nonzero(marked.take(self.mesh.cells.sides[touched]))))
+        changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0), touched)
         self.samples.follow(chosen)
         self.error[chosen] = 0.0
         unknown, old = np.zeros(len(self.mesh) - before, dtype=bool), changed[changed < before]
@@ -176,19 +177,18 @@ class _Refinement:
         self.measure()
         self.bulging[changed] = self.bulge(changed) > self.tolerance
 
-    def refuse_hopeless(self, marked: BoolArray) -> None:
-        """Raise `ToleranceError` if splitting the marked edges cannot help, or leads to too many cells."""
-        # Each split side adds one cell.
-        count = len(self.mesh) + sum(int(np.count_nonzero(marked.take(side))) for side in self.mesh.cells.sides.T)
+    def refuse_hopeless(self, chosen: IntArray, count: int) -> None:
+        """Raise `ToleranceError` if splitting some edges, into `count` cells, cannot help, or leads to too many."""
         kind, why, excess = "faces" if self.mesh.is_surface else "segments", "", ""
         if count <= self.max_cells and self.forecast.is_due(len(self.mesh)):
             excess = self.forecast.excess(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
-        edges = self.mesh.edges.at(np.flatnonzero(marked))
+        widths = np.abs(np.subtract(*np.moveaxis(self.mesh.edges.parameters.take(chosen, axis=0), 1, 0)))
+        least = MIN_EDGE * self.sizes.take(self.mesh.edges.patch.take(chosen))
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
         elif excess:
             why = f"needs about {excess} {kind}, more than {self.max_cells}"
-        elif (edges.widths < MIN_EDGE * self.sizes.take(edges.patch)).any():
+        elif (np.maximum(widths[:, 0], widths[:, -1]) < least).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(

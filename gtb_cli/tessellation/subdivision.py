@@ -7,9 +7,10 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, groups, planar_cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross_of_columns, dot, groups, planar_cross
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
+from gtb_cli.newton import dot as column_dot
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
 from gtb_cli.theory.basis import block_length
@@ -91,18 +92,17 @@ class Subdivision:
         if not self.is_surface:
             return
         rows = np.flatnonzero(self.has_mark(marked))
-        a, b, c = self.corners(rows)
-        normal = cross(b - a, c - a)
-        sides = self.cells.sides.take(rows, axis=0)
-        length = self.lengths(sides)
-        thin = MAX_ASPECT_RATIO * np.sqrt(dot(normal, normal)) < length.max(axis=1) ** 2
-        marked[sides[thin, length[thin].argmax(axis=1)]] = True
+        a, b, c = (corner.T for corner in self.corners(rows))
+        normal = cross_of_columns(b - a, c - a)
+        squares = np.stack([column_dot(side, side) for side in (b - a, c - b, a - c)])
+        thin = np.flatnonzero(MAX_ASPECT_RATIO**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2)
+        marked[self.cells.sides[rows[thin], squares[:, thin].argmax(axis=0)]] = True
         share, longest = slimness(self.cells.corners.take(rows, axis=0))
-        thin = share < self.slim
-        marked[sides[thin, longest[thin]]] = True
+        thin = np.flatnonzero(share < self.slim)
+        marked[self.cells.sides[rows[thin], longest[thin]]] = True
 
-    def split(self, chosen: IntArray, middles: FloatArray) -> IntArray:
-        """Split edges at their (e, 3) middles, and the cells beside them; return the rows of cells that changed.
+    def split(self, chosen: IntArray, middles: FloatArray, rows: IntArray) -> IntArray:
+        """Split edges at their (e, 3) middles, and the cells beside them, in the given rows; return all that changed.
 
         New edges come after all others: first the halves of split edges, then those inside cells.
         """
@@ -129,7 +129,6 @@ class Subdivision:
             for end in (0, 1)
         ]
         self.edges = self.edges.followed_by(self.growth, *halves)
-        rows = np.flatnonzero(self.has_mark(vertex >= 0))
         pieces, made = divide(self.cells.at(rows), self.edges, self.points, vertex, child, self.middles)
         if made:
             self.edges = self.edges.followed_by(self.growth, *made)
@@ -279,4 +278,4 @@ def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     a, b, c = (corners[:, i].T for i in range(3))
     squares = np.stack([((end - start) ** 2).sum(axis=0) for start, end in ((a, b), (b, c), (c, a))])
     area = np.abs(planar_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return area / squares.max(axis=0), squares.argmax(axis=0)
+    return area / reduce(np.maximum, squares), squares.argmax(axis=0)
