@@ -17,6 +17,8 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.patch import Patch
 
+WAY_OUT = "take a larger one, or leave out --certify"
+
 SPENT_SHARE = 0.02
 """Part of the tolerance: a triangle with a piece whose error is known this well, yet not to hold, is too far."""
 
@@ -176,7 +178,7 @@ class SurfaceCertificate:
         at_corner = domain.incidence & np.roll(domain.incidence, 1, axis=1)
         self.ahead = np.where(at_corner, 0.0, ahead.sum(axis=2))
         self.block = max(64, block_length(len(patch.knots)) // WORK_ARRAYS)
-        self.work = 0
+        self.work, self.most_work = 0, math.inf
 
     def failing(self, u: FloatArray, points: FloatArray, tolerance: float, most_work: float = math.inf) -> BoolArray:
         """Which triangles are not certified.
@@ -196,7 +198,7 @@ class SurfaceCertificate:
         ToleranceError
             It would grow further.
         """
-        charts = self.charts
+        charts, self.most_work = self.charts, most_work
         whole = triangles(u - charts.domain.center, points - self.middle)
         fails = np.zeros(len(u), dtype=bool)
         face, s = charts.located(u.reshape(-1, 2))
@@ -209,7 +211,7 @@ class SurfaceCertificate:
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
                     here = rows_of(todo, some)
-                    self.work += len(self.points) * len(some)
+                    self._spend(len(some), tolerance)
                     found, pieces, which = charts.covers(chart - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(chart - 1, pieces, here.owner[which], whole, tolerance, fails)
@@ -221,14 +223,14 @@ class SurfaceCertificate:
             open_[rows] = ~self._near_corner(rows_of(todo, rows), rows_of(whole, todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
-            if self.work > most_work:
-                raise ToleranceError(
-                    f"tolerance: {tolerance:g} takes too long to certify, {np.unique(todo.owner[open_]).size} of "
-                    f"{len(u)} faces are not certain yet: take a larger one, or leave out --certify"
-                )
             todo = rows_of(todo, open_).quartered(charts, at_corner[open_])
         fails[todo.owner] = True
         return fails
+
+    def _spend(self, places: int, tolerance: float) -> None:
+        self.work += len(self.points) * places
+        if self.work > self.most_work:
+            raise ToleranceError(f"tolerance: {tolerance:g} takes too long to certify: {WAY_OUT}")
 
     def _near_corner(self, here: Places, whole: Triangles, tolerance: float) -> BoolArray:
         """Whether the error is within the tolerance because all T_i but those of the corner's knots are small.
@@ -272,7 +274,7 @@ class SurfaceCertificate:
                 rows = rows[~fails[owner[rows]]]
                 if not len(rows):
                     continue
-                self.work += len(self.points) * len(rows)
+                self._spend(len(rows), tolerance)
                 far, open_ = self._compared(number, rows_of(pieces, rows), rows_of(whole, owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
                 left.append(rows_of(pieces, rows[open_]))

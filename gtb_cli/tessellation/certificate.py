@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups, joined, rows_of
-from gtb_cli.certificates.surface import SPENT_SHARE, SurfaceCertificate
+from gtb_cli.certificates.surface import SPENT_SHARE, WAY_OUT, SurfaceCertificate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.splitting import Growth
@@ -28,8 +28,18 @@ MAX_HALVINGS = 200
 MAX_ROUNDS = 40
 """Times that triangles are certified, and split if that fails, before refinement gives up."""
 
-MAX_WORK = 100_000_000
-"""Knots times parts of surfaces that are bounded before refinement gives up: 2.5 to 18 µs were measured for each."""
+MAX_WORK = 30_000_000
+"""Knots times parts of surfaces that are bounded before refinement gives up: about a minute, as 1.2 to 3.6 µs were
+measured for each."""
+
+PILOT_FACES = 64
+"""Faces that are certified first, from which the work for all others is foreseen."""
+
+WORTH_PILOT = 32
+"""Fewest times as many faces for which this is done."""
+
+PILOT_RATIO = 1.5
+"""Ratio of the work foreseen to that allowed from which on refinement gives up at once."""
 
 WORK_ARRAYS = 8
 """Arrays as large as T that are alive at once."""
@@ -75,21 +85,40 @@ class Certificates:
         return np.concatenate(result)
 
     def _failing_triangles(self, mesh: Subdivision, rows: IntArray, tolerance: float) -> IntArray:
-        fails = np.zeros(len(rows), dtype=bool)
-        points = np.stack(mesh.corners(rows), axis=1)
-        for index, own in groups(mesh.cells.patch[rows]):
-            if index not in self.surfaces:
-                self.surfaces[index] = SurfaceCertificate(self.sampler.evaluated[index])
-            left = MAX_WORK - sum(other.work for key, other in self.surfaces.items() if key != index)
-            fails[own] = self.surfaces[index].failing(mesh.cells.corners[rows[own]], points[own], tolerance, left)
+        if len(rows) >= WORTH_PILOT * PILOT_FACES:
+            some, before = rows[:: len(rows) // PILOT_FACES], self._work
+            self._failing_of(mesh, some, tolerance)
+            needed = (self._work - before) / len(some) * len(rows)
+            if needed > PILOT_RATIO * MAX_WORK:
+                raise ToleranceError(
+                    f"tolerance: {tolerance:g} takes too long to certify, {len(rows)} faces about "
+                    f"{needed / MAX_WORK:.2g} times as long as is allowed: {WAY_OUT}"
+                )
+        fails = self._failing_of(mesh, rows, tolerance)
         self.rounds += 1
         if self.rounds > MAX_ROUNDS and fails.any():
-            place = ", ".join(f"{x:.4g}" for x in points[fails.argmax()].mean(axis=0))
+            place = ", ".join(f"{x:.4g}" for x in np.mean(mesh.corners(rows[fails][:1]), axis=(0, 1)))
             raise ToleranceError(
                 f"tolerance: {tolerance:g} cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near "
                 f"({place})"
             )
         return rows[fails]
+
+    def _failing_of(self, mesh: Subdivision, rows: IntArray, tolerance: float) -> BoolArray:
+        """(k,) whether some triangles are not certain to be within the tolerance."""
+        fails = np.zeros(len(rows), dtype=bool)
+        for index, own in groups(mesh.cells.patch[rows]):
+            if index not in self.surfaces:
+                self.surfaces[index] = SurfaceCertificate(self.sampler.evaluated[index])
+            surface = self.surfaces[index]
+            points = np.stack(mesh.corners(rows[own]), axis=1)
+            left = MAX_WORK - self._work + surface.work
+            fails[own] = surface.failing(mesh.cells.corners[rows[own]], points, tolerance, left)
+        return fails
+
+    @property
+    def _work(self) -> int:
+        return sum(surface.work for surface in self.surfaces.values())
 
 
 def _torus_coordinates(sampler: Sampler, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:

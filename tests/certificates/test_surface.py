@@ -206,7 +206,7 @@ def test_what_cannot_be_certified_is_refused(tmp_path, options):
 @long
 def test_certificates_that_take_too_long_are_refused(monkeypatch):
     monkeypatch.setattr(certificate, "MAX_WORK", 1000)
-    with pytest.raises(ToleranceError, match=r"0\.5 takes too long to certify, .* or leave out --certify"):
+    with pytest.raises(ToleranceError, match=r"0\.5 takes too long to certify: .* or leave out --certify"):
         tessellate(load(SPECS / "pentagon.toml"), tolerance=0.5, certify=True, normals=False)
 
 
@@ -215,3 +215,14 @@ def test_a_model_is_certified_patch_by_patch():
     cube = Model(load(SPECS / "rounded-cube.toml").patches[:3])
     recipe = Recipe(tolerance="1%", certify=True)
     assert len(recipe.mesh(cube)[0].cells) <= 1.5 * len(Recipe(tolerance="1%").mesh(cube)[0].cells)
+
+
+@long
+def test_certificates_of_many_faces_are_refused_before_the_work(monkeypatch):
+    spent = []
+    spend = SurfaceCertificate._spend
+    monkeypatch.setattr(SurfaceCertificate, "_spend", lambda self, n, t: spent.append(n) or spend(self, n, t))
+    monkeypatch.setattr(certificate, "MAX_WORK", 300_000)
+    with pytest.raises(ToleranceError, match=r"faces about [\d.]+ times as long as is allowed: take a larger one"):
+        tessellate(load(SPECS / "bicubic.toml"), tolerance=0.0005, certify=True, normals=False)
+    assert 16 * sum(spent) < 300_000
