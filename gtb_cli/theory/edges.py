@@ -28,7 +28,7 @@ EDGE_SAMPLES = 33
 FINE_SAMPLES = 129
 """Number of points of a polygon on which points nearest to others are looked for first."""
 
-INVERSION_ROUNDINGS = 4
+INVERSION_ROUNDINGS = 16
 """Roundings of the largest coordinate, or of a fraction, below which steps towards a point's fraction are not taken."""
 
 MAX_INVERSION_STEPS = 100
@@ -100,7 +100,7 @@ class Curve:
             going = (np.abs(step) > INVERSION_ROUNDINGS * EPS) & (np.abs(step) * np.sqrt(square) > rounding)
             if not going.any():
                 break
-            strayed = (t < low) | (t > high)
+            strayed = going & ((t < low) | (t > high))
             low, high = np.where((ahead > 0) & ~strayed, t, low), np.where((ahead < 0) & ~strayed, t, high)
             goal = np.where((t + step > low) & (t + step < high) & ~strayed, t + step, (low + high) / 2)
             goal, t = (np.clip(x, EPS, 1 - EPS) for x in (goal, t))
@@ -116,7 +116,7 @@ class Curve:
         shares /= shares.sum(axis=0)
         t = self.knots @ shares
         moments = shares * (knots - t)
-        spread = (moments * (knots - t)).sum(axis=0)
+        spread = np.maximum((moments * (knots - t)).sum(axis=0), np.finfo(float).tiny)
         points, slopes = (values.T @ (self.points - middle) for values in (shares, moments))
         return t, points + middle, slopes / spread[:, None], spread
 

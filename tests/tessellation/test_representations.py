@@ -14,7 +14,7 @@ from gtb_cli.checks.joints import joint_findings
 from gtb_cli.spec.writer import save
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.tessellate import refined, tessellate
-from gtb_cli.theory.edges import Curve, correspondence, edge_points_at
+from gtb_cli.theory.edges import Curve, correspondence, edge_curve, edge_points_at
 from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -51,6 +51,13 @@ def loft(one: Patch, *offsets: np.ndarray, scale: float = 1.0, shift: float = 0.
     knots = [(i, j) for j in range(len(rows)) for i in range(len(one.knots))]
     weights = [np.exp(one.log_products) * comb(len(rows) - 1, j) for j in range(len(rows))]
     return Patch(knots, np.concatenate(rows) * scale + shift, np.concatenate(weights), name=name)
+
+
+def loft_of_knots(one: Patch) -> Patch:
+    """A patch whose edge 0 is a curve with any knots."""
+    knots = [(t, j) for j in range(2) for t in one.knots[:, 0]]
+    points = np.concatenate([one.control_points, one.control_points + UP])
+    return Patch(knots, points, np.tile(np.exp(one.log_products), 2))
 
 
 def body(seed: int, factor: float = 3.0, by: int = 2, elevated_first: bool = False, reverse: bool = False,
@@ -219,11 +226,40 @@ def test_a_curve_that_leaves_and_returns_is_another_one():
     assert found.almost[0][2] == pytest.approx(5e-4, rel=0.5)
 
 
+@pytest.mark.parametrize("kind", ["crossing itself", "closed", "repeated point", "cusp", "real knots", "weights"])
+def test_curves_of_every_kind_are_recognised(kind):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        points = rng.uniform(-1, 1, (6, 3))
+        points[:, 2] = 0
+        knots, spread = np.arange(6.0), 1
+        if kind == "closed":
+            points[-1] = points[0]
+        elif kind == "repeated point":
+            points[1] = points[0]
+        elif kind == "cusp":
+            points[2:4] = points[0] + points[5] - points[3:1:-1]
+            points[[1, 4]] = points[[5, 0]]
+        elif kind == "real knots":
+            knots = np.cumsum(rng.uniform(0.05, 1, 6))
+        elif kind == "weights":
+            spread = 4
+        one = Patch(knots, points, np.exp(rng.uniform(-spread, spread, 6)))
+        other = elevate(one.replace(weights=one.weights * np.exp(rng.uniform(-2, 2) * knots)), 2)
+        turned = bool(seed % 2)
+        if turned:
+            other = Patch(-other.knots, other.control_points, np.exp(other.log_products))
+        sides = [edge_curve(loft_of_knots(side), 0) for side in (one, other)]
+        distance, places = correspondence(*sides, turned, np.inf)
+        assert distance < 1e-12
+        assert (places[0], places[-1]) == ((1, 0) if turned else (0, 1))
+
+
 @pytest.mark.parametrize("height", [0.0, 0.3])
 def test_a_spike_between_samples_is_seen(height):
     """Points are near knots, on a segment at uneven places, with one of them beside it."""
     segment = Curve(np.array([0.0, 1.0]), np.zeros(2), np.array([(0.0, 0, 0), (1.0, 0, 0)]))
-    knots = np.linspace(0, 1, 4 * EDGE_SAMPLES - 3)
+    knots = np.linspace(0, 1, 2 * EDGE_SAMPLES - 1)
     points = np.column_stack([knots**1.3, 0 * knots, 0 * knots])
     middle = (np.array([16, 17]) / 32) ** (1 / 1.3)
     points[np.abs(knots - middle.mean()).argmin(), 1] = height
