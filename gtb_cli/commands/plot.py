@@ -237,6 +237,7 @@ def _look(
     from gtb_cli.pictures.camera import Camera
     from gtb_cli.pictures.look import Look, settings
 
+    os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
         return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)
 

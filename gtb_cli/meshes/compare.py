@@ -33,6 +33,9 @@ large."""
 CELL_BATCH = 1 << 16
 """Number of cells that are bounded together, which bounds the memory."""
 
+MOST_CELLS = 16
+"""Cells for each vertex, beyond which some may be repeated: surfaces have two for each, and curves one."""
+
 MAX_CUTS = 250_000
 """Largest number of pieces cut in each direction; the search then stops with the bound proved so far."""
 
@@ -115,20 +118,22 @@ def surface_distance(
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
     """
-    used = []
+    used, distinct = [], []
     for mesh in (a, b):
         if not len(mesh.cells):
             raise DomainError("mesh: has no cells, so that no distance can be measured")
         used.append(mesh.vertices[are_used(mesh.cells, len(mesh.vertices))])
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
+        distinct.append(_distinct(mesh.cells, len(mesh.vertices), len(used[-1])))
     # A common power of two and origin, so that squares neither over- nor underflow.
     low, high = bounds_of(np.concatenate([bounds_of(points) for points in used]))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))
-    directions = [(first, a.cells, second[b.cells]), (second, b.cells, first[a.cells])]
-    at_once = max(len(a.cells), len(b.cells)) >= concurrent
+    cells, others = distinct
+    directions = [(first, cells, second[others]), (second, others, first[cells])]
+    at_once = max(map(len, distinct)) >= concurrent
     forward, backward = (_at_once if at_once else _in_turn)(directions, allowed, effort)
 
     def place(point: FloatArray) -> tuple[float, float, float]:
@@ -142,6 +147,20 @@ def surface_distance(
         backward_at=place(backward.place),
         bound=float(np.ldexp(max(forward.bound, backward.bound), exponent)),
     )
+
+
+def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
+    """Cells of `count` vertices, `used` of them in cells, without repetitions if there are far too many for a surface.
+
+    The search would take each copy for a piece of its own, and damaged files have millions in the same place.
+    """
+    if len(cells) <= MOST_CELLS * used or count ** cells.shape[1] > np.iinfo(np.int64).max:
+        return cells
+    corners = np.sort(cells, axis=1).T
+    keys = corners[0]
+    for corner in corners[1:]:
+        keys = keys * count + corner
+    return cells[np.unique(keys, return_index=True)[1]]
 
 
 Direction: TypeAlias = tuple[FloatArray, IntArray, FloatArray]

@@ -262,7 +262,7 @@ def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray,
     a, b, c = (mesh.vertices[corner] for corner in mesh.cells.T)
     sides = [unit(side) for side in (b - a, c - b, a - c)]
     normals = unit(cross(sides[0], sides[1]))
-    areas = cross(b - a, c - b) / float(np.abs(mesh.vertices).max()) ** 2
+    areas = cross(b - a, c - b) / float(np.abs(mesh.vertices).max() or 1.0) ** 2
     sums, by_area = np.zeros((count, 3)), np.zeros((count, 3))
     for k in range(3):
         angle = np.arccos(np.clip(-dot(sides[k], sides[k - 1]), -1.0, 1.0))

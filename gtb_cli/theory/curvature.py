@@ -145,7 +145,8 @@ class _CurvatureField:
             block = slice(begin, begin + step)
             e = exponents(knots, self.log_weights, location.s[:, block])
             gaussian[block], mean[block] = self._curvatures(e, layers)
-        return Curvature(gaussian / self.extent**2, mean / self.extent)
+        with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
+            return Curvature(gaussian / self.extent / self.extent, mean / self.extent)
 
     def _edge_layers(self, edge: int) -> _Layers:
         level = _levels(self.domain.heights[:, edge])

@@ -189,6 +189,17 @@ def test_chord_errors_fall_with_the_square_of_the_resolution():
     assert min(rates) > 1.7
 
 
+@pytest.mark.parametrize("mesh", [flat(3), curve()])
+def test_cells_that_are_repeated_are_searched_once(mesh, monkeypatch):
+    searched = []
+    nearest = compare.NearestCells
+    monkeypatch.setattr(compare, "NearestCells", lambda corners: searched.append(len(corners)) or nearest(corners))
+    many = Mesh(mesh.vertices, np.concatenate([mesh.cells, np.roll(mesh.cells, 1, axis=1)] * 50))
+    other = moved(mesh, 0, 0, 0.1)
+    assert surface_distance(many, other) == surface_distance(mesh, other)
+    assert searched == [len(mesh.cells)] * 4
+
+
 def test_what_has_no_distance():
     empty = Mesh(np.zeros((1, 3)), np.empty((0, 3), dtype=int))
     with pytest.raises(DomainError, match="has no cells"):

@@ -284,6 +284,7 @@ def test_what_makes_no_solid_is_refused():
     torn = Mesh(flat.vertices, np.concatenate([flat.cells, flat.cells[:1, ::-1], flat.cells[:1]]), normals=flat.normals)
     turned = Mesh(flat.vertices, np.concatenate([flat.cells[:1, ::-1], flat.cells[1:]]), normals=flat.normals)
     point = Patch([[0, 0], [1, 0], [0, 1]], np.ones((3, 3)))
+    origin = point.replace(control_points=np.zeros((3, 3)))
     cases = [
         (tessellate(load(Path(CURVE)), 4), 1.0, "expected a surface; a curve takes a radius instead"),
         (Mesh(flat.vertices, flat.cells), 1.0, "the mesh has no normals"),
@@ -294,6 +295,7 @@ def test_what_makes_no_solid_is_refused():
         (torn, 1.0, r"the edge between vertices \d+ and \d+ has more than two faces"),
         (turned, 1.0, r"the edge between vertices \d+ and \d+ has more than two faces, or two that do not agree"),
         (tessellate(point, 3), 1.0, "'patch' is a single point"),
+        (tessellate(origin, 3), 1.0, "'patch' is a single point"),
     ]
     for mesh, thickness, message in cases:
         with pytest.raises(DomainError, match=message):

@@ -15,7 +15,7 @@ from gtb_cli.pictures.look import Look
 from gtb_cli.vocabulary import COLOUR_MAPS
 from tests.marks import long, mostly_long
 from tests.pictures.images import near, pixels
-from tests.shell import SPECS, environment, gtb
+from tests.shell import PENTAGON, SPECS, environment, gtb, process
 
 SMALL = ("--size", "2.4,1.8", "--dpi", "60", "-n", "6")
 
@@ -86,6 +86,12 @@ def test_svg_has_text_and_a_shading_that_is_an_image():
     assert ">b₃</text>" in text
     assert text.count("<image") == 1
     assert len(text) < 100_000
+
+
+@long
+def test_no_window_is_asked_for(tmp_path):
+    result = process("plot", PENTAGON, "-o", tmp_path / "x.png", MPLBACKEND="nonsense")
+    assert (result.status, (tmp_path / "x.png").exists()) == (0, True), result.err
 
 
 @long

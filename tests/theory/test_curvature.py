@@ -82,6 +82,11 @@ def test_a_plane_has_exactly_none(shift):
         assert (mean == 0).all()
 
 
+def test_a_plane_whose_square_is_no_number_has_none():
+    small = Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1e-300, 0, 0], [0, 1e-300, 0]])
+    assert not np.any(curvature(small, [[0.25, 0.25], [0.5, 0.0]]))
+
+
 def test_a_torus():
     patch = torus(3.0, 1.0)
     u = np.concatenate([inside(patch, 100), rim(patch)])
