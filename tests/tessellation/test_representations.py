@@ -226,7 +226,9 @@ def test_a_curve_that_leaves_and_returns_is_another_one():
     assert found.almost[0][2] == pytest.approx(5e-4, rel=0.5)
 
 
-@pytest.mark.parametrize("kind", ["crossing itself", "closed", "repeated point", "cusp", "real knots", "weights"])
+@pytest.mark.parametrize(
+    "kind", ["crossing itself", "closed", "repeated point", "cusp", "there and back", "real knots", "weights"]
+)
 def test_curves_of_every_kind_are_recognised(kind):
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -240,6 +242,8 @@ def test_curves_of_every_kind_are_recognised(kind):
         elif kind == "cusp":
             points[2:4] = points[0] + points[5] - points[3:1:-1]
             points[[1, 4]] = points[[5, 0]]
+        elif kind == "there and back":
+            points = np.outer([0, 0.4, 1, 1, 0.4, 0], points[0])
         elif kind == "real knots":
             knots = np.cumsum(rng.uniform(0.05, 1, 6))
         elif kind == "weights":
