@@ -8,8 +8,13 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from gtb_cli.errors import ExportError
+
 READ_BYTES = 1 << 20
 """Bytes read at a time."""
+
+MAKE_SIGNS = frozenset(";:=|*?[~")
+"""Characters that mean something to make, and that a backslash does not quote everywhere."""
 
 
 def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
@@ -79,7 +84,11 @@ def _target(name: str) -> str:
 
 
 def _escaped(name: str) -> str:
-    """Name a file as make reads it."""
+    """Name a file as make reads it, or refuse a name that make would take for something else, such as a recipe."""
+    if not name.isprintable() or not MAKE_SIGNS.isdisjoint(name):
+        raise ExportError(
+            f"--deps: make cannot name {name!r}: expected no control characters, and none of ; : = | * ? [ ~"
+        )
     kept = name.replace("\\", "\\\\") if any(c in name for c in " #") else name
     for mark in " #":
         kept = kept.replace(mark, f"\\{mark}")

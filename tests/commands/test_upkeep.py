@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -219,6 +220,15 @@ def test_make_reads_the_rules(place):
         os.utime(changed, (1e9, 1e9))
     os.unlink("deep.toml")
     assert run() in ("made a\n", "")
+
+
+@pytest.mark.parametrize("name", ["a;touch b", "a\nall: b", "a:b", "a=b", "a|b", "a*", "~a", "a\udcff"])
+def test_a_name_that_is_more_than_a_name_to_make_is_refused(name, place):
+    shutil.copy("pentagon.toml", f"{name}.toml")
+    result = gtb("mesh", f"{name}.toml", "-n", 1, "-o", "x.obj", "--deps", "x.d")
+    assert result.status == 2
+    assert "--deps: make cannot name" in result.err
+    assert not Path("x.d").exists()
 
 
 def test_rules_are_written_beside_the_meshes(place):
