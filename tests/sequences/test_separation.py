@@ -75,7 +75,7 @@ def inner_knots():
 
 
 @pytest.mark.parametrize(
-    ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.999)])
+    ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.9)])
 )
 def test_moving_knots_against_dense_samples(moves, step):
     """Film and merged patch are sampled by themselves, and the member up to a thousandth of its layer."""
