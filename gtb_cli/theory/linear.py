@@ -44,7 +44,6 @@ MAX_FAILED_SHARE = 0.5
 LAST_CORNER = 1e-6
 """Distance, as a fraction of the hull's size, within which a point has coordinates from its edge's last corner."""
 
-
 PRODUCT_ULPS = 8
 """Units in the last place of log(c_i ω_i) within which weights count as products."""
 

@@ -155,7 +155,7 @@ class MomentMap:
         return found / self._extents[:, None], left
 
     def inverse_near(self, p: FloatArray, start: FloatArray, within: float = 0.0) -> FloatArray:
-        """(d, m) torus coordinates of (d, m) points from nearby ones, as `inverse`, which learns."""
+        """(d, m) torus coordinates of (d, m) points from nearby ones; unlike `inverse`, this learns nothing."""
         unit, start = self._unit(p), start * self._extents[:, None]
         return np.asarray(self._solve(unit, start, start, max(TARGET_RESIDUAL, within)) / self._extents[:, None])
 
