@@ -84,7 +84,8 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
         writer = getattr(getattr(executor, "_result_queue", None), "_writer", None)
         if writer is not None:
             writer.close()
-        executor.shutdown(cancel_futures=True)
+        with suppress(RuntimeError):  # its own thread could not be started
+            executor.shutdown(cancel_futures=True)
         life.close()
         sign.close()
 
@@ -113,7 +114,8 @@ def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: 
     except (OSError, RuntimeError) as error:
         if "process pool" in str(error):  # a worker was killed
             raise
-        raise GtbError(f"cannot start a process: {error} (-j 1 needs none)") from None
+        reason = getattr(error, "strerror", None) or error
+        raise GtbError(f"cannot start a process: {reason} (-j 1 needs none)") from None
 
 
 def _start_worker(sign: Connection) -> None:

@@ -51,5 +51,14 @@ def test_a_worker_whose_result_cannot_be_sent_is_one_error_and_no_trace(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_where_no_thread_can_be_started_the_reason_is_said(monkeypatch):
+    def refused(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("concurrent.futures.process._ExecutorManagerThread.start", refused)
+    with pytest.raises(GtbError, match="cannot start a process: can't start new thread"):
+        list(in_processes(slept, [0, 0], 2))
+
+
 def test_a_worker_that_works_for_long_is_waited_for():
     assert list(in_processes(slept, [0, 1, 0], 2)) == [0, 1, 0]
