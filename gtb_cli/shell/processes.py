@@ -72,7 +72,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
             lambda task: _submitted(executor, function, task),
             tasks,
             lambda: jobs,
-            lambda future: _awaited(future, life),
+            lambda future: _awaited(future, life, executor),
         )
         executor.shutdown()
     except BrokenProcessPool:
@@ -90,13 +90,16 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
         sign.close()
 
 
-def _awaited(result: Future[R], life: Connection) -> R:
-    """Wait for a result, unless a worker falls silent first."""
+def _awaited(result: Future[R], life: Connection, executor: ProcessPoolExecutor) -> R:
+    """Wait for a result, unless a worker falls silent first, or the thread that would bring it ends."""
     from concurrent.futures import wait
     from multiprocessing import active_children
 
     missed: dict[int | None, int] = {}
     while not wait([result], HEARTBEAT_SECONDS).done:
+        manager = getattr(executor, "_executor_manager_thread", None)
+        if manager is not None and not manager.is_alive() and not result.done():
+            raise GtbError("cannot start a thread for the processes (-j 1 needs none)")
         heard = set()
         while life.poll():
             heard.add(int.from_bytes(life.recv_bytes(), "little"))

@@ -60,5 +60,15 @@ def test_where_no_thread_can_be_started_the_reason_is_said(monkeypatch):
         list(in_processes(slept, [0, 0], 2))
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_where_a_thread_of_the_library_cannot_start_another_nothing_is_waited_for(monkeypatch):
+    def refused(queue):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("multiprocessing.queues.Queue._start_thread", refused)
+    with pytest.raises(GtbError, match="cannot start a thread"):
+        list(in_processes(slept, [0, 0], 2))
+
+
 def test_a_worker_that_works_for_long_is_waited_for():
     assert list(in_processes(slept, [0, 1, 0], 2)) == [0, 1, 0]
