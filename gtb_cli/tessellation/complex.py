@@ -17,7 +17,7 @@ from gtb_cli.knots.triangulation import Triangulation, central_triangulation, tr
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.parametrization import Parametrization, toric_locations
+from gtb_cli.theory.parametrization import Parametrization, RationalBasis, toric_locations
 from gtb_cli.theory.patch import Patch
 
 if TYPE_CHECKING:
@@ -337,7 +337,17 @@ class Sampler:
 
     @cached_property
     def _linear(self) -> list[LinearParametrization]:
-        return [patch.rational_basis.linear() for patch in self.evaluated]
+        bases = [patch.rational_basis for patch in self.evaluated]
+        if self.resolution or self.evaluated[0].dimension == 1:
+            return [basis.linear() for basis in bases]
+        # What a patch learnt from another would change its points by rounding; where all is known, nothing is learnt.
+        result: list[LinearParametrization] = []
+        known: dict[RationalBasis, LinearParametrization] = {}
+        for basis in bases:
+            result.append(known.get(basis) or basis.linear())
+            if result[-1].longest.moments.bezier_shift is not None:
+                known[basis] = result[-1]
+        return result
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterable[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain.

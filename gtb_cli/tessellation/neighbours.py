@@ -32,15 +32,16 @@ class Neighbours:
     patch: Patch
     linear: LinearParametrization
 
-    def near(self, u: FloatArray, guesses: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
-        """(m, 3) points at (m, 2) linear parameters, and (m, 2) corrections; both are NaN where a point is not found.
+    def near(self, u: FloatArray, guesses: FloatArray, within: float, found: FloatArray | None = None) -> FloatArray:
+        """(m, 3) points at (m, 2) linear parameters, NaN where they are not found.
 
-        Guesses are NaN where there are none. Parameters may be off by `within`, a fraction of the domain's size.
+        Guesses are NaN where there are none. Parameters may be off by `within`, a fraction of the domain's size. Right
+        corrections are written to the (m, 2) `found`, if it is given.
         """
-        points, corrections = np.full((len(u), 3), np.nan), np.full((len(u), 2), np.nan)
+        points = np.full((len(u), 3), np.nan)
         chart, rows = self.linear.longest, np.flatnonzero(~np.isnan(guesses[:, 0]))
         if not len(rows):
-            return points, corrections
+            return points
         if len(rows) < len(u):
             u, guesses = u.take(rows, axis=0), guesses.take(rows, axis=0)
         places, moments = chart.columns(u), chart.moments
@@ -60,8 +61,9 @@ class Neighbours:
         where = slice(None) if len(rows) == len(points) else rows
         location = Location(slice(None), self.patch.domain.faces[INTERIOR], moments.knots, s, None)
         points[where] = self.patch.points_at([location], len(rows))
-        corrections[where] = self._corrections(places, s)
-        return points, corrections
+        if found is not None:
+            found[where] = self._corrections(places, s)
+        return points
 
     def corrections(self, u: FloatArray) -> FloatArray:
         """(m, 2) corrections at (m, 2) linear parameters, NaN if they are not found."""

@@ -157,10 +157,11 @@ class Sampling:
             index, some = task
             own = rows[some]
             u, guesses = (each(own).reshape(-1, 2) for each in (places.parameters, places.guesses))
-            found, new = sampler.neighbours[index].near(u, guesses, within)
+            new = np.full(guesses.shape, np.nan) if learn else None
+            found = sampler.neighbours[index].near(u, guesses, within, new)
             points[some] = found.reshape(-1, number, 3)
             distances[some] = places.distances(np.repeat(own, number), found).reshape(-1, number)
-            if learn:
+            if new is not None:
                 learnt[some] = new.reshape(-1, number, 2)
 
         tasks: list[tuple[int, slice | IntArray]] = []
