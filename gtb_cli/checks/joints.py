@@ -10,6 +10,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.assembly.seams import joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
 from gtb_cli.theory.edges import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points_at
+from gtb_cli.theory.joints import FAR_ROUNDING
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -18,7 +19,7 @@ EDGE_THEOREM = "Thm 4.0"
 
 JOINT_TOLERANCE = 8 * CURVE_TOLERANCE
 """Largest distance between points of joined edges, as a fraction of the model's size: their control points and knots
-differ by at most `CURVE_TOLERANCE`, and their weights by a factor as close to 1."""
+differ by at most `CURVE_TOLERANCE`, and their weights by a factor as close to 1. `FAR_ROUNDING` is added."""
 
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
@@ -76,7 +77,9 @@ def _joined(model: Model) -> Outcome:
         second = _points(model.patches[joint.second[0]], joint.second[1], joint.across(model.patches, even))
         worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))
     reason = f"largest distance at {len(shared)} joints, of the model's size"
-    return at_most(worst / _size(model), JOINT_TOLERANCE, reason)
+    size = _size(model)
+    farthest = max(float(np.abs(patch.control_points).max()) for patch in model)
+    return at_most(worst / size, JOINT_TOLERANCE + FAR_ROUNDING * farthest / size, reason)
 
 
 def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

@@ -106,7 +106,7 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     assert model.joints.closed
     assert sum(bool(joint.places) for joint in model.joints.shared) == 2
     assert joint_findings(model)[0].status == "holds"
-    rounding = 3 * ROUNDING * scale + 2e-15 * shift
+    rounding = 3 * ROUNDING * scale + 20 * np.spacing(shift)  # points that are inverted are rounded themselves
     sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
     for resolution in (1, 2, 3, 8):
         mosaic = joined_complex(model.patches, model.joints, resolution)
