@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.assembly.seams import joints
+from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
 from gtb_cli.theory.edges import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points_at
 from gtb_cli.theory.joints import FAR_ROUNDING
@@ -49,11 +49,11 @@ def _smoothness(model: Model) -> dict[str, Outcome]:
     place = ", ".join(f"{x:.4g}" for x in worst.place)
     where = f"degrees, the largest angle between normals, where {worst.name(model)} meet, near ({place})"
     found = {"angle of joints": number(worst.angle, where)}
-    bent = [seam for seam in seams if math.isfinite(seam.bend)]
+    bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
-        most = max(bent, key=lambda seam: seam.bend)
+        bend, most = max(bent, key=lambda pair: pair[0])
         reason = f"1/length, the largest difference of normal curvatures across, where {most.name(model)} meet"
-        found["curvature across joints"] = number(most.bend, reason)
+        found["curvature across joints"] = number(bend, reason)
     return found
 
 

@@ -109,6 +109,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.assembly.openings import near_misses
+    from gtb_cli.assembly.seams import bends
     from gtb_cli.assembly.seams import joints as seams_of
     from gtb_cli.theory.edges import edge_name
 
@@ -138,9 +139,9 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
                 "edges": [edge_name(model.patches, ref) for ref in (seam.first, seam.second)],
                 "angle": seam.angle if math.isfinite(seam.angle) else None,
                 "place": seam.place.tolist(),
-                "curvature_difference": seam.bend if math.isfinite(seam.bend) else None,
+                "curvature_difference": bend if math.isfinite(bend) else None,
             }
-            for seam in seams
+            for seam, bend in zip(seams, bends(seams), strict=True)
         ],
     }
 

@@ -57,6 +57,6 @@ def coordinate_rounding(points: FloatArray) -> float:
     return COINCIDENT_ULPS * EPS * float(np.abs(points).max())
 
 
-def cleared(differences: FloatArray, rounding: float) -> FloatArray:
+def cleared(differences: FloatArray, rounding: FloatArray | float) -> FloatArray:
     """Differences of points, with exact zeros in place of possible rounding."""
     return np.where(np.abs(differences) <= rounding, 0.0, differences)

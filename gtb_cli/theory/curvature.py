@@ -10,7 +10,7 @@ limit there keeps only the knots whose T vanishes last.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -85,10 +85,16 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
 
 def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
     """Curvatures, like `curvature`, at locations found by any parametrisation."""
-    field = _CurvatureField(patch)
-    gaussian, mean = np.empty(count), np.empty(count)
+    found = curvatures_at([patch], where, count)
+    return Curvature(found.gaussian[0], found.mean[0])
+
+
+def curvatures_at(patches: Sequence[Patch], where: Iterable[Location], count: int) -> Curvature:
+    """(q, count) curvatures of q patches that share one rational basis: what does not depend on points is made once."""
+    field = _CurvatureField(patches)
+    gaussian, mean = np.empty((len(patches), count)), np.empty((len(patches), count))
     for location in where:
-        gaussian[location.rows], mean[location.rows] = field.at(location)
+        gaussian[:, location.rows], mean[:, location.rows] = field.at(location)
     return Curvature(gaussian, mean)
 
 
@@ -109,23 +115,24 @@ class _Layers(NamedTuple):
 
 
 class _CurvatureField:
-    """Curvatures of one patch; data that do not depend on the point are computed once."""
+    """Curvatures of q patches with one basis; data that do not depend on the place are computed once."""
 
-    def __init__(self, patch: Patch) -> None:
-        if patch.dimension == 1:
+    def __init__(self, patches: Sequence[Patch]) -> None:
+        if patches[0].dimension == 1:
             raise DomainError("curvature: Gaussian and mean curvature are a surface's, this is a curve")
-        self.domain = patch.domain
-        self.log_weights = patch.log_products
-        points = patch.control_points
-        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        self.domain = patches[0].domain
+        self.log_weights = patches[0].log_products
+        points = np.array([patch.control_points for patch in patches])
+        points -= (points.min(axis=1, keepdims=True) + points.max(axis=1, keepdims=True)) / 2
         # If points have size 1, no product of derivatives leaves the range of floats.
-        self.extent = float(np.abs(points - middle).max()) or 1.0
-        self.points = (points - middle) / self.extent
-        self.rounding = coordinate_rounding(points) / self.extent
+        extent = np.abs(points).max(axis=(1, 2))
+        self.extent = np.where(extent > 0, extent, 1.0)[:, None]
+        self.points = points / self.extent[:, :, None]
+        self.rounding = np.array([[coordinate_rounding(patch.control_points)] for patch in patches]) / self.extent
         self.frames: dict[int, Frame] = {}
 
     def at(self, location: Location) -> Curvature:
-        """Curvatures at the parameters of a location."""
+        """(q, m) curvatures at the m parameters of a location."""
         shape, face = self.domain, location.face
         n = len(shape.knots)
         if face.is_interior:
@@ -139,12 +146,12 @@ class _CurvatureField:
             layers = self._edge_layers(face.index)
             knots = shape.along(face.index, shape.knots)[:, None]
         count = location.s.shape[1]
-        gaussian, mean = np.empty(count), np.empty(count)
+        gaussian, mean = np.empty((len(self.points), count)), np.empty((len(self.points), count))
         step = max(64, block_length(n) // WORK_ARRAYS)
         for begin in range(0, count, step):
             block = slice(begin, begin + step)
             e = exponents(knots, self.log_weights, location.s[:, block])
-            gaussian[block], mean[block] = self._curvatures(e, layers)
+            gaussian[:, block], mean[:, block] = self._curvatures(e, layers)
         with np.errstate(over="ignore"):  # of a surface smaller than the smallest square
             return Curvature(gaussian / self.extent / self.extent, mean / self.extent)
 
@@ -168,49 +175,52 @@ class _CurvatureField:
     def _curvatures(self, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures from the (n, m) logarithms of T, up to a constant per column."""
         leader = np.where(layers.point[:, None], e, -np.inf).argmax(axis=0)
-        gaussian, mean = np.empty(e.shape[1]), np.empty(e.shape[1])
+        gaussian, mean = np.empty((len(self.points), e.shape[1])), np.empty((len(self.points), e.shape[1]))
         for k, here in groups(leader):
             if k not in self.frames:
                 self.frames[k] = frame(self.domain, k)
-            gaussian[here], mean[here] = self._about(k, e[:, here] - e[k, here], layers)
+            gaussian[:, here], mean[:, here] = self._about(k, e[:, here] - e[k, here], layers)
         return Curvature(gaussian, mean)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # from points without a normal or a finite limit
     def _about(self, k: int, e: FloatArray, layers: _Layers) -> Curvature:
         """Curvatures at points where knot k has the largest T; the logarithms are relative to it."""
         xi, eta, e_one, e_other, turn = _triangle(self.frames[k], e, layers)
-        deltas = cleared(self.points - self.points[k], self.rounding)
+        deltas = cleared(self.points - self.points[:, [k]], self.rounding[:, :, None])
+        columns = deltas.swapaxes(1, 2)
         t = _weighted(e, layers.point, 0.0, 1.0)
         total = t.sum(axis=0)
-        p = deltas.T @ t / total
+        p = columns @ t / total
         first, second = (
-            deltas.T @ x - p * x.sum(axis=0)
+            columns @ x - p * x.sum(axis=0)
             for x in (_weighted(e, layers.xi, e_one, xi), _weighted(e, layers.eta, e_other, eta))
         )
-        cross = cross_of_columns(first, second)
-        lengths = [np.sqrt((v**2).sum(axis=0)) for v in (first, second, cross)]
+        cross = np.empty_like(first)
+        cross_of_columns(first.swapaxes(0, 1), second.swapaxes(0, 1), cross.swapaxes(0, 1))
+        lengths = [np.sqrt((v**2).sum(axis=1)) for v in (first, second, cross)]
         regular = lengths[2] > PARALLEL_SINE * lengths[0] * lengths[1]
-        d = self._depths(deltas, p, np.where(regular, cross / lengths[2] * turn, np.nan))
+        d = self._depths(deltas, p, np.where(regular[:, None], cross / lengths[2][:, None] * turn, np.nan))
         xi_xi, xi_eta, eta_eta = (
-            total * (_weighted(e, members, shift, factor) * d).sum(axis=0)
+            total * (_weighted(e, members, shift, factor) * d).sum(axis=1)
             for members, shift, factor in (
                 (layers.xi_xi, 2 * e_one, xi * (xi - 1)),
                 (layers.xi_eta, e_one + e_other, xi * eta),
                 (layers.eta_eta, 2 * e_other, eta * (eta - 1)),
             )
         )
-        square, product = lengths[2] ** 2, (first * second).sum(axis=0)
+        square, product = lengths[2] ** 2, (first * second).sum(axis=1)
         gaussian = (xi_xi * eta_eta - xi_eta**2) / square
         mean = (2 * product * xi_eta - lengths[1] ** 2 * xi_xi - lengths[0] ** 2 * eta_eta) / (2 * square)
-        unlimited = (d[layers.against] != 0).any(axis=0) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
+        unlimited = (d[:, layers.against] != 0).any(axis=1) | ~np.isfinite(gaussian) | ~np.isfinite(mean)
         return Curvature(np.where(unlimited, np.nan, gaussian), np.where(unlimited, np.nan, mean))
 
     def _depths(self, deltas: FloatArray, p: FloatArray, normal: FloatArray) -> FloatArray:
-        """(n, m) distances of control points from the tangent planes, with 0 in place of possible rounding."""
-        d = deltas @ normal - (normal * p).sum(axis=0)
+        """(q, n, m) distances of control points from the tangent planes, with 0 in place of possible rounding."""
+        d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
         # The control points of the leading knot, and those equal to it, are as near as p is.
-        near = PLANE_ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=0))
-        d[np.abs(d) <= np.where((deltas != 0).any(axis=1)[:, None], self.rounding + near, near)] = 0.0
+        near = PLANE_ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
+        moved = (deltas != 0).any(axis=2, keepdims=True)
+        d[np.abs(d) <= np.where(moved, self.rounding[:, :, None] + near, near)] = 0.0
         return np.asarray(d)
 
 
