@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,6 +15,7 @@ from gtb_cli.theory.basis import Location, block_length
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.normals import NormalField, on_edge
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
@@ -36,11 +37,6 @@ class _Side:
     def points(self) -> FloatArray:
         """(m, 3) places in space."""
         return self.patch.points_at(self.places, SEAM_PLACES)
-
-    def normals(self) -> FloatArray:
-        """(m, 3) unit normals."""
-        normals = self.patch.normals_at(self.places, SEAM_PLACES)
-        return -normals if self.is_flipped else normals
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +101,13 @@ def joints(model: Model) -> tuple[Seam, ...]:
             places[key] = _places(patch, ref[1], fractions)
         return _Side(patch, places[key], model.joints.flipped[ref[0]])
 
+    pairs = [
+        (side(joint.first, t), side(joint.second, joint.across(model.patches, t))) for joint in model.joints.shared
+    ]
+    normals = _together([one for pair in pairs for one in pair], _normals)
     found = []
-    for joint in model.joints.shared:
-        sides = side(joint.first, t), side(joint.second, joint.across(model.patches, t))
-        ours, theirs = (one.normals() for one in sides)
+    for joint, sides in zip(model.joints.shared, pairs, strict=True):
+        ours, theirs = (normals[one] for one in sides)
         sine = np.linalg.norm(cross(ours, theirs), axis=1)
         angles = np.degrees(np.arctan2(sine, (ours * theirs).sum(axis=1)))
         worst = int(np.where(np.isfinite(angles), angles, -1.0).argmax())
@@ -118,17 +117,9 @@ def joints(model: Model) -> tuple[Seam, ...]:
 
 
 def bends(seams: Sequence[Seam]) -> list[float]:
-    """`Seam.bend` of each seam, sooner than one by one: sides at the same places of one basis are measured together."""
-    alike: dict[int, list[_Side]] = {}
-    for side in dict.fromkeys(side for seam in seams if seam._smooth.any() for side in seam._sides):
-        alike.setdefault(id(side.places), []).append(side)
-    mean: dict[_Side, FloatArray] = {}
-    for sides in alike.values():
-        step = max(1, block_length(len(sides[0].patch.knots)) // SEAM_PLACES)
-        for begin in range(0, len(sides), step):
-            part = sides[begin : begin + step]
-            found = curvatures_at([side.patch for side in part], part[0].places, SEAM_PLACES).mean
-            mean |= {side: -row if side.is_flipped else row for side, row in zip(part, found, strict=True)}
+    """`Seam.bend` of each seam, sooner than one by one."""
+    sides = [side for seam in seams if seam._smooth.any() for side in seam._sides]
+    mean = _together(sides, lambda patches, places: curvatures_at(patches, places, SEAM_PLACES).mean)
 
     def bend(seam: Seam) -> float:
         if not seam._smooth.any():
@@ -138,6 +129,32 @@ def bends(seams: Sequence[Seam]) -> list[float]:
         return float(across[np.isfinite(across)].max()) if np.isfinite(across).any() else math.nan
 
     return [bend(seam) for seam in seams]
+
+
+def _together(
+    sides: Sequence[_Side], function: Callable[[Sequence[Patch], Sequence[Location]], FloatArray]
+) -> dict[_Side, FloatArray]:
+    """Normals or mean curvatures of sides: those at the same places of one basis are computed together."""
+    alike: dict[int, list[_Side]] = {}
+    for side in dict.fromkeys(sides):
+        alike.setdefault(id(side.places), []).append(side)
+    result: dict[_Side, FloatArray] = {}
+    for group in alike.values():
+        step = max(1, block_length(len(group[0].patch.knots)) // SEAM_PLACES)
+        for begin in range(0, len(group), step):
+            part = group[begin : begin + step]
+            found = function([side.patch for side in part], part[0].places)
+            result |= {side: -values if side.is_flipped else values for side, values in zip(part, found, strict=True)}
+    return result
+
+
+def _normals(patches: Sequence[Patch], places: Sequence[Location]) -> FloatArray:
+    """(q, m, 3) unit normals of patches with one basis."""
+    fields = [NormalField(patch.domain, patch.log_products, patch.control_points) for patch in patches]
+    result = np.empty((len(patches), SEAM_PLACES, 3))
+    for location in places:
+        result[:, location.rows] = on_edge(fields, location)
+    return result
 
 
 def _places(patch: Patch, edge: int, t: FloatArray) -> list[Location]:

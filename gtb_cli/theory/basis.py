@@ -226,7 +226,7 @@ def shares(e: FloatArray) -> FloatArray:
 
 
 def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column.
+    """(…, 3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column.
 
     Parameters
     ----------
@@ -234,12 +234,12 @@ def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatAr
         Logarithms of T, up to a constant per column.
     eta : (n, m) or (n, 1) float
         Coordinates of the knots. A knot with an exact 0 does not count, however large its T.
-    deltas : (n, 3) float
-    mean : (3, m) float
+    deltas : (…, n, 3) float
+    mean : (…, 3, m) float
         Σ_i T_i δ_i.
     """
     x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
     np.clip(x, UNDERFLOW_EXPONENT, 0.0, out=x)
     np.exp(x, out=x)
     x *= eta
-    return np.asarray(deltas.T @ x - mean * x.sum(axis=0))
+    return np.asarray(deltas.swapaxes(-1, -2) @ x - mean * x.sum(axis=0))

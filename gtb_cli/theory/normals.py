@@ -7,7 +7,7 @@ unless the coordinates are exactly 0 for those knots; therefore the coordinates 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -82,7 +82,7 @@ class NormalField:
             elif location.face.is_corner:
                 result[location.rows] = self._at_corner(location.face.index)
             else:
-                result[location.rows] = self._on_edge(location)
+                result[location.rows] = on_edge([self], location)[0]
         return result
 
     def _inside(self, location: Location) -> FloatArray:
@@ -139,31 +139,6 @@ class NormalField:
     @cached_property
     def _rounding(self) -> float:
         return coordinate_rounding(self.control_points)
-
-    def _on_edge(self, location: Location) -> FloatArray:
-        edge = location.face.index
-        on_edge = np.flatnonzero(self.domain.incidence[:, edge])
-        along = self.domain.along(edge, self.domain.knots)
-        e = exponents(location.knots, self.log_weights[on_edge], location.s)
-        leader = e.argmax(axis=0)
-        result = np.full((e.shape[1], 3), np.nan)
-        for k, rows in groups(leader):
-            deltas = self._deltas(int(on_edge[k]))
-            position = deltas[on_edge].T @ shares(e[:, rows])
-            step = along[on_edge] - along[on_edge[k]]
-            step[np.abs(step) <= knot_tolerance(self.domain.knots)] = 0.0
-            tangent = covariance(e[:, rows], step[:, None], deltas[on_edge], position)
-            for layer in layers(self.domain.heights[:, edge]):
-                t = shares(exponents(along[layer, None], self.log_weights[layer], location.s[:, rows]))
-                result[rows], _ = _unit_cross(tangent, self._cleared(deltas[layer].T @ t - position))
-                todo = np.isnan(result[rows, 0])
-                rows, tangent, position = rows[todo], tangent[:, todo], position[:, todo]
-                if not len(rows):
-                    break
-        lost = np.flatnonzero(np.isnan(result[:, 0]))
-        if len(lost) and self._is_point(on_edge):
-            result[lost] = self._about_point(edge, location.s[0, lost])
-        return result
 
     def _is_point(self, knots: IntArray) -> bool:
         return not self._deltas(int(knots[0]))[knots].any()
@@ -273,6 +248,37 @@ class NormalField:
         return limits[0] if np.ptp(limits, axis=0).max() < DIRECTION_TOLERANCE else nothing
 
 
+def on_edge(fields: Sequence[NormalField], location: Location) -> FloatArray:
+    """(q, m, 3) normals at a location on an edge, of q surfaces with one basis; NaN where a surface has none."""
+    edge, one = location.face.index, fields[0]
+    shape, log_weights = one.domain, one.log_weights
+    members = np.flatnonzero(shape.incidence[:, edge])
+    along = shape.along(edge, shape.knots)
+    e = exponents(location.knots, log_weights[members], location.s)
+    result = np.full((len(fields), e.shape[1], 3), np.nan)
+    for k, rows in groups(e.argmax(axis=0)):
+        deltas = np.array([field._deltas(int(members[k])) for field in fields])
+        rounding = np.array([field._rounding for field in fields])[:, None, None]
+        position = deltas.take(members, axis=1).swapaxes(1, 2) @ shares(e[:, rows])
+        step = along[members] - along[members[k]]
+        step[np.abs(step) <= knot_tolerance(shape.knots)] = 0.0
+        tangent = covariance(e[:, rows], step[:, None], deltas.take(members, axis=1), position)
+        for layer in layers(shape.heights[:, edge]):
+            t = shares(exponents(along[layer, None], log_weights[layer], location.s[:, rows]))
+            towards = cleared(deltas.take(layer, axis=1).swapaxes(1, 2) @ t - position, rounding)
+            found = result[:, rows]
+            result[:, rows] = np.where(np.isnan(found), _unit_cross(tangent, towards)[0], found)
+            todo = np.isnan(result[:, rows, 0]).any(axis=0)
+            rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
+            if not len(rows):
+                break
+    for field, normals in zip(fields, result, strict=True):
+        lost = np.flatnonzero(np.isnan(normals[:, 0]))
+        if len(lost) and field._is_point(members):
+            normals[lost] = field._about_point(edge, location.s[0, lost])
+    return result
+
+
 def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
     """(m, 3) unit vectors along (3, m) sums; NaN if a sum is rounding relative to the (m,) sums of lengths."""
     length = np.sqrt((total**2).sum(axis=0))
@@ -281,15 +287,17 @@ def _direction(total: FloatArray, size: FloatArray) -> FloatArray:
 
 
 def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(m, 3) unit cross products of (3, m) vectors, NaN if they are parallel or zero; and the sines of their angles."""
+    """(…, m, 3) unit cross products of (…, 3, m) vectors, NaN if parallel or zero; and the sines of their angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (_unit(v) for v in (first, second))
-        normal = cross_of_columns(first, second)
-        sine = np.sqrt((normal**2).sum(axis=0))
-        return np.where(sine > PARALLEL_SINE, normal / sine, np.nan).T, sine
+        normal = np.empty_like(first)
+        cross_of_columns(*(v.swapaxes(0, -2) for v in (first, second, normal)))
+        sine = np.sqrt((normal**2).sum(axis=-2))
+        across = sine[..., None, :]
+        return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
 
 
 def _unit(v: FloatArray) -> FloatArray:
     """The columns, of length 1; scaled to a largest entry of 1 first, so that squares do not underflow."""
-    v = v / np.abs(v).max(axis=0)
-    return np.asarray(v / np.sqrt((v**2).sum(axis=0)))
+    v = v / np.abs(v).max(axis=-2, keepdims=True)
+    return np.asarray(v / np.sqrt((v**2).sum(axis=-2, keepdims=True)))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
 from gtb_cli.assembly.requirements import requirements
-from gtb_cli.assembly.seams import joints
+from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import binomial_coefficients
@@ -124,3 +125,22 @@ def test_requirements_in_python():
     assert requirements(["watertight", "smooth:0.5deg"]) == {"watertight": 0.0, "smooth": 0.5}
     with pytest.raises(RequirementError, match="not smooth"):
         Recipe(2, require="smooth:1deg").mesh(roof(3.0))
+
+
+def test_sides_that_are_measured_together_are_as_those_measured_alone():
+    """Patches of one basis are measured at once; some here have no normal on an edge, or are flipped."""
+    random = np.random.default_rng(3)
+    rows = random.normal(size=(8, 2, 3)) + [3, 0, 0] * np.arange(8)[:, None, None]
+    rows[2, 0] = rows[2, 1]
+    patches = []
+    for k, (first, second) in enumerate(itertools.pairwise(rows)):
+        patch = sheet(
+            [row for y in (0, 1) for row in (first[y], (first[y] + second[y]) / 2 + [0, 0, k], second[y])], ""
+        )
+        patches.append(patch if k % 3 else patch.replace(control_points=patch.control_points[::-1]))
+    together = joints(Model(tuple(patches)))
+    assert len(together) == 5
+    for k, seam in enumerate(together):
+        index = sorted((seam.first[0], seam.second[0]))
+        (alone,) = joints(Model(tuple(patches[i] for i in index)))
+        np.testing.assert_equal([seam.angle, bends(together)[k]], [alone.angle, alone.bend])
