@@ -122,13 +122,13 @@ class MovingChart(Chart):
     ----------
     knots : (d, n, k) float
     log_weights : (n, k) float
-    control_points : (3, n) float
-    floors : (d, k) float, optional
+    floors : (d, k) float
         Least torus coordinates.
+    control_points : (3, n) float
     """
 
     def __init__(
-        self, knots: FloatArray, log_weights: FloatArray, control_points: FloatArray, floors: FloatArray | None = None
+        self, knots: FloatArray, log_weights: FloatArray, floors: FloatArray, control_points: FloatArray
     ) -> None:
         self.knots, self.log_weights, self.control_points = knots, log_weights, control_points
         self.floors, self.dimension = floors, len(knots)
@@ -150,7 +150,7 @@ class MovingChart(Chart):
 
     def within(self, s: FloatArray, surface: IntArray) -> FloatArray:
         """See `Chart`."""
-        return s if self.floors is None else np.maximum(s, self.floors[:, surface])
+        return np.maximum(s, self.floors[:, surface])
 
     def _shares(self, s: FloatArray, knots: FloatArray, surface: IntArray) -> FloatArray:
         """(n, m) shares of the knots in the points."""

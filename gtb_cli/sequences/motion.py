@@ -39,12 +39,15 @@ BLOCKS = 4
 """Blocks along each axis into which Δ is cut: points search for their feet in the nearest ones."""
 
 
-class _Rows(NamedTuple):
-    """Vertices that all surfaces have in one chart: its number, (k, d, m) torus coordinates, and (q, 4) their cells."""
+class _Chart(NamedTuple):
+    """The (2, n, k) knots, (n, k) logarithms of weights and (2, k) least coordinates of k surfaces in a `MovingChart`.
 
-    chart: int
-    s: FloatArray
-    cells: IntArray
+    Edges use the first coordinate only.
+    """
+
+    knots: FloatArray
+    log_weights: FloatArray
+    floors: FloatArray
 
 
 class Motion:
@@ -129,29 +132,28 @@ class Motion:
             s = np.concatenate([s, np.broadcast_to(where, (count, *where.shape))], axis=1)
             chart = np.concatenate([chart, np.full((count, len(where)), len(charts))], axis=1)
             charts.append(self._film_chart(film))
-        points = np.empty((count, len(block), 3))
-        for index, rows in groups(chart[0]):
-            d = charts[index].dimension
-            where = s[:, rows, :d].reshape(-1, d).T
-            surface = np.repeat(np.arange(count), len(rows))
-            points[:, rows] = charts[index].points(where, surface).T.reshape(count, -1, 3)
+        # One chart for all: small batches would take longer.
+        column = count * chart + np.arange(count)[:, None]
+        whole = MovingChart(*(np.concatenate(each, axis=-1) for each in zip(*charts, strict=True)), self.control_points)
+        points = whole.points(s.reshape(-1, 2).T, column.ravel()).T.reshape(*column.shape, 3)
         points[-2, len(u) :] = ABSENT
+        own = np.zeros_like(chart)
         for corner, rows in corners:
-            points[:, rows], chart[:, rows] = self._corner_points(corner)[:, None], len(charts)
+            points[:, rows], own[:, rows] = self._corner_points(corner)[:, None], 1
         free = np.ones(len(block), dtype=bool)
         inner = members_of(block, np.flatnonzero(free))
 
         def columns(_: MovingChart, spots: Spots) -> IntArray:
-            return spots.surface
+            return column[spots.surface, spots.row]
 
         return Search(
-            points, s, chart, charts, columns, neighbours_of(np.concatenate(together), free), inner, self.accuracy
+            points, s, own, [whole], columns, neighbours_of(np.concatenate(together), free), inner, self.accuracy
         )
 
-    def _inner_chart(self) -> MovingChart:
+    def _inner_chart(self) -> _Chart:
         knots = (self.knots - self.shape.center[:, None]) / self.extents[:, None]
         logs = np.repeat(self.limit.patch.log_products[:, None], len(self.surfaces), axis=1)
-        return MovingChart(np.moveaxis(knots, 1, 0), logs, self.control_points)
+        return _Chart(np.moveaxis(knots, 1, 0), logs, np.full((2, len(self.surfaces)), -np.inf))
 
     def _inner_coordinates(self, u: FloatArray) -> FloatArray:
         """(k, m, 2) torus coordinates of (m, 2) points inside Δ."""
@@ -162,12 +164,12 @@ class Motion:
         ]
         return np.stack([s.T for s in (*found, found[-1])])
 
-    def _edge_chart(self, edge: int) -> MovingChart:
-        on = self.incidence[:, edge]
-        rows = np.flatnonzero(on.any(axis=1))
-        knots = np.stack([self.shape.along(edge, self.knots[rows, :, k]) for k in range(len(self.surfaces))], axis=-1)
-        logs = np.where(on[rows], self.limit.patch.log_products[rows, None], ABSENT_EXPONENT)
-        return MovingChart(knots[None] / self._length(edge), logs, self.control_points[:, rows])
+    def _edge_chart(self, edge: int) -> _Chart:
+        knots = np.zeros((2, *self.incidence[:, edge].shape))
+        for k in range(len(self.surfaces)):
+            knots[0, :, k] = self.shape.along(edge, self.knots[:, :, k]) / self._length(edge)
+        logs = np.where(self.incidence[:, edge], self.limit.patch.log_products[:, None], ABSENT_EXPONENT)
+        return _Chart(knots, logs, np.full((2, len(self.surfaces)), -np.inf))
 
     def _length(self, edge: int) -> float:
         return float(self.shape.along(edge, np.roll(self.shape.vertices, -1, axis=0)[edge][None])[0])
@@ -212,7 +214,7 @@ class Motion:
         quads = np.stack([number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]], axis=-1).reshape(-1, 4)
         return np.column_stack([one.ravel(), other.ravel()]), quads
 
-    def _film_chart(self, film: Film) -> MovingChart:
+    def _film_chart(self, film: Film) -> _Chart:
         """The chart of a film and of the layers that become it: torus coordinates along the edge, and scaled ones out
         of Δ."""
         shape, facets, rows = self.shape, film.face.facets, film.members
@@ -238,4 +240,4 @@ class Motion:
                 logs[:, k] -= depths / layer
             knots[first + j, rows, -2:] = -(speeds / speeds.max())[:, None]
             floors[first + j, -2:] = 0.0
-        return MovingChart(knots, logs, self.control_points, floors)
+        return _Chart(knots, logs, floors)
