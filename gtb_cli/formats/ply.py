@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -19,6 +20,11 @@ from gtb_cli.vocabulary import plain_name
 
 RESERVED_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
 """Properties with a meaning of their own, whose names attributes cannot have."""
+
+HEADER_END = b"end_header\n"
+
+BINARY_ROWS = 1 << 18
+"""Rows of a table that are written at once: 3 MB of faces, beside which the exporter's header costs nothing."""
 
 
 def ply_blocks(
@@ -37,7 +43,7 @@ def ply_blocks(
         columns |= zip("st", uv.T, strict=True)
     columns |= attributes
     if not ascii and not mesh.is_curve:
-        yield _ply_of_trimesh(mesh, normals, columns)
+        yield from _ply_of_trimesh(mesh, normals, columns)
         return
     table = np.column_stack(list(columns.values()))
     encoding, number = ("ascii", "double") if ascii else ("binary_little_endian", "float")
@@ -65,25 +71,34 @@ def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
     return in_forks(text, range(0, len(values), BLOCK_ROWS))
 
 
-def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str, FloatArray]) -> bytes:
-    import trimesh
+def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str, FloatArray]) -> Iterator[bytes]:
+    """Yield a binary PLY file by blocks, since trimesh's exporter holds its tables and their bytes at once."""
     from trimesh.exchange.ply import export_ply
 
     scalars = list(columns)[3 if normals is None else 6 :]
-    data: bytes = export_ply(
-        trimesh.Trimesh(
-            vertices=mesh.vertices,
-            faces=mesh.cells,
-            vertex_normals=normals,
-            vertex_attributes={name: columns[name].astype(SINGLE_FLOAT) for name in scalars},
-            process=False,
-            validate=False,
-        ),
-        encoding="binary",
-        vertex_normal=normals is not None,
-        include_attributes=True,
-    )
-    return data
+
+    def exported(**tables: object) -> bytes:
+        # A Trimesh would copy its arrays; the exporter needs only these attributes, and leaves out what is missing.
+        part = SimpleNamespace(visual=SimpleNamespace(kind=None), **tables)
+        data: bytes = export_ply(part, encoding="binary", vertex_normal=normals is not None, include_attributes=True)
+        return data
+
+    def vertices(rows: slice) -> dict[str, object]:
+        attributes = {name: columns[name][rows].astype(SINGLE_FLOAT) for name in scalars}
+        return {
+            "vertices": mesh.vertices[rows],
+            "vertex_normals": None if normals is None else normals[rows],
+            "vertex_attributes": attributes,
+        }
+
+    header = exported(**vertices(slice(0)), faces=mesh.cells[:0])
+    for element, count in ((b"vertex", len(mesh.vertices)), (b"face", len(mesh.cells))):
+        header = header.replace(b"element %b 0\n" % element, b"element %b %d\n" % (element, count))
+    yield header
+    for start in range(0, len(mesh.vertices), BINARY_ROWS):
+        yield exported(**vertices(slice(start, start + BINARY_ROWS))).partition(HEADER_END)[2]
+    for start in range(0, len(mesh.cells), BINARY_ROWS):
+        yield exported(faces=mesh.cells[start : start + BINARY_ROWS]).partition(HEADER_END)[2]
 
 
 def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

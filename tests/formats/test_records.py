@@ -14,6 +14,7 @@ import trimesh
 from trimesh.exchange.ply import export_ply
 
 from gtb_cli.errors import ExportError
+from gtb_cli.formats import ply
 from gtb_cli.formats.export import encode_mesh, write_mesh
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.formats.stl import facet_normals
@@ -60,6 +61,17 @@ def test_ply_as_text_keeps_doubles_far_from_the_origin(tmp_path):
 def test_ply_of_a_curve_is_what_trimesh_writes():
     theirs = export_ply(curve().to_trimesh(), encoding="binary").splitlines(keepends=True)
     assert encoded(curve(), "ply") == b"".join(line for line in theirs if not line.startswith(b"comment"))
+
+
+@pytest.mark.parametrize("normals", [False, True])
+def test_ply_by_blocks_is_what_trimesh_writes_at_once(normals, monkeypatch):
+    mesh = replace(surface(), attributes={"size": np.linspace(0, 1, 25)})
+    whole = mesh.to_trimesh()
+    whole.vertex_attributes["size"] = mesh.attributes["size"].astype("<f4")
+    monkeypatch.setattr(ply, "BINARY_ROWS", 7)
+    blocks = list(encode_mesh(mesh, "ply", normals=normals))
+    assert b"".join(blocks) == export_ply(whole, encoding="binary", vertex_normal=normals)
+    assert len(blocks) == 1 + 4 + 5
 
 
 @pytest.mark.parametrize("name", ["x", "nx", "s"])
