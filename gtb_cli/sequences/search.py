@@ -207,7 +207,7 @@ class Search:
         rows = np.column_stack([np.where(same, spots.row[far], rows[:, 0]), rows])
         s = self.s[surface[far, None], rows]
         s[same, 0] = spots.s[far[same]]
-        for columns in (slice(2), slice(2, None)):
+        for columns in (slice(2), slice(2, None)) if guess is not None else (slice(None),):
             open_ = distances[far] > enough[far]
             row = rows[open_, columns]
             target = np.repeat(surface[far[open_]], row.shape[1])
