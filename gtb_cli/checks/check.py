@@ -8,6 +8,7 @@ from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import ModelReport, Outcome, Report, not_applicable
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.theory.model import Model
+from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
 
@@ -30,18 +31,32 @@ def check_patch(patch: Patch) -> Report:
     ----------
     See `PROPERTIES`, which has one for each property.
     """
-    probe = Probe(patch)
-    findings = []
-    for prop in PROPERTIES:
-        reference = prop.of_curves if patch.dimension == 1 else prop.of_surfaces
-        if reference is not None:
-            findings.append(_measured(prop.measure, probe).of(prop.name, reference))
-    return Report(patch.name, tuple(findings))
+    return _checked(Probe(patch))
 
 
 def check_model(model: Model) -> ModelReport:
     """Measure every property on each patch of a model, and the joints between patches."""
-    return ModelReport(model.name, tuple(map(check_patch, model)), joint_findings(model))
+    alike: dict[RationalBasis, list[int]] = {}
+    for index, patch in enumerate(model):
+        alike.setdefault(patch.rational_basis, []).append(index)
+    reports: dict[int, Report] = {}
+    for first, *others in alike.values():  # one basis after the other: its values may take 8 MB
+        probe = Probe(model.patches[first])
+        reports[first] = _checked(probe)
+        reports |= {index: _checked(probe.of(model.patches[index])) for index in others}
+    return ModelReport(model.name, tuple(reports[index] for index in sorted(reports)), joint_findings(model))
+
+
+def _checked(probe: Probe) -> Report:
+    patch, findings = probe.patch, []
+    for prop in PROPERTIES:
+        reference = prop.of_curves if patch.dimension == 1 else prop.of_surfaces
+        if reference is not None:
+            outcome = probe.outcomes.get(prop.name) or _measured(prop.measure, probe)
+            if prop.of_basis:
+                probe.outcomes[prop.name] = outcome
+            findings.append(outcome.of(prop.name, reference))
+    return Report(patch.name, tuple(findings))
 
 
 def _measured(measure: Measure, probe: Probe) -> Outcome:

@@ -44,6 +44,9 @@ BOUNDARY_FRACTIONS = (2.0**-8, 2.0**-16, 2.0**-30)
 MIN_PARAMETERS = 16
 """Number of parameters at which even the largest patches are sampled."""
 
+BASIS_DATA = {"u", "heights", "inside", "torus", "basis", "knot_rounding", "rounding", "repetitions", "outcomes"}
+"""Data of a probe that depend only on the rational basis."""
+
 
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
 
@@ -59,6 +62,12 @@ class Probe:
     """
 
     patch: Patch
+
+    def of(self, patch: Patch) -> Probe:
+        """The probe of a patch with the same rational basis, with the data that depend only on this."""
+        other = Probe(patch)
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in BASIS_DATA})
+        return other
 
     @cached_property
     def u(self) -> FloatArray:
@@ -100,6 +109,11 @@ class Probe:
     def points(self) -> FloatArray:
         """(m, 3) points at `u`."""
         return self.patch.evaluate(self.u)
+
+    @cached_property
+    def outcomes(self) -> dict[str, Outcome]:
+        """Outcomes of properties of the rational basis, by name."""
+        return {}
 
     @cached_property
     def knot_rounding(self) -> float:

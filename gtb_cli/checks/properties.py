@@ -9,18 +9,22 @@ from gtb_cli.checks.probe import Measure
 
 
 class Property(NamedTuple):
-    """A property: where the paper states it for curves and for surfaces (None: not at all), and its measure."""
+    """A property: where the paper states it for curves and for surfaces (None: not at all), and its measure.
+
+    Patches with the same rational basis have the outcomes of properties `of_basis` in common.
+    """
 
     name: str
     of_curves: str | None
     of_surfaces: str | None
     measure: Measure
+    of_basis: bool = False
 
 
 PROPERTIES = (
     Property("definition", "Def. 3.1", "Def. 4.1", basis.definition),
-    Property("nonnegativity", "Thm 2.1 (a)", "Thm 2.3 (a)", basis.nonnegativity),
-    Property("partition of unity", "Thm 2.1 (b)", "Thm 2.3 (b)", basis.partition_of_unity),
+    Property("nonnegativity", "Thm 2.1 (a)", "Thm 2.3 (a)", basis.nonnegativity, of_basis=True),
+    Property("partition of unity", "Thm 2.1 (b)", "Thm 2.3 (b)", basis.partition_of_unity, of_basis=True),
     Property("corners", "Thm 2.1 (d), Sec. 3 (b)", "Thm 2.3 (d), Sec. 4 (c)", basis.corners),
     Property("boundary curves", None, "Thm 2.3 (c), Thm 4.0", surface.boundaries),
     Property("convex hull", "Sec. 3 (a)", "Sec. 4 (a)", basis.hull),
@@ -42,8 +46,14 @@ PROPERTIES = (
     Property("multiple knots", "Thm 3.1, Cor. 3.1", "Thm 4.1", degeneration.multiple_knots),
     Property("weights of the degeneration", "eq. 304", "eq. 403", degeneration.weights),
     Property("toric degeneration", "Thm 3.2", "Thm 4.2", degeneration.toric_degeneration),
-    Property("linear precision", "Ex. 4.1", "Ex. 4.1", basis.linear_precision),
-    Property("linear precision, linear parametrization", "Ex. 4.1", "Ex. 4.1", basis.linear_precision_of_linear),
-    Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity),
+    Property("linear precision", "Ex. 4.1", "Ex. 4.1", basis.linear_precision, of_basis=True),
+    Property(
+        "linear precision, linear parametrization",
+        "Ex. 4.1",
+        "Ex. 4.1",
+        basis.linear_precision_of_linear,
+        of_basis=True,
+    ),
+    Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity, of_basis=True),
 )
 """Properties in the order in which they are reported."""

@@ -590,3 +590,13 @@ def test_descriptions_of_patches_with_one_basis_are_those_of_each():
     patches = [one, one.replace(control_points=2 * one.control_points), one.replace(edge_normals="unit")]
     for found, patch in zip(descriptions(patches), patches, strict=True):
         assert repr(found) == repr(description(patch))
+
+
+def test_patches_with_one_basis_are_checked_together_as_they_are_alone():
+    """Values of the basis are shared; control points, and another basis between, are not."""
+    first = spec("bicubic")
+    moved = first.replace(control_points=first.control_points[::-1] * [1, 2, 3], name="moved")
+    other = first.replace(weights=first.weights + np.arange(len(first.knots)), name="other")
+    model = Model((first, other, moved))
+    assert first.rational_basis is moved.rational_basis is not other.rational_basis
+    assert check(model).patches == tuple(map(check, model))
