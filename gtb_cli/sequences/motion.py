@@ -136,7 +136,8 @@ class Motion:
             charts.append(self._film_chart(film))
         # One chart for all: small batches would take longer.
         column = count * chart + np.arange(count)[:, None]
-        whole = MovingChart(*(np.concatenate(each, axis=-1) for each in zip(*charts, strict=True)), self.control_points)
+        knots, logs, floors = (np.concatenate(each, axis=-1) for each in zip(*charts, strict=True))
+        whole = MovingChart(knots, logs, floors, self.control_points)
         points = whole.points(s.reshape(-1, 2).T, column.ravel()).T.reshape(*column.shape, 3)
         points[-2, len(u) :] = ABSENT
         own = np.zeros_like(chart)
