@@ -49,7 +49,7 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
         Name of the solid, written in text files.
     """
     if not ascii:
-        yield _stl_of_trimesh(vertices, triangles)
+        yield from _stl_of_trimesh(vertices, triangles)
         return
 
     def text(start: int) -> bytes:
@@ -69,17 +69,19 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     yield b"endsolid " + title + b"\n"
 
 
-def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> bytes:
+def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> Iterator[bytes]:
+    """Yield a binary STL file by blocks, since trimesh's exporter holds all corners, their records and the file."""
     from trimesh.exchange.stl import export_stl
 
-    normals = np.empty(triangles.shape, dtype=SINGLE_FLOAT)
+    single = vertices.astype(SINGLE_FLOAT)
     for start in range(0, len(triangles), BLOCK_ROWS):
-        block = slice(start, start + BLOCK_ROWS)
-        normals[block] = facet_normals(vertices[triangles[block]])
-    # A Trimesh would compute its own normals (see facet_normals); the exporter needs only these three attributes.
-    facets = SimpleNamespace(faces=triangles, face_normals=normals, triangles=vertices.astype(SINGLE_FLOAT)[triangles])
-    data: bytes = export_stl(facets)
-    return data
+        block = triangles[start : start + BLOCK_ROWS]
+        normals = facet_normals(vertices[block]).astype(SINGLE_FLOAT)
+        # A Trimesh would compute its own normals (see facet_normals); the exporter needs only these three attributes.
+        data: bytes = export_stl(SimpleNamespace(faces=block, face_normals=normals, triangles=single[block]))
+        if not start:
+            yield data[: STL_HEADER_BYTES - 4] + len(triangles).to_bytes(4, "little")
+        yield data[STL_HEADER_BYTES:]
 
 
 def facet_normals(corners: FloatArray) -> FloatArray:

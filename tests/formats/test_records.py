@@ -83,6 +83,13 @@ def test_ply_refuses_an_attribute_named_like_a_property(name):
 # --- STL -------------------------------------------------------------------------------------------------------------
 
 
+def test_stl_does_not_depend_on_its_blocks(monkeypatch):
+    whole = encoded(surface(), "stl")
+    monkeypatch.setattr("gtb_cli.formats.stl.BLOCK_ROWS", 7)
+    assert encoded(surface(), "stl") == whole
+    assert len(whole) == 84 + 50 * 32
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e9])
 @pytest.mark.parametrize("ascii", [False, True])
 def test_stl_normals_are_those_of_the_triangles_at_any_size(ascii, scale, tmp_path):
