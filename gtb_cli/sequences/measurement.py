@@ -16,7 +16,7 @@ from gtb_cli.meshes.compare import surface_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
-from gtb_cli.sequences.motion import Motion
+from gtb_cli.sequences.motion import Motion, has_wide_layers
 from gtb_cli.sequences.separation import Separation
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.lattice import MIN_SAMPLES
@@ -74,7 +74,7 @@ class Measurement:
     """Distances of surfaces from a limit.
 
     Distances are found on the surfaces themselves, see `Separation` and `Motion`; those of curves whose knots move,
-    and of surfaces with too many places or some that cannot be followed, between meshes.
+    and of surfaces with too many places, with knots near to edges, or some that cannot be followed, between meshes.
 
     For these, surface and limit are meshed with the same triangulation, refined until each mesh is within the chord
     error of its surface. The Hausdorff distance is taken between cells, not vertices (`surface_distance`). It is off by
@@ -119,7 +119,7 @@ class Measurement:
     def with_moving_knots(self, member: int) -> FloatArray | None:
         """Distances from a knot limit, found for some members together; None for other families, and where it fails."""
         limit = self.family.knot_limit
-        if limit is None or self.family.dimension == 1:
+        if limit is None or self.family.dimension == 1 or not has_wide_layers(limit):
             return None
         if member not in self.moving:
             start = self.family.uniform(self.resolution_for(SEARCH_CELLS))

@@ -13,7 +13,7 @@ from gtb_cli.sequences.family import approaching
 from gtb_cli.sequences.film import film_mesh
 from gtb_cli.sequences.knot_limit import knot_limit
 from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
-from tests.marks import mostly_long
+from tests.marks import long, mostly_long
 
 SPECS = Path(__file__).parents[2] / "specs"
 THREE_DIGITS = 5e-4
@@ -78,8 +78,20 @@ def inner_knots():
     ("moves", "step"), mostly_long([({6: 3}, 0.6), ({6: 7}, 0.3), ({6: 1}, 0.95), ({6: 3, 7: 1}, 0), ({7: 5}, 0.9)])
 )
 def test_moving_knots_against_dense_samples(moves, step):
+    assert_distances_of_dense_samples(inner_knots(), moves, step)
+
+
+@long
+def test_a_layer_of_a_knot_near_an_edge_is_not_missed():
+    """Vertices all over Δ are too far from there: the film would be 0.06 away, and not 0.021."""
+    rng = np.random.default_rng(0)
+    knots = [[0, 0], [3, 0], [0, 3], [1.5, 0.04], [0.05, 1.2], [1, 0.7], [1.2, 1.1]]
+    patch = Patch(knots, rng.normal(size=(7, 3)), np.exp(rng.normal(size=7)))
+    assert_distances_of_dense_samples(patch, {3: 0}, 0.5)
+
+
+def assert_distances_of_dense_samples(patch, moves, step):
     """Film and merged patch are sampled by themselves, and the member up to a thousandth of its layer."""
-    patch = inner_knots()
     limit, member = knot_limit(patch, moves), move_knots(patch, moves, step)
     mosaic = approaching(limit, [step]).graded(CELLS, 0)
     there = Mesh(member.evaluate(mosaic.parameters, "linear"), mosaic.cells)
