@@ -73,8 +73,8 @@ ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
 class Measurement:
     """Distances of surfaces from a limit.
 
-    Distances are found on the surfaces themselves, see `Separation` and `Motion`; those of curves whose knots move,
-    and of surfaces with too many places, with knots near to edges, or some that cannot be followed, between meshes.
+    Distances are found on the surfaces themselves, see `Separation` and `Motion`; those of curves whose knots move, and
+    of surfaces with films, knots near to edges, too many places or some that cannot be followed, between meshes.
 
     For these, surface and limit are meshed with the same triangulation, refined until each mesh is within the chord
     error of its surface. The Hausdorff distance is taken between cells, not vertices (`surface_distance`). It is off by

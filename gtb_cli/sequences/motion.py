@@ -41,23 +41,19 @@ BLOCKS = 4
 
 LEAST_LAYER = 0.1
 """Width of a layer between an edge and a knot, as a fraction of that of Δ, in which vertices of Δ find nearest points.
-Of 145 random limits nine were wrong: eight with layers below 0.05, one with speeds of 45 to 1."""
-
-MAX_SPEED_RATIO = 8.0
-"""Largest ratio of the speeds of knots towards one edge: slower ones have layers of their own."""
+With layers below 0.05, some were missed."""
 
 
 def has_wide_layers(limit: KnotLimit) -> bool:
-    """Whether the vertices of `Motion` reach all layers along the edges of Δ, those of knots that end near to one, too.
+    """Whether the vertices of `Motion` reach all layers along the edges of Δ.
 
-    If not, nearest points may be missed, and distances be several times too large.
+    If not, nearest points may be missed, and distances be several times too large. Films are never reached well enough:
+    among 69 random limits with wide layers one film came out too far, by 2.8 % of the diagonal.
     """
     shape = limit.patch.domain
     depths = shape.heights[limit.targets] / shape.heights.max(axis=0)
     inside = ~shape.incidence[limit.targets]
-    speeds = [each[each > 0] for film in limit.films for each in film.speeds.T]
-    ratio = max((float(each.max() / each.min()) for each in speeds if len(each)), default=1.0)
-    return float(depths.min(initial=np.inf, where=inside)) >= LEAST_LAYER and ratio <= MAX_SPEED_RATIO
+    return not limit.films and float(depths.min(initial=np.inf, where=inside)) >= LEAST_LAYER
 
 
 class _Chart(NamedTuple):
@@ -74,7 +70,7 @@ class _Chart(NamedTuple):
 class Motion:
     """Two-sided distances of surfaces with moving knots from the merged one, and from this one with its films.
 
-    Vertices reach the layers of films, but no others: see `has_wide_layers`.
+    Nearest points may be missed in thin layers: see `has_wide_layers`.
 
     Parameters
     ----------
