@@ -46,10 +46,6 @@ class Chart(ABC):
     def derivatives(self, s: FloatArray, columns: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(3, m) points, (d, 3, m) first and (1 or 3, 3, m) second derivatives with respect to s; see `PAIRS`."""
 
-    def within(self, s: FloatArray, columns: Any) -> FloatArray:
-        """Torus coordinates moved into the chart."""
-        return s
-
     def least_squares(
         self, points: FloatArray, start: FloatArray, columns: Any, accuracy: float, enough: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
@@ -73,8 +69,7 @@ class Chart(ABC):
             reach = np.where(better, np.minimum(2 * reach, LONGEST_SLIDE), reach / 4)
             step = _descent(gradient, first, [dot(each, apart) for each in second], reach)
             # Three quarters of a step that led farther away are taken back.
-            following = self.within(np.where(better, s + step, best + (s - best) / 4), columns)
-            step = np.where(better, following - s, step)
+            following = np.where(better, s + step, best + (s - best) / 4)
             best, least = np.where(better, s, best), np.where(better, square, least)
             squares[active], feet[:, active] = least, best
             near = better & (-(gradient * step).sum(axis=0) <= accuracy * square)
@@ -122,16 +117,12 @@ class MovingChart(Chart):
     ----------
     knots : (d, n, k) float
     log_weights : (n, k) float
-    floors : (d, k) float
-        Least torus coordinates.
     control_points : (3, n) float
     """
 
-    def __init__(
-        self, knots: FloatArray, log_weights: FloatArray, floors: FloatArray, control_points: FloatArray
-    ) -> None:
+    def __init__(self, knots: FloatArray, log_weights: FloatArray, control_points: FloatArray) -> None:
         self.knots, self.log_weights, self.control_points = knots, log_weights, control_points
-        self.floors, self.dimension = floors, len(knots)
+        self.dimension = len(knots)
 
     def points(self, s: FloatArray, surface: IntArray) -> FloatArray:
         """See `Chart`."""
@@ -148,13 +139,8 @@ class MovingChart(Chart):
         second = np.stack([b @ each - each.sum(axis=0) * points for each in products])
         return points, np.stack([b @ each for each in weighted]), second
 
-    def within(self, s: FloatArray, surface: IntArray) -> FloatArray:
-        """See `Chart`."""
-        return np.maximum(s, self.floors[:, surface])
-
     def _shares(self, s: FloatArray, knots: FloatArray, surface: IntArray) -> FloatArray:
         """(n, m) shares of the knots in the points."""
-        s = self.within(s, surface)
         e = scaled_exponentials(
             reduce(np.add, (a * x for a, x in zip(knots, s, strict=True))) + self.log_weights[:, surface]
         )

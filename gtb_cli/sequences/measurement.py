@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, joined
+from gtb_cli.arrays import joined
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.compare import surface_distance
@@ -84,7 +84,7 @@ class Measurement:
 
     def __init__(self, family: Family, accuracy: Accuracy) -> None:
         self.family, self.accuracy = family, accuracy
-        self.moving: dict[int, FloatArray | None] = {}
+        self.moving: dict[int, float | None] = {}
         self.starts: dict[float, tuple[Complex, str]] = {}
 
     def resolution_for(self, cells: int) -> int:
@@ -111,13 +111,13 @@ class Measurement:
         for member in members:
             if member == last and not self.family.has_film:
                 yield 0.0, 0.0, ""
-            elif (both := self.with_moving_knots(member)) is not None:
-                yield float(both[0]), float(both[1]), ""
+            elif (distance := self.with_moving_knots(member)) is not None:
+                yield distance, distance, ""
             else:
                 yield self.between_meshes(member)
 
-    def with_moving_knots(self, member: int) -> FloatArray | None:
-        """Distances from a knot limit, found for some members together; None for other families, and where it fails."""
+    def with_moving_knots(self, member: int) -> float | None:
+        """Distance from a knot limit, found for some members together; None for other families, and where it fails."""
         limit = self.family.knot_limit
         if limit is None or self.family.dimension == 1 or not has_wide_layers(limit):
             return None
@@ -129,12 +129,11 @@ class Measurement:
                 return None
             chosen = range(member, min(member + together, last))
             patches = [self.family.samplers[k].patches[0] for k in chosen]
-            steps = self.family.steps[chosen.start : chosen.stop]
             try:
-                found = Motion(limit, patches, steps, start, self.accuracy.relative).distances()
-                self.moving.update(zip([*chosen, last], found, strict=True))
+                found = Motion(limit, patches, start, self.accuracy.relative).distances()
+                self.moving.update(zip(chosen, found.tolist(), strict=True))
             except ToleranceError:
-                self.moving.update(dict.fromkeys([*chosen, last]))
+                self.moving.update(dict.fromkeys(chosen))
         return self.moving[member]
 
     @cached_property

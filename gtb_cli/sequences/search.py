@@ -55,9 +55,6 @@ MAX_REACH = 4.0
 TRIALS = 24
 """Points tried in each turn around a point that moves."""
 
-ABSENT = 1e3
-"""Coordinate, in units of the surfaces' size, of the vertices that a surface lacks."""
-
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 """Angle between successive points of a spiral that spreads them evenly."""
 
@@ -86,7 +83,7 @@ class Search:
     Attributes
     ----------
     points : (k, v, 3) float
-        The vertices of each surface; those that it lacks are far from all others.
+        The vertices of each surface.
     s : (k, v, 2) float
         Their torus coordinates.
     chart : (k, v) int
@@ -115,7 +112,6 @@ class Search:
         ways = np.arange(2 * k)
         source, target = np.append(first, second), np.append(second, first)
         bounds, near = self.nearest_vertices(first, second)
-        bounds[self.points[source, :, 0] >= ABSENT] = 0.0
 
         def bound(way: IntArray, row: IntArray) -> None:
             """Bound distances by those of the feet found from one start."""
@@ -203,10 +199,9 @@ class Search:
         rows = np.empty((len(far), number + min(NEAREST_CELLS, len(self.groups))), dtype=np.int64)
         for index, chosen in groups(surface[far]):
             rows[chosen] = self.starts(points[far[chosen]], self.points[index], number)
-        same = self.points[surface[far], spots.row[far], 0] < ABSENT
-        rows = np.column_stack([np.where(same, spots.row[far], rows[:, 0]), rows])
+        rows = np.column_stack([spots.row[far], rows])
         s = self.s[surface[far, None], rows]
-        s[same, 0] = spots.s[far[same]]
+        s[:, 0] = spots.s[far]
         for columns in (slice(2), slice(2, None)) if guess is not None else (slice(None),):
             open_ = distances[far] > enough[far]
             row = rows[open_, columns]
