@@ -281,19 +281,21 @@ class MomentMap:
         return mu, hessian, sums[0], shift
 
     def _solve(self, unit: FloatArray, start: FloatArray, safe: FloatArray, target: float) -> FloatArray:
-        """Solve by short steps from `start`; if these fail, by `_newton` from `safe`, and then from `start`."""
+        """Solve by short steps from `start`; if these fail, by `_newton` from `safe`, from `start` and from 0."""
         solution, left = self._short_steps(unit, start, target)
         if len(left):
             p = unit[:, left]
-            found, residual = self._newton(p, safe[:, left], target)
-            failed = np.flatnonzero(residual > max(ACCEPTED_RESIDUAL, target))
-            if len(failed):
-                found[:, failed], residual = self._newton(p[:, failed], start[:, left[failed]], target)
-                if (residual > max(ACCEPTED_RESIDUAL, target)).any():
-                    raise ToleranceError(
-                        f"linear parametrisation: residual {residual.max():.1e} of the hull's size after "
-                        f"{MAX_ITERATIONS} steps, {RESIDUAL:g} is required"
-                    )
+            found, residual = np.empty_like(p), np.full(len(left), np.inf)
+            # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
+            for begin in (safe[:, left], start[:, left], np.zeros_like(p)):
+                failed = np.flatnonzero(residual > max(ACCEPTED_RESIDUAL, target))
+                if len(failed):
+                    found[:, failed], residual[failed] = self._newton(p[:, failed], begin[:, failed], target)
+            if (residual > max(ACCEPTED_RESIDUAL, target)).any():
+                raise ToleranceError(
+                    f"linear parametrisation: residual {residual.max():.1e} of the hull's size after "
+                    f"{MAX_ITERATIONS} steps, {RESIDUAL:g} is required"
+                )
             solution[:, left], _ = self._short_steps(p, found, target)
         return solution
 
@@ -359,10 +361,8 @@ class MomentMap:
             # Below the rounding of the objective, only the gradient can identify a better point.
             rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + dot(np.abs(p), np.abs(trial.s)))
             lower = np.where(rounding, size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
-            if lower.all():
-                at = trial
-            else:
-                at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
+            pairs = zip(trial, at, strict=True)
+            at = trial if lower.all() else State(*(np.where(lower, new, old) for new, old in pairs))
             sigma = np.where(lower, np.maximum(sigma / 16, lowest), np.clip(sigma * 8, FIRST_REGULARISATION, 1e9))
             refusals = np.where(lower, 0, refusals + 1)
         solution[:, active] = at.s

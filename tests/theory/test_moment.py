@@ -101,6 +101,17 @@ def test_thin_hulls_are_solved(thickness, angle):
     assert np.abs((found - p) @ across).max() <= max(1e-11 * thickness, 64 * EPS) * patch.domain.size
 
 
+def test_edges_that_rounding_bends_are_solved():
+    # Knots on the slanted edges are off them by 1e-9, and the starts for such a layer are at 1e12.
+    rng = np.random.default_rng(149)
+    steps = np.concatenate([[0], np.sort(rng.random(4)), [1]])
+    square = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    knots = square @ [[1, 0], [62, 1]] + [-1.28e7, 3.06e6]
+    patch = Patch(knots, bumps(square), np.exp(rng.normal(size=36)))
+    p = rng.dirichlet(np.full(4, 0.3), 40) @ patch.domain.vertices
+    assert error(patch, p) <= RESIDUAL
+
+
 @pytest.mark.parametrize("name", mostly_long(["bicubic", "pentagon", "irrational_hexagon", "plain_triangle"]))
 def test_points_a_few_ulp_from_an_edge_are_finite(name):
     # Neither snapped to the edge nor far enough from it for its distance to survive a turn of coordinates.
