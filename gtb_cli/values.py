@@ -1,14 +1,73 @@
-"""Value objects: compared, hashed, copied and pickled by their fields, arrays included."""
+"""Value objects: frozen, and compared, hashed, copied and pickled by their fields, arrays included."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Hashable, Mapping
-from typing import Any, TypeVar
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, dataclass_transform
 
-import numpy as np
+if TYPE_CHECKING:
+    from inspect import Signature
 
 T = TypeVar("T", bound=type)
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
+def frozen(kind: T) -> T:
+    """Do what ``@dataclass(frozen=True, eq=False)`` does, in a ninth of its time: classes share their methods.
+
+    Compiling four for each class took an eighth of the time of a small mesh.
+    """
+    dataclass(init=False, repr=False, eq=False)(kind)
+    known = fields(kind)
+    names = frozenset(field.name for field in known)
+    positional = [field.name for field in known if not field.kw_only]
+    values = {field.name: field.default for field in known if field.default is not MISSING}
+    factories = {field.name: field.default_factory for field in known if field.default_factory is not MISSING}
+    required = names - values.keys() - factories.keys()
+    finish = getattr(kind, "__post_init__", None)
+    signature = _Signature()
+
+    def __init__(self: Any, /, *places: Any, **given: Any) -> None:
+        contents = dict(zip(positional, places, strict=False)) | given
+        if len(contents) < len(places) + len(given) or not required <= contents.keys() <= names:
+            signature.__get__(self, kind).bind(*places, **given)  # says what is wrong
+        for name in factories.keys() - contents.keys():
+            contents[name] = factories[name]()
+        self.__dict__.update(values | contents)
+        if finish is not None:
+            finish(self)
+
+    methods = {"__init__": __init__, "__repr__": _described, "__setattr__": _refuse, "__delattr__": _refuse}
+    for name, method in (methods | {"__signature__": signature}).items():
+        if name not in vars(kind):
+            setattr(kind, name, method)
+    return kind
+
+
+class _Signature:
+    """The signature of a class, made when somebody asks for it."""
+
+    def __get__(self, instance: object, kind: Any) -> Signature:
+        from inspect import Parameter, Signature
+
+        def parameter(field: Any) -> Parameter:
+            place = Parameter.KEYWORD_ONLY if field.kw_only else Parameter.POSITIONAL_OR_KEYWORD
+            default = field.default if field.default_factory is MISSING else field.default_factory
+            return Parameter(
+                field.name, place, default=Parameter.empty if default is MISSING else default, annotation=field.type
+            )
+
+        return Signature([parameter(field) for field in fields(kind)])
+
+
+def _described(self: Any) -> str:
+    contents = (f"{field.name}={getattr(self, field.name)!r}" for field in fields(self) if field.repr)
+    return f"{type(self).__qualname__}({', '.join(contents)})"
+
+
+def _refuse(self: object, name: str, value: object = None) -> NoReturn:
+    raise FrozenInstanceError(f"{name!r} of a {type(self).__name__} cannot change: it is frozen")
 
 
 def by_value(kind: T) -> T:
@@ -17,7 +76,7 @@ def by_value(kind: T) -> T:
     All three leave out fields with ``compare=False`` and cached values. A copy is made by the constructor, so that its
     arrays are read-only again, which pickle alone would not do. NaN equals NaN, and -0 equals 0.
     """
-    names = tuple(field.name for field in dataclasses.fields(kind) if field.compare)
+    names = tuple(field.name for field in fields(kind) if field.compare)
 
     def contents(self: Any) -> tuple[object, ...]:
         return tuple(getattr(self, name) for name in names)
@@ -42,6 +101,8 @@ def by_value(kind: T) -> T:
 
 
 def _made(kind: Any, contents: dict[str, object]) -> object:
+    import numpy as np  # options are values, too, and are read without it
+
     for value in contents.values():
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
@@ -55,6 +116,8 @@ def _plain(value: object) -> object:
 def _same(a: Any, b: Any) -> bool:
     if a is b:
         return True
+    import numpy as np
+
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.shape(a) == np.shape(b) and np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f")
     if isinstance(a, tuple) and isinstance(b, tuple):
@@ -66,6 +129,8 @@ def _same(a: Any, b: Any) -> bool:
 
 def _hashable(value: Any) -> Hashable:
     """A hashable object, equal for values that `_same` considers equal."""
+    import numpy as np
+
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "f":
             return value.shape, value.tobytes()

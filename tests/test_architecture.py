@@ -155,13 +155,13 @@ def test_a_command_is_imported_alone_and_without_numpy():
     for name in [name for name in modules() if wing_of(name) in ("shell", "commands")]:
         early = imported_at_top(modules()[name])
         assert "numpy" not in packages(early), name
-        assert own(early) <= {"__init__", "errors", "forks", "threads", "vocabulary", RECIPE} | shell, name
+        assert own(early) <= {"__init__", "errors", "forks", "threads", "values", "vocabulary", RECIPE} | shell, name
 
 
 def test_options_are_read_without_numpy():
     early = imported_at_top(modules()[RECIPE])
     assert "numpy" not in packages(early)
-    assert own(early) <= {"__init__", "errors", "vocabulary"}
+    assert own(early) <= {"__init__", "errors", "values", "vocabulary"}
 
 
 def test_a_module_is_short_and_says_what_it_is():

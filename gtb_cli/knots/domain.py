@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NoReturn, TypeAlias, get_args
 
@@ -14,7 +13,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, finite, positiv
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Faces
 from gtb_cli.knots.hull import convex_hull, knot_tolerance
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, frozen
 
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
@@ -30,7 +29,7 @@ CANCELLING_DISTANCE = 2.0**-10
 
 
 @by_value
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class Domain:
     """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
 

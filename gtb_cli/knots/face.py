@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.values import frozen
 
 INTERIOR = 0
 """Number of Δ itself among its faces, and thus of points that do not lie on an edge."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Face:
     """Δ itself, an edge or a corner of it; the ends of a curve are corners.
 
@@ -49,7 +49,7 @@ class Face:
         return self.dimension == 0
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Faces:
     """All faces of Δ, by number: Δ itself, its r edges, then its r corners; for a curve, Δ itself and its two ends.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, distinct
+from gtb_cli.values import frozen
 
 MAX_KEPT_GRIDS = 1024
 """Number of sets of knots remembered as grids or not."""
@@ -35,7 +35,7 @@ class Raster(NamedTuple):
     width: int
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Grid:
     """Knots that are all points of a grid along the axes, each once.
 

@@ -6,7 +6,6 @@ Finding it anew for each took half the time of a sequence of coarse meshes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain, domain
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from gtb_cli.knots.decomposition import RegularDecomposition
@@ -126,7 +126,7 @@ def cells_with_gradients(hull: Hull, knots: FloatArray, w: FloatArray) -> tuple[
     return tuple(zip(cells.starts, planes, strict=True))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Cells:
     """The cells of a regular decomposition, in the order of their knots."""
 

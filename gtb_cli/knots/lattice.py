@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, distinct, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
+from gtb_cli.values import frozen
 
 LATTICE_TOLERANCE = 1e-6
 """Fraction of a step by which knots may be off their lattice: thirds typed with seven digits pass."""
@@ -18,7 +18,7 @@ MAX_BINOMIAL_DEGREE = 1029
 """Largest degree whose binomial coefficients are all floats."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Direction:
     """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram.
 

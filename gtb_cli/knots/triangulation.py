@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, planar_cross
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR, Faces
+from gtb_cli.values import frozen
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Triangulation:
     """Parameters in Δ and the cells between them.
 

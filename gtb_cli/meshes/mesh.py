@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.topology import sides_of
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     import trimesh
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @by_value
-@dataclass(frozen=True, eq=False)
+@frozen
 class Origin:
     """Where the vertices of a model's mesh come from.
 
@@ -44,7 +44,7 @@ class Origin:
 
 
 @by_value
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class Mesh:
     """A polyline or a triangle mesh.
 

@@ -6,15 +6,15 @@ triangle runs from its vertex i to the next.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, IntArray
+from gtb_cli.values import frozen
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Sides:
     """The sides of cells, and the edges that they share. Made by `sides_of`.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, is_folder, is_terminal
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up, suffix_of
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 
-@dataclass(frozen=True)
+@frozen
 class MeshOptions:
     """The mesh to make, and the format in which it is written.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TypeAlias, cast
 
 from gtb_cli.errors import SpecError
 from gtb_cli.spec.scanner import Format, Path, Scanner, TooMuch
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 Repeated: TypeAlias = tuple[Path, int, int]
@@ -32,7 +32,7 @@ _STRANGERS = {
 _BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
 
 
-@dataclass(frozen=True)
+@frozen
 class Document:
     """A spec that is well-formed TOML or JSON.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, get_args
 
@@ -19,6 +18,7 @@ from gtb_cli.meshes.welding import merged
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis, toric_locations
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from gtb_cli.tessellation.neighbours import Neighbours
@@ -30,7 +30,7 @@ MAX_SHARED_LOCATIONS = 4096
 """Largest number of parameters of a patch whose locations are kept for others: more take long to evaluate anyway."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Complex:
     """Vertices and cells, without positions in space.
 
@@ -252,7 +252,7 @@ def _repeated(rows: IntArray) -> BoolArray:
     return np.asarray(count[kind] > 1)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Sampler:
     """Points and normals of several patches at parameters of either parametrisation.
 

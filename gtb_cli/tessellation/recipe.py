@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ AXIS_SHARE = 1 / 3
 bend as sharp as the tube allows, the middle line's error counts twice."""
 
 
-@dataclass(frozen=True)
+@by_value
+@frozen
 class Recipe:
     """How to make the mesh of a patch or model: the options of ``gtb mesh`` but for those of files.
 

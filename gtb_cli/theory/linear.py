@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,6 +24,7 @@ from gtb_cli.theory.basis import Location, block_length, face_knots
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.rectangle import is_rectangle, with_rasters
 from gtb_cli.threads import in_threads
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from gtb_cli.knots.sheets import Sheets
@@ -48,7 +48,7 @@ PRODUCT_ULPS = 8
 """Units in the last place of log(c_i ω_i) within which weights count as products."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearParametrization:
     """The linear parametrisation of a patch, which locates p in Δ by solving μ(s) = p.
 
@@ -259,7 +259,7 @@ class LinearParametrization:
         return {}
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Even:
     """The inner vertices of `triangulation` in blocks, each located from values on a coarse lattice in one chart."""
 
@@ -297,7 +297,7 @@ class _Even:
         return Location(span, self.face, moments.knots, s, None), rows[left]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Chart:
     """Coordinates along and over an edge, from its first corner or its last; for a curve, from one of its ends."""
 

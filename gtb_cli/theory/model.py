@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @by_value
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class Model:
     """Several patches that belong together, such as a closed body or a regular control surface.
 

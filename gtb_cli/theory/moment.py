@@ -6,7 +6,6 @@ The linear parametrisation needs the inverse: p ↦ P(μ⁻¹(p)).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +24,7 @@ from gtb_cli.theory.basis import (
     block_length,
     weighted_sums,
 )
+from gtb_cli.values import frozen
 
 RESIDUAL = 1e-12
 """Largest accepted |μ(s) − p|, as a fraction of the hull's size."""
@@ -81,7 +81,7 @@ POOR_RESIDUAL = 0.05
 """Residual of a start, as a fraction of the hull's size, above which the cells' limits are also tried."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class MomentMap:
     """``μ(s) = Σ_i T_i(s) a_i`` for one set of knots, and its inverse.
 

@@ -7,7 +7,6 @@ patch whose control points are its knots is the identity. The image is the same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -28,6 +27,7 @@ from gtb_cli.theory.basis import (
     weighted_sums,
 )
 from gtb_cli.theory.rectangle import with_rasters
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from gtb_cli.theory.linear import LinearParametrization
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RationalBasis:
     """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` of a domain and weights.
 

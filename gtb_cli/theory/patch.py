@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +17,7 @@ from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.basis import Location, exponentials, partition_of_unity_coefficients
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, frozen
 
 COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
 """Rules for the coefficients of a domain, by their names in specs."""
@@ -37,7 +37,7 @@ class Made(NamedTuple):
 
 
 @by_value
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class Patch:
     """A GT-Bézier curve (d = 1) or surface (d = 2): ``P(u) = Σ_i b_i T_i(u)``, u in Δ = conv{a_i}.
 
