@@ -21,10 +21,11 @@ from gtb_cli.knots.domain import Domain
 POINTS = 20
 """Chebyshev points of a part in each direction."""
 
-MEASURED_PLACES = 64
-"""Places all over a part at which its error is measured; it is also measured at the knots."""
+MEASURED_EXTREMA = np.array([0.25, 2, 5, 8, 12, 15, 18, POINTS - 0.25])
+"""Numbers of some extrema of the Chebyshev polynomial of this degree, the outer ones just inside: at all pairs of them
+the error of a part is measured, as well as at the knots. Elsewhere it was at most 4 times as large on 126 patches."""
 
-PART_VALUES = POINTS**2 + MEASURED_PLACES
+PART_VALUES = POINTS**2 + len(MEASURED_EXTREMA) ** 2
 """Values that are computed in a part."""
 
 INTERPOLATION_ERROR = 5e-14
@@ -168,10 +169,9 @@ def _places() -> tuple[FloatArray, FloatArray, FloatArray]:
 
     The third is the same for all places in its quarters.
     """
-    points = np.sin(_angles()) ** 2
-    # Multiples of powers of the plastic number, modulo 1, are spread evenly.
-    between = (0.5 + np.arange(1, MEASURED_PLACES + 1)[:, None] / 1.32471795724474602596 ** np.array([1, 2])) % 1.0
-    places = np.concatenate([np.stack(np.meshgrid(points, points), axis=-1).reshape(-1, 2), between])
+    lines = np.sin(_angles()) ** 2, np.sin(MEASURED_EXTREMA * (np.pi / (2 * POINTS))) ** 2
+    points, between = (np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) for line in lines)
+    places = np.concatenate([points, between])
     return places, _polynomials(between), _polynomials(((places + QUARTERS[:, None]) / 2).reshape(-1, 2))
 
 
