@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtb_cli.errors import DomainError
 
 FloatArray: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int64]
+IntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
 Table = TypeVar("Table", bound=tuple[Any, ...])
@@ -134,6 +134,29 @@ def rows_of(table: Table, rows: IntArray | BoolArray | slice) -> Table:
 def joined(tables: Sequence[Table]) -> Table:
     """The rows of several named tuples of arrays, one table after another."""
     return tuple.__new__(type(tables[0]), [np.concatenate(columns) for columns in zip(*tables, strict=True)])
+
+
+def index_type(count: int) -> type[np.signedinteger[Any]]:
+    """The type of indices of `count` rows, also if counted from 1: 32 bits where they suffice, as meshes are large."""
+    return np.int32 if count <= np.iinfo(np.int32).max else np.int64
+
+
+def as_indices(values: NDArray[Any], kind: type[np.signedinteger[Any]]) -> IntArray:
+    """Whole numbers in a type of indices; in 64 bits if a wrong one does not fit, so that it stays wrong."""
+    if values.dtype.kind not in "iu":
+        raise TypeError(f"whole numbers are expected, these are {values.dtype}")
+    indices = values.astype(kind, copy=False)
+    return indices if indices is values or np.array_equal(indices, values) else values.astype(np.int64)
+
+
+def shifted(indices: IntArray, by: int) -> IntArray:
+    """Indices behind `by` others, in 64 bits."""
+    return np.add(indices, by, dtype=np.int64)
+
+
+def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """Numbers in the order of pairs of indices, whose second is below `count`; 64 bits, which hold the products."""
+    return np.multiply(first, count, dtype=np.int64) + second
 
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:

@@ -30,7 +30,7 @@ APART = {"knots": {"meshes"}, "theory": {"meshes"}, "bezier": {"meshes"}, "meshe
 DOORS = {"__init__", "__main__"}
 """The public names and the process, which know every floor."""
 
-READS_MESHES = {"meshes.mesh", "formats.glb", "formats.ply", "formats.stl"}
+READS_MESHES = {"meshes.mesh", "formats.gltf", "formats.ply", "formats.stl"}
 """Modules that may import trimesh, inside functions."""
 
 RECIPE = "tessellation.recipe"

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gtb_cli.arrays import cross, cross_of_columns, dot, finite, planar_cross, positive, read_only, unit
+from gtb_cli.arrays import (
+    as_indices,
+    cross,
+    cross_of_columns,
+    dot,
+    finite,
+    index_type,
+    paired,
+    planar_cross,
+    positive,
+    read_only,
+    shifted,
+    unit,
+)
 from gtb_cli.errors import DomainError
 
 
@@ -76,3 +89,29 @@ def test_products_of_vectors_are_those_of_numpy():
 
 def test_unit_vectors_have_length_one_but_for_zero():
     assert unit(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist() == [[0.6, 0.8], [0.0, 0.0]]
+
+
+# --- indices ---------------------------------------------------------------------------------------------------------
+
+LAST = 2**31 - 2
+"""The largest index, counted from 0, that 32 bits hold when it is counted from 1."""
+
+
+def test_indices_have_32_bits_only_if_these_hold_them_counted_from_1():
+    assert index_type(LAST + 1) is np.int32
+    assert index_type(LAST + 2) is np.int64
+    assert (np.array([LAST], dtype=index_type(LAST + 1)) + 1).item() == LAST + 1
+
+
+def test_products_and_sums_of_indices_near_the_limit_are_right():
+    first, second = np.array([LAST, 0], dtype=np.int32), np.array([LAST, LAST], dtype=np.int32)
+    assert paired(first, second, LAST + 1).tolist() == [LAST * (LAST + 1) + LAST, LAST]
+    assert shifted(first, LAST).tolist() == [2 * LAST, LAST]
+
+
+def test_a_wrong_index_stays_wrong_in_32_bits():
+    assert as_indices(np.array([0, LAST]), np.int32).dtype == np.int32
+    for wrong in (np.array([0, 2**32 + 1]), np.array([-(2**32), 1]), np.array([0, 2**31], dtype=np.uint32)):
+        assert as_indices(wrong, np.int32).tolist() == wrong.tolist()
+    with pytest.raises(TypeError, match="whole numbers"):
+        as_indices(np.array([0.0, 1.0]), np.int32)

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, as_indices
 from gtb_cli.meshes.known import largest_coordinates
 
 STL_HEADER_BYTES = 84
 """Bytes before the facets of a binary STL file; the last four are the number of facets."""
 
+BINARY_ROWS = 1 << 18
+"""Rows of a binary table that are written at once: 3 MB of faces, beside which an exporter's header costs nothing."""
+
 SINGLE_FLOAT = np.dtype("<f4")
 """Numbers of binary files."""
 
-Scalar = TypeVar("Scalar", np.float64, np.int64)
+Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +61,14 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
         Corners of the polygons, one polygon after another.
     counts : (p,) int
         Number of corners of each polygon, at least 3.
+
+    Returns
+    -------
+    (k, 3) int
+        32 bits, as no file that is read has more vertices, unless a wrong index needs more.
     """
     if (counts == 3).all():
-        return corners.reshape(-1, 3).astype(np.int64)
+        return as_indices(corners.reshape(-1, 3), np.int32)
     ends = np.cumsum(counts)
     starts = ends - counts
     inner = np.ones(len(corners), dtype=bool)
@@ -69,22 +77,25 @@ def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     result[:, 0] = np.repeat(corners[starts], counts - 2)
     result[:, 1] = corners[inner]
     result[:, 2] = corners[1:][inner[:-1]]
-    return result
+    return as_indices(result, np.int32)
 
 
 def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     """Cut polylines, given like the polygons of `triangles`, into segments."""
     inner = np.ones(len(corners), dtype=bool)
     inner[np.cumsum(counts) - 1] = False
-    return np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1).astype(np.int64, copy=False)
+    return as_indices(np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
 
 
 def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
-    """The concatenated blocks of rows; `parts` is emptied, so that the rows are not in memory twice."""
+    """The concatenated blocks of rows, in this type or a wider one of a part.
+
+    `parts` is emptied, so that the rows are not in memory twice.
+    """
     if len(parts) == 1:
         return parts.pop()
     stop = sum(map(len, parts))
-    result = np.empty((stop, width), dtype=kind)
+    result = np.empty((stop, width), dtype=np.result_type(kind, *parts))
     while parts:
         part = parts.pop()
         result[stop - len(part) : stop] = part

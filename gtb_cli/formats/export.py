@@ -9,9 +9,10 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
+from gtb_cli.formats.digits import BLOCK_ROWS, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
@@ -120,8 +121,6 @@ def encode_mesh(
     mesh = standing(mesh, kind, up)
     vertex_normals = None if vertex_normals is None else mesh.normals
     if kind == "obj":
-        from gtb_cli.formats.digits import obj_blocks
-
         return obj_blocks(mesh.vertices, mesh.cells, vertex_normals, coordinates, groups)
     if kind == "ply":
         from gtb_cli.formats.ply import ply_blocks
@@ -131,7 +130,7 @@ def encode_mesh(
         from gtb_cli.formats.stl import stl_blocks
 
         return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
-    from gtb_cli.formats.glb import glb_blocks
+    from gtb_cli.formats.gltf import glb_blocks
 
     return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates, up or holds.up)
 
@@ -255,19 +254,20 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
 
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     with np.errstate(over="ignore", under="ignore"):
-        single = mesh.vertices.astype(np.float32)
-    if not np.isfinite(single).all():
+        single = [column.astype(np.float32) for column in mesh.vertices.T]
+    if not all(np.isfinite(column).all() for column in single):
         return []  # an error, not a warning
     way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
     messages = []
-    moved = float(np.abs(single - mesh.vertices).max(initial=0.0))
+    moved = max(float(np.abs(column - x).max(initial=0.0)) for column, x in zip(single, mesh.vertices.T, strict=True))
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     if moved > VISIBLE_SHIFT * diagonal > 0.0:
         messages.append(
             f"{kind.upper()}: 32-bit numbers move vertices by up to {moved:.2g}, "
             f"{moved / diagonal:.2g} of the model's diagonal; {way_out}"
         )
-    collapsed = _collapsed(mesh, single)
+    blocks = range(0, len(mesh.cells), BLOCK_ROWS)
+    collapsed = sum(_collapsed(mesh.vertices, single, mesh.cells[start : start + BLOCK_ROWS]) for start in blocks)
     if collapsed:
         what = "segments" if mesh.is_curve else "triangles"
         messages.append(
@@ -276,16 +276,15 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     return messages
 
 
-def _collapsed(mesh: Mesh, single: NDArray[np.float32]) -> int:
-    """Return the number of cells with two corners that differ, but coincide in `single`."""
-    gone = np.zeros(len(mesh.cells), dtype=bool)
-    columns = np.ascontiguousarray(single.T)
-    corners = mesh.cells.T
-    for start, stop in ((0, 1),) if mesh.is_curve else ((0, 1), (1, 2), (2, 0)):
-        suspects: NDArray[np.intp] | slice = slice(None)
-        for column in columns:  # few are left after the first
+def _collapsed(vertices: FloatArray, single: list[NDArray[np.float32]], cells: IntArray) -> int:
+    """Return the number of cells with two corners that differ, but coincide in the columns `single`."""
+    gone = np.zeros(len(cells), dtype=bool)
+    corners = cells.T.astype(np.intp, order="C")
+    for start, stop in ((0, 1),) if len(corners) == 2 else ((0, 1), (1, 2), (2, 0)):
+        suspects: IntArray | slice = slice(None)
+        for column in single:  # few are left after the first
             same = column[corners[start][suspects]] == column[corners[stop][suspects]]
             suspects = np.flatnonzero(same) if isinstance(suspects, slice) else suspects[same]
-        ends = (mesh.vertices[corners[side][suspects]] for side in (start, stop))
+        ends = (vertices[corners[side][suspects]] for side in (start, stop))
         gone[suspects] |= np.not_equal(*ends).any(axis=1)
     return int(np.count_nonzero(gone))

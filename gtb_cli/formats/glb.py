@@ -1,35 +1,19 @@
-"""GLB (binary glTF 2.0), both ways: triangles and lines. Reading places all nodes of a scene."""
+"""GLB (binary glTF 2.0) that is read: triangles and lines of all nodes of a scene."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, segments, single_half_steps, triangles
-from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.topology import compacted
-from gtb_cli.vocabulary import FORMATS, Up
-
-HEADER_BYTES = 12
-"""Bytes before the chunks; each chunk has 8 bytes before its content."""
-
-MAX_GLB_BYTES = 2**32 - 1
-"""Largest size of a file in bytes, as its header holds the size in 32 bits."""
+from gtb_cli.arrays import FloatArray, as_indices, shifted
+from gtb_cli.errors import GtbError
+from gtb_cli.formats.content import Content, joined, segments, single_half_steps, triangles
+from gtb_cli.formats.gltf import HEADER_BYTES
 
 JSON, BIN = 0x4E4F534A, 0x004E4942
-
-FLOAT, UNSIGNED = 5126, 5125
-"""glTF's numbers for the types of components."""
-
-VERTICES, INDICES = 34962, 34963
-"""glTF's numbers for the content of a view of the buffer."""
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 ELEMENT_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -50,144 +34,6 @@ _IDENTITY = np.eye(4)
 
 TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
 """Keys of a node's own transformation."""
-
-
-def glb_blocks(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
-) -> Iterator[bytes]:
-    """Yield a GLB file with a node for each group, made by trimesh if the mesh has faces. `up` is the vertical axis."""
-    parts = _parts(mesh, groups, normals, uv)
-
-    def finish(tree: dict[str, Any]) -> None:
-        mark_views(tree)
-        tree["asset"] |= {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
-
-    yield (_glb_of_lines if mesh.is_curve else _glb_of_trimesh)(parts, finish)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A named piece of a mesh with vertices of its own; v in `uv` (m, 2) points upwards."""
-
-    name: str
-    vertices: FloatArray
-    cells: IntArray
-    normals: FloatArray | None
-    uv: FloatArray | None
-
-
-def _parts(
-    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None
-) -> list[_Part]:
-    """Return each group with the vertices that its cells use, or a single group with all vertices."""
-    if len(groups) == 1:
-        return [_Part(groups[0][0], mesh.vertices, mesh.cells, normals, uv)]
-    parts = []
-    for name, start, stop in groups:
-        used, cells = compacted(mesh.cells[start:stop])
-        values = (None if rows is None else rows[used] for rows in (normals, uv))
-        parts.append(_Part(name, mesh.vertices[used], cells, *values))
-    return parts
-
-
-def _glb_of_trimesh(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], None]) -> bytes:
-    import trimesh
-    from trimesh.exchange.gltf import export_glb
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    root = "world"
-    while any(part.name == root for part in parts):
-        root += "_"
-    scene = trimesh.Scene(base_frame=root)
-    # A patch is open, and viewers leave out its back with the default material.
-    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    for part in parts:
-        geometry = trimesh.Trimesh(
-            vertices=part.vertices,
-            faces=part.cells,
-            vertex_normals=part.normals,
-            visual=TextureVisuals(uv=part.uv, material=material),
-            process=False,
-            validate=False,
-        )
-        scene.add_geometry(geometry, node_name=part.name, geom_name=part.name)
-    data: bytes = export_glb(
-        scene,
-        include_normals=parts[0].normals is not None,
-        unitize_normals=True,
-        tree_postprocessor=finish,
-        extension_webp=False,
-        extension_draco=False,
-    )
-    return data
-
-
-def _glb_of_lines(parts: Sequence[_Part], finish: Callable[[dict[str, Any]], None]) -> bytes:
-    """Return a GLB file with one node of indexed lines for each part.
-
-    trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
-    their order, and reads these files correctly.
-    """
-    views: list[dict[str, int]] = []
-    accessors: list[dict[str, Any]] = []
-    chunks: list[bytes] = []
-
-    def accessor(values: NDArray[Any], kind: str, component: int, **bounds: list[float]) -> int:
-        data = values.tobytes()  # four bytes a number: every view starts at a multiple of four
-        views.append({"buffer": 0, "byteOffset": sum(map(len, chunks)), "byteLength": len(data)})
-        chunks.append(data)
-        count = values.size if kind == "SCALAR" else len(values)
-        described = {"bufferView": len(views) - 1, "componentType": component, "count": count, "type": kind}
-        accessors.append({**described, **bounds})
-        return len(accessors) - 1
-
-    meshes = []
-    for part in parts:
-        points = part.vertices.astype(SINGLE_FLOAT)
-        low, high = bounds_of(points).tolist()
-        attributes = {"POSITION": accessor(points, "VEC3", FLOAT, min=low, max=high)}
-        if part.uv is not None:
-            downwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])
-            attributes["TEXCOORD_0"] = accessor(downwards.astype(SINGLE_FLOAT), "VEC2", FLOAT)
-        indices = accessor(part.cells.astype("<u4"), "SCALAR", UNSIGNED)
-        meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
-    tree: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(parts)))}],
-        "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
-        "meshes": meshes,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{}],
-    }
-    finish(tree)
-    return b"".join(glb_file(tree, chunks))
-
-
-def mark_views(tree: dict[str, Any]) -> None:
-    """Mark in a glTF tree which views hold vertices or indices, for viewers that pass them to the graphics card."""
-    views, accessors = tree["bufferViews"], tree["accessors"]
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
-                for number in attributes.values():
-                    views[accessors[number]["bufferView"]]["target"] = VERTICES
-            views[accessors[primitive["indices"]]["bufferView"]]["target"] = INDICES
-
-
-def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
-    """Return the blocks of a file: a description, with the length of the chunks for its buffer, and these chunks."""
-    length = sum(map(len, chunks))
-    tree["buffers"][0]["byteLength"] = length
-    text = json.dumps(tree, separators=(",", ":")).encode("ascii")
-    text += b" " * (-len(text) % 4)
-    total = HEADER_BYTES + 8 + len(text) + 8 + length
-    if total > MAX_GLB_BYTES:
-        raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
-    whole, text_size, body_size = (np.array(size, dtype="<u4").tobytes() for size in (total, len(text), length))
-    return [b"glTF\2\0\0\0", whole, text_size, b"JSON", text, body_size, b"BIN\0", *chunks]
 
 
 def read_glb(data: bytes) -> Content:
@@ -249,7 +95,7 @@ class _Scene:
         self.corners = 0
         self.pieces = 0
         self.rows = 0
-        self.cells: dict[int, list[IntArray]] = {2: [], 3: []}
+        self.cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
         self.groups: list[tuple[str, int, int]] = []
 
     def read(self) -> None:
@@ -301,8 +147,7 @@ class _Scene:
                 indices = read[:, 0]
             if len(indices) and int(indices.max()) >= len(points):
                 raise GtbError(f"indices: expected numbers below {len(points)}, got {int(indices.max())}")
-            cells = _cells(indices, mode)
-            cells += self.count - len(points)
+            cells = as_indices(shifted(_cells(indices, mode), self.count - len(points)), np.int32)
             self.cells[cells.shape[1]].append(cells)
             self.vertices.append(points)
             self.rows += len(cells)
@@ -345,7 +190,7 @@ class _Scene:
         if self.cells[2] and self.cells[3]:
             raise GtbError("has both triangles and lines: expected one of them")
         width = 2 if self.cells[2] else 3
-        vertices, cells = joined(self.vertices, 3, np.float64), joined(self.cells[width], width, np.int64)
+        vertices, cells = joined(self.vertices, 3, np.float64), joined(self.cells[width], width, np.int32)
         extras = self.tree.get("asset", {}).get("extras")
         if extras != {"up": "z"}:
             vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + 0.0  # not -0
@@ -375,19 +220,19 @@ def _matrix(node: dict[str, Any]) -> FloatArray:
     return matrix
 
 
-def _cells(indices: NDArray[Any], mode: object) -> IntArray:
+def _cells(indices: NDArray[Any], mode: object) -> NDArray[Any]:
     """The segments or triangles of a primitive."""
     count = len(indices)
     if mode == 1:
-        return indices[: count // 2 * 2].reshape(-1, 2).astype(np.int64)
+        return indices[: count // 2 * 2].reshape(-1, 2)
     if mode == 2:
         indices = np.append(indices, indices[:1])
     if mode in (2, 3):
         return segments(indices, np.array([len(indices)])[: len(indices)])
     if mode == 4:
-        return indices[: count // 3 * 3].reshape(-1, 3).astype(np.int64)
+        return indices[: count // 3 * 3].reshape(-1, 3)
     if mode == 5:
-        strip = np.empty((max(0, count - 2), 3), dtype=np.int64)
+        strip = np.empty((max(0, count - 2), 3), dtype=indices.dtype)
         for k in range(3):
             strip[:, k] = indices[k : count - 2 + k]
         strip[1::2, :2] = strip[1::2, 1::-1]

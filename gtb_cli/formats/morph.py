@@ -18,7 +18,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.formats.export import encode_mesh, standing
-from gtb_cli.formats.glb import FLOAT, glb_chunks, glb_file, mark_views
+from gtb_cli.formats.glb import glb_chunks
+from gtb_cli.formats.gltf import FLOAT, glb_file, mark_views
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import Up
 

@@ -115,7 +115,7 @@ class _Reader:
             if name and stop > start
         ]
         half = half_step(self.words, float(largest_coordinates(vertices).max()))
-        cells = joined(self.cells[b"l"], 2, np.int64) if self.cells[b"l"] else joined(self.cells[b"f"], 3, np.int64)
+        cells = joined(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else joined(self.cells[b"f"], 3, np.int32)
         return Content(vertices, cells, np.full(3, half), tuple(groups))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.forks import in_forks
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, single_half_steps, triangles
+from gtb_cli.formats.content import BINARY_ROWS, SINGLE_FLOAT, Content, joined, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
@@ -22,9 +22,6 @@ RESERVED_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
 """Properties with a meaning of their own, whose names attributes cannot have."""
 
 HEADER_END = b"end_header\n"
-
-BINARY_ROWS = 1 << 18
-"""Rows of a table that are written at once: 3 MB of faces, beside which the exporter's header costs nothing."""
 
 
 def ply_blocks(
@@ -162,7 +159,7 @@ def _cells(tables: dict[str, Element]) -> IntArray:
                 raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
             faces.append(triangles(corners, counts))
     if edge is None or not edge.count:
-        return joined(faces, 3, np.int64)
+        return joined(faces, 3, np.int32)
     if faces:
         raise GtbError("has both faces and edges: expected one of them")
     return np.stack([edge.whole(name) for name in ("vertex1", "vertex2")], axis=1)

@@ -73,12 +73,14 @@ def _stl_of_trimesh(vertices: FloatArray, triangles: IntArray) -> Iterator[bytes
     """Yield a binary STL file by blocks, since trimesh's exporter holds all corners, their records and the file."""
     from trimesh.exchange.stl import export_stl
 
-    single = vertices.astype(SINGLE_FLOAT)
     for start in range(0, len(triangles), BLOCK_ROWS):
         block = triangles[start : start + BLOCK_ROWS]
-        normals = facet_normals(vertices[block]).astype(SINGLE_FLOAT)
+        corners = vertices[block]
+        normals = facet_normals(corners).astype(SINGLE_FLOAT)
         # A Trimesh would compute its own normals (see facet_normals); the exporter needs only these three attributes.
-        data: bytes = export_stl(SimpleNamespace(faces=block, face_normals=normals, triangles=single[block]))
+        data: bytes = export_stl(
+            SimpleNamespace(faces=block, face_normals=normals, triangles=corners.astype(SINGLE_FLOAT))
+        )
         if not start:
             yield data[: STL_HEADER_BYTES - 4] + len(triangles).to_bytes(4, "little")
         yield data[STL_HEADER_BYTES:]

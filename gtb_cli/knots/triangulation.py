@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, planar_cross
+from gtb_cli.arrays import FloatArray, IntArray, index_type, planar_cross
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR, Faces
 from gtb_cli.values import frozen
@@ -122,9 +122,10 @@ def _triangle(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """Rows parallel to edge 0; row j has n + 1 − j vertices."""
     lengths = n + 1 - np.arange(n + 1)
     first = np.concatenate([[0], np.cumsum(lengths)])
-    numbers = np.arange(first[-1])
+    kind = index_type(int(first[-1]))
+    numbers = np.arange(first[-1], dtype=kind)
     s, t = (numbers - np.repeat(first[:-1], lengths)) / n, np.repeat(np.arange(n + 1) / n, lengths)
-    u, cells = np.empty((len(numbers), 2)), np.empty((n * n, 3), dtype=np.int64)
+    u, cells = np.empty((len(numbers), 2)), np.empty((n * n, 3), dtype=kind)
     for column, (start, end, top) in zip(u.T, v.T.tolist(), strict=True):
         column[:] = start + s * (end - start) + t * (top - start)
     for row in range(n):
@@ -152,8 +153,8 @@ def _quadrilateral(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArra
 
 def _squares(n: int) -> tuple[IntArray, IntArray]:
     """The cells and the boundary of n rows of n squares."""
-    side = np.arange(n)
-    square = np.array([0, 1, n + 2, 0, n + 2, n + 1])
+    side = np.arange(n, dtype=index_type((n + 1) ** 2))
+    square = np.array([0, 1, n + 2, 0, n + 2, n + 1], dtype=side.dtype)
     cells = (side * (n + 1))[:, None] + (side[:, None] + square).ravel()
     boundary = np.stack([side, n + side * (n + 1), n * (n + 2) - side, (n - side) * (n + 1)])
     return cells.reshape(-1, 3), boundary
@@ -163,10 +164,12 @@ def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """The centroid, then rings of r·k vertices, k = 1 … n, each from the ray to corner 0."""
     r, center = len(v), v.mean(axis=0)
     lengths = np.repeat(np.arange(1, n + 1), r)  # of rings' sides
-    numbers, starts = np.arange(2 + lengths.sum()), np.cumsum(lengths) - lengths
+    count, starts = 2 + int(lengths.sum()), np.cumsum(lengths) - lengths
+    kind = index_type(count)
+    numbers = np.arange(count, dtype=kind)
     s = (numbers[:-2] - np.repeat(starts, lengths)) / np.repeat(lengths, lengths)
     t = np.repeat(lengths / n, lengths)
-    u, cells = np.empty((len(numbers) - 1, 2)), np.empty((r * n * n, 3), dtype=np.int64)
+    u, cells = np.empty((len(numbers) - 1, 2)), np.empty((r * n * n, 3), dtype=kind)
     for column, corners, middle in zip(u.T, v.T, center.tolist(), strict=True):
         start, end = (np.repeat(np.tile(ends, n), lengths) for ends in (corners, np.roll(corners, -1)))
         column[0], column[1:] = middle, middle + (start * (1 - s) + end * s - middle) * t

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, rows_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, paired, rows_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
@@ -159,7 +159,7 @@ def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
     corners = np.sort(cells, axis=1).T
     keys = corners[0]
     for corner in corners[1:]:
-        keys = keys * count + corner
+        keys = paired(keys, corner, count)
     return cells[np.unique(keys, return_index=True)[1]]
 
 

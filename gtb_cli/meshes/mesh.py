@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.values import by_value, frozen
@@ -49,7 +49,7 @@ class Mesh:
     """A polyline or a triangle mesh.
 
     A value: meshes with equal contents are equal and have the same hash, also after pickling or copying. Its arrays are
-    read-only views of the given ones, which are not copied.
+    read-only views of the given ones, which are copied only if their type differs.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Mesh:
         Positions, in model units.
     cells : (k, 2) or (k, 3) int
         Segments of a polyline, or triangles, as indices into `vertices`; triangles
-        counter-clockwise in the domain.
+        counter-clockwise in the domain. 32 bits, where these suffice for the vertices: products need more.
     parameters : (m, d) float, optional
         Domain parameter of each vertex; for a model, in the patch given by `origin`.
     normals : (m, 3) float, or a function that returns them, optional
@@ -83,15 +83,15 @@ class Mesh:
 
     def __post_init__(self) -> None:
         self._take("vertices", np.float64)
-        self._take("cells", np.int64)
+        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
+            raise DomainError(f"vertices: expected shape (m, 3), got {self.vertices.shape}")
+        count = len(self.vertices)
+        self._take("cells", index_type(count))
         self._take("parameters", np.float64)
         if callable(self.normals):
             object.__setattr__(self, "_make_normals", self.__dict__.pop("normals"))
         attributes = {name: _view(values, np.float64) for name, values in self.attributes.items()}
         object.__setattr__(self, "attributes", MappingProxyType(attributes))
-        count = len(self.vertices)
-        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
-            raise DomainError(f"vertices: expected shape (m, 3), got {self.vertices.shape}")
         if self.cells.ndim != 2 or self.cells.shape[1] not in (2, 3):
             raise DomainError(f"cells: expected shape (k, 2) or (k, 3), got {self.cells.shape}")
         for label, values in (("parameters", self.parameters), *self.attributes.items()):
@@ -203,10 +203,8 @@ class Mesh:
 def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
     """A read-only view of an array, or of a copy if its type differs."""
     array = np.asarray(values)
-    if kind is np.int64 and array.dtype.kind not in "iu":
-        raise TypeError(f"whole numbers are expected, these are {array.dtype}")
     if array.dtype == kind and not array.flags.writeable:
         return array
-    view: NDArray[Any] = array.astype(kind, copy=False).view()
+    view: NDArray[Any] = (array.astype(kind, copy=False) if kind is np.float64 else as_indices(array, kind)).view()
     view.flags.writeable = False
     return view

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, unit
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, paired, shifted, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
@@ -68,9 +68,9 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
     offset = mesh.vertices + thickness * _displacements(mesh, beside)
     rim, rim_cell = _boundary(mesh)
     below, above = (0, count) if thickness > 0 else (count, 0)
-    start, end = rim.T
+    start, end = rim.T.astype(np.int64)
     sides = np.stack([start + below, end + below, end + above, start + below, end + above, start + above], axis=1)
-    cells = np.concatenate([mesh.cells + above, mesh.cells[:, ::-1] + below, sides.reshape(-1, 3)])
+    cells = np.concatenate([shifted(mesh.cells, above), shifted(mesh.cells[:, ::-1], below), sides.reshape(-1, 3)])
     part = _cell_groups(mesh)
     parts = np.concatenate([part, part, np.repeat(part[rim_cell], 2)])
     order = np.argsort(parts, kind="stable")
@@ -199,7 +199,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     """
     assert mesh.normals is not None
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
-    keys = mesh.cells * groups + _cell_groups(mesh)[:, None]
+    keys = paired(mesh.cells, _cell_groups(mesh)[:, None], groups)
     pairs, place = np.arange(count), keys
     if groups > 1:
         pairs, place = np.unique(keys, return_inverse=True)
@@ -243,7 +243,7 @@ def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tupl
     if mesh.origin is not None and len(beside):
         at, patch = mesh.origin.shared.T
         there = (at >= 0) & np.isfinite(beside[:, 0])
-        row = np.searchsorted(pairs, (at * groups + patch)[there])
+        row = np.searchsorted(pairs, paired(at, patch, groups)[there])
         sums = np.zeros_like(own)
         np.add.at(sums, row, beside[there])
         found = np.linalg.norm(sums, axis=1) > SMOOTH_COSINE

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, IntArray
+from gtb_cli.arrays import BoolArray, IntArray, paired
 from gtb_cli.values import frozen
 
 
@@ -77,7 +77,7 @@ def sides_of(cells: IntArray) -> Sides:
     directed = cells[:, around].reshape(-1, 2)
     count = int(cells.max(initial=-1)) + 1
     start, end = directed.T
-    keys = np.minimum(start, end) * count + np.maximum(start, end)
+    keys = paired(np.minimum(start, end), np.maximum(start, end), count)
     keys, first, edge, uses = np.unique(keys, return_index=True, return_inverse=True, return_counts=True)
     edges = np.stack(np.divmod(keys, max(count, 1)), axis=1)
     return Sides(directed, edges, edge.reshape(len(cells), len(around) // 2), first, uses)
@@ -110,7 +110,7 @@ def are_used(cells: IntArray, count: int) -> BoolArray:
 def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Return the vertices that cells use, ascending, and the cells as indices of these."""
     used, places = np.unique(cells, return_inverse=True)
-    return used, places.reshape(cells.shape)
+    return used, places.reshape(cells.shape).astype(cells.dtype, copy=False)
 
 
 def component_count(cells: IntArray, count: int) -> int:

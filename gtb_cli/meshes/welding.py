@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, index_type
 
 _FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)  # odd, mixed bits
 
@@ -49,14 +49,14 @@ def _numbered(order: IntArray, is_new: BoolArray) -> tuple[IntArray, IntArray]:
     first = order[starts]
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
-    labels = np.empty(len(order), dtype=np.int64)
+    labels = np.empty(len(order), dtype=index_type(len(order)))
     labels[order] = rank[np.cumsum(starts) - 1]
     return np.sort(first), labels
 
 
 def merged(count: int, pairs: IntArray) -> IntArray:
     """(count,) smallest index to which each index is connected by (c, 2) pairs."""
-    label = np.arange(count)
+    label = np.arange(count, dtype=index_type(count))
     while len(pairs):
         low = label[pairs].min(axis=1)
         before = label.copy()

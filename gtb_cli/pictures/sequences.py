@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
@@ -134,7 +134,7 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
     normals = film.normals if film.normals is not None and surface.normals is not None else None
     return Surface(
         np.concatenate([surface.vertices, film.vertices]),
-        np.concatenate([surface.faces, film.faces + len(surface.vertices)]),
+        np.concatenate([surface.faces, shifted(film.faces, len(surface.vertices))]),
         None if normals is None or surface.normals is None else np.concatenate([surface.normals, normals]),
         np.concatenate([surface.colours, plain(len(film.faces), FILM)]),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent
@@ -170,7 +170,7 @@ def joined(sights: Sequence[Sight]) -> Sight:
     cells = np.cumsum([0, *(len(sight.cells) for sight in sights)]).tolist()
 
     def moved(name: str, by: Sequence[int]) -> IntArray:
-        return np.concatenate([getattr(sight, name) + start for sight, start in zip(sights, by, strict=False)])
+        return np.concatenate([shifted(getattr(sight, name), start) for sight, start in zip(sights, by, strict=False)])
 
     shown = [set(sight.scalars) for sight in sights]
     return Sight(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
@@ -26,7 +26,7 @@ def film_mesh(limit: KnotLimit) -> Mesh:
             cells.append(count + np.stack([np.arange(n), np.arange(1, n + 1)], axis=1))
         else:
             points.append(_film_points(film, n))
-            cells.append(count + triangulation(_SQUARE, n).cells)
+            cells.append(shifted(triangulation(_SQUARE, n).cells, count))
         count += len(points[-1])
     vertices, triangles = np.concatenate(points), np.concatenate(cells)
     # Sections share the corners that no knot reaches, so there is no cell there.

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import joined
+from gtb_cli.arrays import joined, shifted
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.compare import surface_distance
@@ -188,4 +188,4 @@ class Measurement:
 
 
 def _union(a: Mesh, b: Mesh) -> Mesh:
-    return Mesh(np.concatenate([a.vertices, b.vertices]), np.concatenate([a.cells, b.cells + len(a.vertices)]))
+    return Mesh(np.concatenate([a.vertices, b.vertices]), np.concatenate([a.cells, shifted(b.cells, len(a.vertices))]))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, index_type, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
@@ -80,13 +80,13 @@ class Complex:
         return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
 
     @cached_property
-    def without_collapsed(self) -> tuple[IntArray, IntArray]:
+    def without_collapsed(self) -> tuple[IntArray, IntArray | slice]:
         """Cells after vertices that are one point became one, and the rows of those that keep all their corners.
 
         Edges that are one point are never split: their ends become one, and the cells beside them vanish.
         """
         if not len(self.collapsed):
-            return self.cells, np.arange(len(self.cells))
+            return self.cells, slice(None)
         cells = merged(len(self.patch), self.collapsed)[self.cells]
         rows = np.flatnonzero(are_proper(cells))
         return cells[rows], rows
@@ -99,7 +99,7 @@ class Complex:
         """
         cells, rows = self.without_collapsed
         row, k = np.nonzero(self.face[cells] != INTERIOR)
-        vertex, patch, places = cells[row, k], self.cell_patch[rows[row]], self.corners[rows[row], k]
+        vertex, patch, places = cells[row, k], self.cell_patch[rows][row], self.corners[rows][row, k]
         others = (patch != self.patch[vertex]) | (places != self.parameters[vertex]).any(axis=1)
         found = np.unique(np.column_stack([vertex, patch, places])[others], axis=0)
         return found[:, :2].astype(np.int64), found[:, 2:]
@@ -189,14 +189,15 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
     """The complex of triangulated domains, and the patches with cells or sides that share all their vertices."""
     is_surface = patches[0].dimension == 2
     offsets = np.cumsum([0, *(len(part.parameters) for part in parts)])
-    owner = np.repeat(np.arange(len(parts)), np.diff(offsets))
+    owner = np.repeat(np.arange(len(parts), dtype=index_type(len(parts))), np.diff(offsets))
     parameters = np.concatenate([part.parameters for part in parts])
     face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
     turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
               for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
-    cells = np.concatenate([own + offset for own, offset in zip(turned, offsets[:-1], strict=True)])
+    cells = np.concatenate([shifted(own, offset) for own, offset in zip(turned, offsets[:-1], strict=True)])
     shared, collapsed = _pairs(joints, parts, offsets)
     kept, number = np.unique(merged(len(owner), shared), return_inverse=True)
+    number = number.astype(index_type(len(kept)))
     mosaic = Complex(
         patch=owner[kept],
         parameters=parameters[kept],
@@ -379,5 +380,7 @@ class Sampler:
 
 def _groups(patch: IntArray) -> Iterator[tuple[int, slice | IntArray]]:
     """Rows of each patch; a slice of all rows if there is only one patch."""
-    for index, rows in groups(patch):
-        yield index, slice(None) if len(rows) == len(patch) else rows
+    if len(patch) and (patch == patch[0]).all():
+        yield int(patch[0]), slice(None)
+    else:
+        yield from groups(patch)

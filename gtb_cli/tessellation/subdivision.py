@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -39,6 +40,7 @@ class Subdivision:
     """
 
     def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
+        start = replace(start, cells=start.cells.astype(np.int64))  # others are joined to the arrays
         self.patch, self.parameters, self.face = start.patch, start.parameters, start.face
         self.points, self.collapsed = points, start.collapsed
         self.edges, sides = edges_of(start, patches)

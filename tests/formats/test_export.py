@@ -232,6 +232,7 @@ def test_numbers_too_large_for_32_bits_are_refused_where_they_do_not_fit(format)
     ("change", "message"),
     [
         ({"cells": np.array([[0, 1, 25]])}, "cells: expected indices from 0 to 24, got 25"),
+        ({"cells": np.array([[0, 1, 2**32 + 1]])}, "cells: expected indices from 0 to 24, got 4294967297"),
         ({"cells": np.array([[0, 1, -1]])}, "cells: expected indices from 0 to 24, got -1"),
         ({"cells": np.zeros((0, 3), dtype=np.int64)}, "the mesh is empty: 25 vertices, 0 cells"),
         ({"groups": (("a", 0, 3),)}, "groups: they end at cell 3 of 32"),

@@ -171,6 +171,13 @@ def test_obj_groups_stand_before_their_faces():
     assert lines(encoded(same, "obj"), "g") == ["g a", "g a-2"]
 
 
+def test_obj_references_up_to_the_largest_number_of_32_bits():
+    last = 2**31 - 2  # counted from 1 it is one more
+    for cells in ([[last - 2, last - 1, last]], [[0, last // 2, last]]):
+        text = b"".join(obj_blocks(np.ones((1, 3)), np.array(cells, dtype=np.int32))).decode()
+        assert lines(text, "f") == [" ".join(["f", *(str(n + 1) for n in row)]) for row in cells]
+
+
 def test_obj_memory_is_a_block_not_the_file():
     mesh = surface(400)
     tracemalloc.start()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from dataclasses import replace
 
 import meshio
@@ -11,13 +12,18 @@ import plyfile
 import pytest
 import stl
 import trimesh
+from trimesh.exchange.gltf import export_glb
 from trimesh.exchange.ply import export_ply
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from gtb_cli.errors import ExportError
-from gtb_cli.formats import ply
+from gtb_cli.formats import gltf, ply
 from gtb_cli.formats.export import encode_mesh, write_mesh
+from gtb_cli.formats.gltf import mark_views
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.formats.stl import facet_normals
+from gtb_cli.meshes.mesh import Mesh
 from tests.tiny_meshes import curve, encoded, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.
@@ -147,6 +153,53 @@ def test_glb_has_one_named_node_for_each_group():
         assert [node["name"] for node in tree["nodes"]] == names
         assert [part["name"] for part in tree["meshes"]] == names
         assert tree["scenes"][0]["nodes"] == list(range(len(names)))
+
+
+def twins() -> Mesh:
+    """Two bent squares that are the same but for their place, whose faces and normals a file holds once."""
+    one, count = surface(3), 16
+    return Mesh(
+        np.vstack([one.vertices, one.vertices + np.array([3.0, 0.0, 0.0])]),
+        np.vstack([one.cells, one.cells + count]),
+        np.vstack([one.parameters, one.parameters]),
+        np.vstack([one.normals, one.normals]),
+        groups=(("a", 0, 18), ("b", 18, 36)),
+    )
+
+
+@pytest.mark.parametrize("extras", [{}, {"normals": True}, {"normals": True, "uv": True}])
+@pytest.mark.parametrize("make", [surface, model, twins])
+def test_glb_by_blocks_is_what_trimesh_writes_at_once(make, extras, monkeypatch):
+    mesh = make()
+    scene = trimesh.Scene(base_frame="world")
+    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
+    for name, start, stop in mesh.groups or [("bent square", 0, len(mesh.cells))]:
+        used, places = np.unique(mesh.cells[start:stop], return_inverse=True)
+        uv = mesh.parameters[used] if "uv" in extras else None
+        part = trimesh.Trimesh(
+            mesh.with_y_up.vertices[used],
+            places.reshape(-1, 3),
+            vertex_normals=mesh.with_y_up.normals[used],
+            visual=TextureVisuals(uv=uv, material=material),
+            process=False,
+        )
+        plain = name.replace(" ", "_")
+        scene.add_geometry(part, node_name=plain, geom_name=plain)
+    expected = export_glb(scene, include_normals="normals" in extras, tree_postprocessor=mark_views)
+    monkeypatch.setattr(gltf, "BINARY_ROWS", 7)
+    assert encoded(mesh, "glb", **extras) == expected
+
+
+def test_glb_memory_is_a_block_and_the_turned_vertices(monkeypatch):
+    mesh = surface(300)
+    encoded(surface(), "glb")  # imports trimesh
+    monkeypatch.setattr(gltf, "BINARY_ROWS", 4096)
+    tracemalloc.start()
+    size = sum(map(len, encode_mesh(mesh, "glb")))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert size > 3.2e6
+    assert peak < 1.5 * mesh.vertices.nbytes + 1e6
 
 
 def test_glb_of_a_group_called_like_the_root_of_a_scene():

@@ -36,6 +36,14 @@ def test_triangles_have_faces_and_each_edge_once():
     assert TWO_TRIANGLES.edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [2, 3]]
 
 
+def test_indices_have_32_bits_and_given_ones_are_not_copied():
+    cells = np.array([[0, 1, 2]], dtype=np.int32)
+    assert np.shares_memory(Mesh(np.eye(3), cells).cells, cells)
+    same = Mesh(np.eye(3), cells.astype(np.uint64))
+    assert same.cells.dtype == np.int32
+    assert hash(same) == hash(Mesh(np.eye(3), cells))
+
+
 def test_bounds_are_the_extreme_coordinates():
     assert POLYLINE.bounds.tolist() == [[0, 0, -1], [1, 3, 2]]
 

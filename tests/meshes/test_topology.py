@@ -49,6 +49,15 @@ def test_a_side_with_one_end_is_neither_open_nor_alone():
     assert not len(sides.alone)
 
 
+def test_indices_near_the_limit_of_32_bits_are_told_apart():
+    """Edges are sorted as single numbers, of up to 62 bits."""
+    cells = SQUARE + (2**31 - 5)
+    found, expected = sides_of(cells.astype(np.int32)), sides_of(cells)
+    for name in ("directed", "edges", "edge", "first", "uses"):
+        assert getattr(found, name).tolist() == getattr(expected, name).tolist()
+    assert found.edges.tolist() == (sides_of(SQUARE).edges + (2**31 - 5)).tolist()
+
+
 def test_no_cells_have_no_sides():
     sides = sides_of(np.empty((0, 3), dtype=np.int64))
     assert sides.edges.shape == sides.directed.shape == (0, 2)
