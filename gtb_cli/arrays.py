@@ -24,6 +24,9 @@ EPS = float(np.finfo(np.float64).eps)
 SPLITTER = 2.0**27 + 1
 """Factor that splits a float into two halves of 26 bits."""
 
+FOLDED_ROWS = 64
+"""Short rows of which numpy's loops make a long one: they take three to nine times as long for short ones."""
+
 MAX_PASSES = 8
 """Largest number of groups for which an array is searched once for each, which is faster than sorting it."""
 
@@ -117,8 +120,16 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 
 def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
-    """(2, d) lowest and highest coordinates of (m, d) points; numpy takes nine times as long for rows so short."""
-    return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
+    """(2, d) lowest and highest coordinates of (m, d) points."""
+    low = high = points
+    if len(points) >= FOLDED_ROWS:
+        first = len(points) % FOLDED_ROWS
+        folded = points[first:].reshape(-1, FOLDED_ROWS * points.shape[1])
+        low, high = (
+            np.concatenate([points[:first], extreme.reduce(folded).reshape(FOLDED_ROWS, -1)])
+            for extreme in (np.minimum, np.maximum)
+        )
+    return np.array([[column.min() for column in low.T], [column.max() for column in high.T]])
 
 
 def distinct(values: NDArray[Any]) -> NDArray[Any]:

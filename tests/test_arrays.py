@@ -7,6 +7,7 @@ import pytest
 
 from gtb_cli.arrays import (
     as_indices,
+    bounds_of,
     cross,
     cross_of_columns,
     dot,
@@ -115,3 +116,12 @@ def test_a_wrong_index_stays_wrong_in_32_bits():
         assert as_indices(wrong, np.int32).tolist() == wrong.tolist()
     with pytest.raises(TypeError, match="whole numbers"):
         as_indices(np.array([0.0, 1.0]), np.int32)
+
+
+@pytest.mark.parametrize("count", [1, 63, 64, 65, 128, 1000])
+def test_bounds_are_the_extremes_of_each_column(count):
+    points = np.random.default_rng(count).standard_normal((count, 3))
+    for rows in (points, np.asfortranarray(points), points[::-1]):
+        assert bounds_of(rows).tolist() == [points.min(axis=0).tolist(), points.max(axis=0).tolist()]
+    points[count // 2, 1] = np.nan
+    assert np.isnan(bounds_of(points)).tolist() == 2 * [[False, True, False]]

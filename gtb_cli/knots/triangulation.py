@@ -162,21 +162,17 @@ def _squares(n: int) -> tuple[IntArray, IntArray]:
 
 def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """The centroid, then rings of r·k vertices, k = 1 … n, each from the ray to corner 0."""
-    r, center = len(v), v.mean(axis=0)
-    lengths = np.repeat(np.arange(1, n + 1), r)  # of rings' sides
-    count, starts = 2 + int(lengths.sum()), np.cumsum(lengths) - lengths
-    kind = index_type(count)
-    numbers = np.arange(count, dtype=kind)
-    s = (numbers[:-2] - np.repeat(starts, lengths)) / np.repeat(lengths, lengths)
-    t = np.repeat(lengths / n, lengths)
-    u, cells = np.empty((len(numbers) - 1, 2)), np.empty((r * n * n, 3), dtype=kind)
-    for column, corners, middle in zip(u.T, v.T, center.tolist(), strict=True):
-        start, end = (np.repeat(np.tile(ends, n), lengths) for ends in (corners, np.roll(corners, -1)))
-        column[0], column[1:] = middle, middle + (start * (1 - s) + end * s - middle) * t
+    r, center, count = len(v), v.mean(axis=0), 1 + len(v) * n * (n + 1) // 2
+    numbers, side = np.arange(count + 1, dtype=index_type(count + 1)), np.arange(n)
+    columns, cells = np.empty((2, count)), np.empty((r * n * n, 3), dtype=numbers.dtype)
+    start, end, middle = (rows.T[:, :, None] for rows in (v, np.roll(v, -1, axis=0), center[None]))
+    columns[:, 0] = center
     sectors, inner = np.arange(r)[:, None], 0
     for k in range(1, n + 1):
         # Join each vertex of the ring to the next one and to the ring inside; the first vertex follows the last.
         first = 1 + r * k * (k - 1) // 2
+        s = side[:k] / k
+        columns[:, first : first + r * k] = (middle + (start * (1 - s) + end * s - middle) * (k / n)).reshape(2, -1)
         here, after = (numbers[begin : begin + r * k].reshape(r, k) for begin in (first, first + 1))
         inside = numbers[inner : inner + k] + sectors * (k - 1)
         strip = cells[r * (k - 1) ** 2 : r * k**2].reshape(r, -1, 3)
@@ -185,4 +181,4 @@ def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
         strip[-1, -1, 0], strip[-1, -1, 2] = inner, first
         strip[-1, -2:-1, 2] = inner
         inner = first
-    return u, cells, numbers[inner:-1].reshape(r, n)
+    return np.ascontiguousarray(columns.T), cells, numbers[inner:-1].reshape(r, n)
