@@ -29,8 +29,10 @@ def inner_points(steps: int) -> FloatArray:
 def steps_for(width: FloatArray, samples: int) -> IntArray:
     """(k,) steps of the lattices of cells of given widths in Δ: many if cells are few or wide."""
     few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, MAX_LATTICE_STEPS / SIDE_STEPS)
-    wide = np.exp2(np.ceil(np.log2(np.maximum(width * MAX_LATTICE_STEPS / SIDE_STEPS, 1)) - 1e-9))
-    return np.asarray(SIDE_STEPS * np.maximum(few.astype(np.int64), wide.astype(np.int64)))
+    steps, parts = np.full(len(width), int(few)), width * (MAX_LATTICE_STEPS / SIDE_STEPS)
+    wide = np.flatnonzero(parts > 1)
+    steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
+    return SIDE_STEPS * steps
 
 
 def quadratic_heights(places: FloatArray) -> FloatArray:

@@ -13,10 +13,11 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_columns, dot
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
+from gtb_cli.newton import dot as column_dot
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
@@ -244,20 +245,20 @@ class _Refinement:
         )
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
 
-    def heights(self, rows: IntArray, corners: Sequence[FloatArray]) -> FloatArray:
-        """(3, k) heights of the middles of the sides' curves over some triangles, whose corners are given."""
-        normal = cross(corners[1] - corners[0], corners[2] - corners[0])
-        length = np.sqrt(dot(normal, normal))
+    def heights(self, rows: IntArray) -> FloatArray:
+        """(3, k) heights of the middles of the sides' curves over some triangles."""
+        corners, sides = self.mesh.corner_columns(rows), self.mesh.cells.sides.take(rows, axis=0)
+        normal = cross_of_columns(corners[1] - corners[0], corners[2] - corners[0])
+        length = np.sqrt(column_dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
-        sides = self.mesh.cells.sides.take(rows, axis=0)
-        middles = [self.middle.take(side, axis=0) for side in sides.T]
-        return np.stack([dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
+        middles = [np.ascontiguousarray(self.middle.take(side, axis=0).T) for side in sides.T]
+        return np.stack([column_dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
         """Largest heights over some cells of the quadratic surfaces through their corners and the middles of sides."""
         if not self.mesh.is_surface:
             return np.zeros(len(rows))
-        return np.asarray(np.abs(BULGE_FACTORS @ self.heights(rows, self.mesh.corners(rows))).max(axis=0))
+        return np.asarray(np.abs(BULGE_FACTORS @ self.heights(rows)).max(axis=0))
 
     def sampled(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
         """Sample cells on lattices of the given steps: which of them fail, and which are doubtful.
@@ -279,9 +280,9 @@ class _Refinement:
 
     def steps_at(self, rows: IntArray) -> IntArray:
         """(k,) steps of the lattices on which some cells are sampled."""
-        corners = np.moveaxis(self.mesh.cells.corners.take(rows, axis=0), 1, 0)
-        extent = reduce(np.maximum, corners) - reduce(np.minimum, corners)
-        width = np.maximum(extent[:, 0], extent[:, -1]) / self.sizes.take(self.mesh.cells.patch[rows])
+        columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
+        extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
+        width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
         return steps_for(width, self.points_in_all)
 
     def flat_marks(self, todo: IntArray) -> BoolArray:
@@ -335,7 +336,7 @@ class _Refinement:
             part = rows[block]
             distance = self.samples.inside(part, weights, self.nearby)
             fails[block] = (distance > self.tolerance).any(axis=1)
-            expected = np.abs(expected_of @ self.heights(part, self.mesh.corners(part))).T
+            expected = np.abs(expected_of @ self.heights(part)).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
         return fails, (rough > QUADRATIC_SHARE * self.tolerance) & (seen + BUMP_FACTOR * rough > self.tolerance)

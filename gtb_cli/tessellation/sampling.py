@@ -7,10 +7,11 @@ edges, NaN where there are none, as on the boundary of Δ.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.face import INTERIOR
@@ -20,6 +21,11 @@ from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.basis import block_length
 from gtb_cli.threads import in_threads
+
+Corrections: TypeAlias = NDArray[np.complex128]
+"""Pairs of corrections as complex numbers: numpy takes several times as long for rows of two."""
+
+UNKNOWN = complex(np.nan, np.nan)
 
 MIDDLE = np.array([0.5])
 
@@ -36,7 +42,7 @@ class _Places(NamedTuple):
     number : int
         w.
     parameters, guesses : callable
-        (r, w, d) parameters, and guesses of corrections there, for r of the rows.
+        (rw, d) parameters, and guesses of corrections there, for r of the rows, one after another.
     distances : callable
         (m,) distances of (m, 3) samples from the edges or cells in m rows.
     """
@@ -62,46 +68,44 @@ class Sampling:
 
     def __init__(self, mesh: Subdivision, sampler: Sampler) -> None:
         self.mesh, self.sampler, self.growth = mesh, sampler, Growth()
-        self.at_vertices, self.at_middles = np.full((len(mesh.points), 2), np.nan), np.empty((0, 2))
+        self.at_vertices, self.at_middles = np.full(len(mesh.points), UNKNOWN), np.empty(0, dtype=np.complex128)
 
     def middles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """(e, 3) middles of the curves of new edges, which are learnt from, and (e,) distances from the edges."""
 
         def guesses(rows: IntArray) -> FloatArray:
             start, end = self._at_ends(rows)
-            return np.asarray((_either(start, end) + _either(end, start)) / 2)[:, None]
+            return _blended([_either(start, end), _either(end, start)], np.array([[0.5], [0.5]]))
 
         samples, distance, learnt = self._sampled(self._on_edges(rows, MIDDLE, guesses), 0.0, learn=True)
-        self.at_middles = self.growth.append("middles", self.at_middles, learnt[:, 0])
+        self.at_middles = self.growth.append("middles", self.at_middles, learnt.view(np.complex128)[:, 0, 0])
         return samples[:, 0], distance[:, 0]
 
     def follow(self, chosen: IntArray) -> None:
         """Follow the subdivision, in which the middles of some edges have become vertices."""
-        self.at_vertices = self.growth.append("vertices", self.at_vertices, self.at_middles.take(chosen, axis=0))
+        self.at_vertices = self.growth.append("vertices", self.at_vertices, self.at_middles.take(chosen))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
         """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
-        t = fractions[:, None]
+        t = fractions
+        shares = np.array([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
 
         def guesses(rows: IntArray) -> FloatArray:
-            middle = self.at_middles.take(rows, axis=0)
-            start, end = (_either(value, middle)[:, None] for value in self._at_ends(rows))
-            return np.asarray(
-                start * ((1 - t) * (1 - 2 * t)) + middle[:, None] * (4 * t * (1 - t)) + end * (t * (2 * t - 1))
-            )
+            middle = self.at_middles.take(rows)
+            start, end = (_either(value, middle) for value in self._at_ends(rows))
+            return _blended([start, middle, end], shares)
 
         samples, distance, _ = self._sampled(self._on_edges(rows, fractions, guesses), within)
         return samples, distance
 
-    def _at_ends(self, rows: IntArray) -> list[FloatArray]:
-        return [self.at_vertices.take(ends, axis=0) for ends in self.mesh.edges.ends.take(rows, axis=0).T]
+    def _at_ends(self, rows: IntArray) -> list[Corrections]:
+        return [self.at_vertices.take(ends) for ends in self.mesh.edges.ends.take(rows, axis=0).T]
 
     def _on_edges(self, rows: IntArray, fractions: FloatArray, guesses: Callable[[IntArray], FloatArray]) -> _Places:
-        edges, t = self.mesh.edges, fractions[:, None]
+        edges, shares = self.mesh.edges, np.array([1 - fractions, fractions])
 
         def parameters(rows: IntArray) -> FloatArray:
-            ends = edges.parameters.take(rows, axis=0)
-            return np.asarray((1 - t) * ends[:, :1] + t * ends[:, 1:])
+            return _blended(edges.parameters.take(rows, axis=0), shares)
 
         def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
             return to_segments(samples, *self.mesh.ends(rows))
@@ -113,20 +117,17 @@ class Sampling:
     def inside(self, rows: IntArray, weights: FloatArray, within: float) -> FloatArray:
         """(k, w) distances of the surface at (w, 3) barycentric places from the triangles they lie in."""
         cells, a = self.mesh.cells, weights.T
-        shares = [*(a * (2 * a - 1)), *(4 * a * np.roll(a, -1, axis=0))]
+        shares = np.concatenate([a * (2 * a - 1), 4 * a * np.roll(a, -1, axis=0)])
 
         def parameters(rows: IntArray) -> FloatArray:
-            return np.asarray(np.einsum("wc,kcd->kwd", weights, cells.corners.take(rows, axis=0)))
+            return _blended(cells.corners.take(rows, axis=0), a)
 
         def guesses(rows: IntArray) -> FloatArray:
-            sides = [self.at_middles.take(side, axis=0) for side in cells.sides.take(rows, axis=0).T]
-            corners = [self.at_vertices.take(vertex, axis=0) for vertex in cells.cells.take(rows, axis=0).T]
+            sides = [self.at_middles.take(side) for side in cells.sides.take(rows, axis=0).T]
+            corners = [self.at_vertices.take(vertex) for vertex in cells.cells.take(rows, axis=0).T]
             corners = [_either(corner, _either(sides[k], sides[k - 1])) for k, corner in enumerate(corners)]
-            sides = [_either(side, (corners[k] + corners[k - 2]) / 2) for k, side in enumerate(sides)]
-            result = np.zeros((len(rows), len(weights), 2))
-            for share, value in zip(shares, [*corners, *sides], strict=True):
-                result += share[:, None] * value[:, None]
-            return result
+            sides = [_either(side, (corners[k] + corners[k - 2]) * 0.5) for k, side in enumerate(sides)]
+            return _blended([*corners, *sides], shares)
 
         def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
             return to_triangles(samples, *self.mesh.corners(rows))
@@ -156,11 +157,12 @@ class Sampling:
         def sample(task: tuple[int, slice | IntArray]) -> None:
             index, some = task
             own = rows[some]
-            u, guesses = (each(own).reshape(-1, 2) for each in (places.parameters, places.guesses))
+            u, guesses = places.parameters(own), places.guesses(own)
             new = np.full(guesses.shape, np.nan) if learn else None
             found = sampler.neighbours[index].near(u, guesses, within, new)
             points[some] = found.reshape(-1, number, 3)
-            distances[some] = places.distances(np.repeat(own, number), found).reshape(-1, number)
+            owners = own if number == 1 else np.repeat(own, number)
+            distances[some] = places.distances(owners, found).reshape(-1, number)
             if new is not None:
                 learnt[some] = new.reshape(-1, number, 2)
 
@@ -171,10 +173,10 @@ class Sampling:
             tasks += [(index, block if len(own) == len(rows) else own[block]) for block in blocks]
         for _ in in_threads(sample, tasks, worth=len(rows) * number > WORTH_THREADS):
             pass
-        row, place = np.nonzero(np.isnan(points[:, :, 0]))
+        row, place = np.divmod(np.flatnonzero(np.isnan(distances)), number)
         if len(row):
             own, patch, face = rows[row], places.patch[row], places.face[row]
-            u = places.parameters(own)[np.arange(len(own)), place]
+            u = places.parameters(own)[np.arange(len(own)) * number + place]
             points[row, place] = sampler.points(patch, u, face, within)
             distances[row, place] = places.distances(own, points[row, place])
             if learn and self.mesh.is_surface:
@@ -182,6 +184,14 @@ class Sampling:
         return points, distances, learnt
 
 
-def _either(values: FloatArray, others: FloatArray) -> FloatArray:
+def _either(values: Corrections, others: Corrections) -> Corrections:
     """Fill in others where values are not known."""
     return np.where(np.isnan(values), others, values)
+
+
+def _blended(values: FloatArray | Sequence[Corrections], shares: FloatArray) -> FloatArray:
+    """(kw, d) sums of (k, c, d) values, or of c columns of k pairs, with (c, w) shares: one product of matrices."""
+    if not isinstance(values, np.ndarray):
+        values = np.stack(values, axis=1).view(np.float64).reshape(len(values[0]), len(values), 2)
+    count, _, d = values.shape
+    return np.asarray((values.reshape(count, -1) @ np.kron(shares, np.eye(d))).reshape(-1, d))

@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross_of_columns, dot, groups, planar_cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross_of_columns, dot, groups, planar_cross
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.newton import dot as column_dot
@@ -62,6 +62,10 @@ class Subdivision:
         cells = self.cells.cells.take(rows, axis=0)
         return [self.points.take(vertex, axis=0) for vertex in cells.T]
 
+    def corner_columns(self, rows: IntArray) -> list[FloatArray]:
+        """The same as contiguous (3, k) arrays, of which sums and products take less time."""
+        return [np.ascontiguousarray(corner.T) for corner in self.corners(rows)]
+
     def ends(self, rows: IntArray) -> list[FloatArray]:
         """(e, 3) points of both ends of some edges."""
         ends = self.edges.ends.take(rows, axis=0)
@@ -94,7 +98,7 @@ class Subdivision:
         if not self.is_surface:
             return
         rows = np.flatnonzero(self.has_mark(marked))
-        a, b, c = (corner.T for corner in self.corners(rows))
+        a, b, c = self.corner_columns(rows)
         normal = cross_of_columns(b - a, c - a)
         squares = np.stack([column_dot(side, side) for side in (b - a, c - b, a - c)])
         thin = np.flatnonzero(MAX_ASPECT_RATIO**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2)
@@ -246,7 +250,8 @@ def _with_peaks(
     for rows, corners, peaks in groups:
         if not len(rows) or not len(peaks):
             continue
-        axis = np.ptp(corners.reshape(-1, 2), axis=0).argmax()
+        low, high = bounds_of(corners.reshape(-1, 2))
+        axis = (high - low).argmax()
         order = np.argsort(peaks[:, axis], kind="stable")
         columns, places = corners[:, :, axis].T, peaks[order, axis]
         first = np.searchsorted(places, reduce(np.minimum, columns))
@@ -277,7 +282,8 @@ def _is_inside(corners: FloatArray, peak: FloatArray) -> BoolArray:
 
 def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """(k,) ratios of height to longest side of (k, 3, 2) triangles, and which side is the longest."""
-    a, b, c = (corners[:, i].T for i in range(3))
-    squares = np.stack([((end - start) ** 2).sum(axis=0) for start, end in ((a, b), (b, c), (c, a))])
-    area = np.abs(planar_cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    return area / reduce(np.maximum, squares), squares.argmax(axis=0)
+    x, y = (corners[:, :, axis].T for axis in (0, 1))
+    x, y = (np.ascontiguousarray(np.roll(each, -1, axis=0) - each) for each in (x, y))
+    squares = x * x + y * y
+    longest = np.where(squares[2] > np.maximum(squares[0], squares[1]), 2, squares[1] > squares[0])
+    return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), longest

@@ -305,34 +305,34 @@ class MomentMap:
         Third derivatives of log Σ c ω e^<a, s> are at most its second ones times the extent of the knots, 1. This
         bounds the residual before a step is taken; a point is done after the step if the bound is small enough.
         """
-        s, p = start, unit
-        solution, active = start, np.arange(start.shape[1])
-        left = []
+        s, p, solution, active, left = start, unit, start, np.arange(start.shape[1]), [NO_ROWS]
         for turn in range(MAX_PLAIN_STEPS):
             mu, hessian, *_ = self._evaluate(s)
             mu -= p
             step = plain_step(mu, hessian)
             length = np.abs(step[0]) if len(step) == 1 else np.abs(step[0]) + np.abs(step[1])
-            short = length <= MAX_STEP_EXPONENT
-            decrease = dot(mu, step)
+            bound = -0.5 * dot(mu, step)
             step += s
-            longest = length.max(initial=0.0)
-            is_good = turn == 0 and longest <= MAX_STEP_EXPONENT
-            if is_good and -0.5 * np.exp(longest) * decrease.min(initial=0.0) <= target:
-                return step, NO_ROWS  # as most often after a good start
-            done = short & ~(-0.5 * np.exp(np.minimum(length, MAX_STEP_EXPONENT)) * decrease > target)
+            done = bound * np.exp(min(length.max(initial=0.0), MAX_STEP_EXPONENT)) <= target
+            if np.count_nonzero(done) < np.count_nonzero(bound <= target):
+                done = bound * np.exp(np.minimum(length, MAX_STEP_EXPONENT)) <= target
+            short = length <= MAX_STEP_EXPONENT
+            done &= short
+            found = np.flatnonzero(done)
             if turn == 0:
-                solution = np.where(done, step, start)
+                solution = step
             else:
-                put(solution, active[done], step[:, done])
+                put(solution, active.take(found), step.take(found, axis=1))
             left.append(active[~short])
             keep = np.flatnonzero(short & ~done)
             if not len(keep):
                 break
-            active, s, p = active[keep], step.take(keep, axis=1), p.take(keep, axis=1)
+            active, s, p = active.take(keep), step.take(keep, axis=1), p.take(keep, axis=1)
         else:
             left.append(active)
-        return solution, np.concatenate(left)
+        rows = np.concatenate(left)
+        put(solution, rows, start.take(rows, axis=1))
+        return solution, rows
 
     def _newton(self, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
         """Minimise log Σ c ω e^<a, s> − <p, s> by regularised steps.
