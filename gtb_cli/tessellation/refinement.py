@@ -8,7 +8,6 @@ each that fails is split. Triangles are certified last, if that is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
