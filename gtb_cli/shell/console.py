@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from gtb_cli.errors import GtbError
+from gtb_cli.status import status
 
 if TYPE_CHECKING:
     from threading import Thread
@@ -193,7 +194,7 @@ class Progress:
                 seconds = int(time.monotonic() - start)
                 bar = "#" * int(share * BAR_CHARACTERS)
                 clock = f"{seconds // 60}:{seconds % 60:02d}"
-                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {printable(self.label)}"
+                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {status()} {printable(self.label)}"
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 with self._lock:
                     # The last column is left free: writing there makes some terminals start a new line.

@@ -17,6 +17,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
 from gtb_cli.newton import dot as column_dot
+from gtb_cli.status import described
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
@@ -109,8 +110,9 @@ def refine(
     `FINE_LATTICE_STEPS` steps.
     """
     work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
-    while (marked := work.marks()).any():
-        work.advance(marked)
+    with described(work.status):
+        while (marked := work.marks()).any():
+            work.advance(marked)
     return work.mesh.result(), work.mesh.points
 
 
@@ -194,6 +196,11 @@ class _Refinement:
             raise ToleranceError(
                 f"tolerance: {self.asked:g} {why}; with {len(self.mesh)} the distance is still {self.error.max():.3g}"
             )
+
+    def status(self) -> str:
+        """How far this is, in words."""
+        kind = "faces" if self.mesh.is_surface else "segments"
+        return f"{len(self.mesh)} {kind}, distance {self.error.max():.2g}, asked for {self.asked:.2g}"
 
     def count(self, factor: int) -> int:
         """How many cells a tolerance takes that is larger by a factor."""
