@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
 from gtb_cli.errors import GtbError
-from gtb_cli.status import status
 
 if TYPE_CHECKING:
     from threading import Thread
@@ -184,6 +183,8 @@ class Progress:
 
     def _draw(self) -> None:
         import time
+
+        from gtb_cli.status import status
 
         start = time.monotonic()
         if self._over.wait(PROGRESS_DELAY):
