@@ -11,7 +11,7 @@ import click
 
 from gtb_cli import __version__
 from gtb_cli.errors import RequirementError
-from gtb_cli.shell.console import abandon, complain, lines_about, say
+from gtb_cli.shell.console import abandon, complain, lines_about, printable, say
 from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
 AS_JSON = "gtb_cli.as_json"
@@ -169,6 +169,9 @@ def run(arguments: Sequence[str]) -> int:
             abandon(sys.stdout)
         errors += lines_about(error)
         status = REFUSED if isinstance(error, RequirementError) else FAILED
+    for name in arguments:
+        if "\n" in name:  # which must not begin another line
+            errors = "\n".join(errors).replace(name, printable(name)).split("\n")
     if "--json" in arguments and errors:
         import json
 

@@ -146,7 +146,7 @@ class Scanner:
     def _add_to_key(self, word: str, *, is_string: bool) -> None:
         self._dots += 0 if is_string else word.count(".")
         if self._dots >= MAX_KEY_PARTS:
-            raise TooMuch(self._line, f"a key of more than {MAX_KEY_PARTS} parts")
+            raise TooMuch(self._line, f"is not a spec: a key of more than {MAX_KEY_PARTS} parts")
         before = self._parts if self._is_toml else []
         self._parts = (before + _key_parts(word))[: MAX_KEY_PARTS + 1]
         self._key_line = self._line

@@ -172,7 +172,7 @@ class Recipe:
             if crowded > 0:
                 remarks.append(
                     f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
-                    f"more than two faces; -n {self.resolution + 1} keeps them apart"
+                    "more than two faces; -n 3 keeps them apart"
                 )
         return remarks
 

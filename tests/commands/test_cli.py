@@ -404,6 +404,9 @@ def test_names_of_files_do_nothing_to_a_terminal(specs, tmp_path):
     assert gtb("mesh", path, "-n", 1, "-o", tmp_path / "\x9b2J.obj").err == (
         f"gtb: {tmp_path}/\\x9b2J.obj: 3 vertices, 1 faces\n"
     )
+    path = specs / "a\nb.toml"
+    path.write_bytes(b"knots = [[0, 0]]")
+    assert gtb("info", path).err.count(f"gtb: error: {specs}/a\\nb.toml:") == gtb("info", path).err.count("\n") == 2
 
 
 @pytest.mark.parametrize(("name", "file"), [("../../up", "_._.._up.obj"), ("a/b", "a_b.obj"), ("", "patch.obj")])

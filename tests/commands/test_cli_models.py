@@ -69,6 +69,7 @@ def test_edges_between_the_same_vertices_are_reported(tmp_path):
     one, two = (gtb("mesh", str(TEAPOT), "-n", n, "-o", target) for n in "12")
     assert one.status == two.status == 0
     assert "with -n 1 edges of patches that have the same ends are one: 2 sides have more than two faces" in one.err
+    assert "; -n 3 keeps them apart" in one.err
     assert "warning" not in two.err
 
 

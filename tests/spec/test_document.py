@@ -250,8 +250,8 @@ def test_hostile_texts_are_refused_quickly(text: str, monkeypatch: pytest.Monkey
         (lambda n: "\n" * (n - 1) + "a = 1", MAX_LINES, "lines"),
         (lambda n: f"a = '{'x' * (n - 2)}'", MAX_WORD_LENGTH, "a word of 1001 characters"),
         (lambda n: "a = " + "[" * n + "]" * n, MAX_NESTING, "is nested more than 16 deep"),
-        (lambda n: ".".join("a" * n) + " = 1", 4, "a key of more than 4 parts"),
-        (lambda n: '"a" . ' * (n - 1) + "a = 1", 4, "a key of more than 4 parts"),
+        (lambda n: ".".join("a" * n) + " = 1", 4, "is not a spec: a key of more than 4 parts"),
+        (lambda n: '"a" . ' * (n - 1) + "a = 1", 4, "is not a spec: a key of more than 4 parts"),
         *mostly_long(
             [
                 (lambda n: "a = [" + "''," * (n // 2 - 2) + "]" * (1 + n % 2), MAX_WORDS, "values, keys and signs"),
