@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.normals import NormalField, on_edge
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 SEAM_PLACES = 49
 """Places along each seam, denser near its ends. The ends are left out: corners have normals of their own."""
@@ -26,7 +27,7 @@ MAX_CREASE_DEGREES = 1.0
 """Angle in degrees up to which curvatures across a seam are compared; a seam with a larger one is a crease."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Side:
     """One of two patches at places along a seam."""
 
@@ -39,7 +40,7 @@ class _Side:
         return self.patch.points_at(self.places, SEAM_PLACES)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Seam:
     """An edge that two patches share.
 

@@ -9,7 +9,6 @@ plane of torus coordinates. If the exponents are whole multiples of a step, mono
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 MAX_DEGREE = 25
 """Default of the highest degree of a piece."""
@@ -28,7 +28,7 @@ MAX_SEARCHED_DEGREE = 2000
 """Highest degree searched for, so that a message can name a degree above the allowed one."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Chart:
     """The part of a patch about a corner of Δ, as a rational Bézier rectangle; for a curve, the half at one end.
 

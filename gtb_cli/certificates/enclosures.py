@@ -7,7 +7,6 @@ across it tends to −∞; there z = exp(δ ρ) replaces ρ, and the edge itself
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
 from gtb_cli.theory.basis import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 MAX_EXPONENT = 600.0
 """Exponents are cut off here: such a large bound is of no use, and its triangle will be cut."""
@@ -55,7 +55,7 @@ class Pieces(NamedTuple):
     layer: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Chart:
     """Coordinates inside Δ, or along and across an edge, and the (n, 2) knots in them, exactly 0 on the edge."""
 

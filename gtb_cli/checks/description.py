@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -16,6 +16,7 @@ from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 Kind: TypeAlias = Literal[
     "GT", "toric", "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
@@ -35,7 +36,7 @@ MAX_PRECISION_POINTS = 20_000
 """Largest number, roughly, of points of this sampling, for domains with many edges."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Description:
     """What a patch is. Made by `description`.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -18,6 +17,7 @@ from gtb_cli.sequences.knot_limit import merge_knots
 from gtb_cli.theory.basis import Location, torus_coordinates
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 VALUE_ROUNDINGS = 64
 """Roundings, in units of `EPS`, of a value of the basis in addition to those of its exponent: logarithms, a sum, an
@@ -51,7 +51,7 @@ BASIS_DATA = {"u", "heights", "inside", "torus", "basis", "knot_rounding", "roun
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Probe:
     """A patch with sample parameters and values that several checks need.
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 RESIDUAL_TOLERANCE = 1e-12
 """Largest distance of the curve from a point at which the iteration ends, as a fraction of the largest coordinate."""
@@ -36,7 +35,7 @@ MIN_STEP = 1e-3
 ratio of the steps; beyond about 1e5 their rounding is too large for the parametrisation of meshes."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Fit:
     """A curve or surface through points, or near them. Made by `gtb_cli.design.fit.fit`.
 

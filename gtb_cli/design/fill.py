@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +37,7 @@ from gtb_cli.theory.basis import Location, exponents, face_knots, shares
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 MAX_SIDES = 24
 """Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
@@ -57,7 +57,7 @@ CORNER_WIDTH = 0.02
 """Parameters closer than this to the ends of an edge are left out when angles are measured: they belong to corners."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class Filling:
     """A patch that fills a hole. Made by `fill`.
 

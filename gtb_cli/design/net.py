@@ -8,13 +8,13 @@ knot the same share of T at its own place, so that no control point is too weak 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.theory.basis import exponents, shares
+from gtb_cli.values import frozen
 
 MIN_SIDE_RATIO = 0.4
 """Shortest side of the domain, as a fraction of the mean: the inner knots of a more elongated domain would crowd."""
@@ -51,7 +51,7 @@ DAMPING = 0.6
 """Fraction of the step, in each round, to the weight that would be right if the others stayed."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Net:
     """Knots and log weights; on edges the weights are given, in each row up to a common factor.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 STATIONS = 96
 """Number of places along a side at which the field across it is known: more than the degree of any product of
@@ -36,7 +37,7 @@ PARALLEL_SINE = 1e-10
 """Sine of the angle between a side's tangent and the field across it, below which these do not span a plane."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Side:
     """One side of a hole.
 

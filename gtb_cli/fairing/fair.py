@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -15,6 +14,7 @@ from gtb_cli.knots.layers import LAYER_TOLERANCE
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 Keep: TypeAlias = Literal["boundary", "tangents"]
 
@@ -25,7 +25,7 @@ FOLD_RINGS = 16
 """Rings of the mesh of Δ that is searched for folds."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Fairing:
     """A fair patch. Made by `fair`.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices
 from gtb_cli.meshes.known import largest_coordinates
+from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84
 """Bytes before the facets of a binary STL file; the last four are the number of facets."""
@@ -23,7 +23,7 @@ SINGLE_FLOAT = np.dtype("<f4")
 Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Content:
     """The arrays of a file, not checked yet.
 

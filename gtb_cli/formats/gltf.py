@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Any, TypeAlias
 
@@ -16,6 +15,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.formats.content import BINARY_ROWS, SINGLE_FLOAT
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
 
 HEADER_BYTES = 12
@@ -31,7 +31,7 @@ VERTICES, INDICES = 34962, 34963
 """glTF's numbers for the content of a view of the buffer."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Numbers:
     """Numbers of 32 bits, made block by block: once to be described, and once to be written.
 

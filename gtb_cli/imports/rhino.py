@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.spec.reader import MAX_PATCHES
 from gtb_cli.spec.values import name_fault
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 PATIENCE_SECONDS = 60.0
 """Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time."""
@@ -99,7 +99,7 @@ def _about(source: str, index: int) -> Iterator[None]:
         raise SpecError(f"{source}: objects[{index}]: {error}") from None
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Net:
     """A NURBS curve, or surface, with one or two degrees, rows of knots and counts of control points."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,11 +12,11 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import PARAMETER_ULPS
 from gtb_cli.knots.hull import border_of, depth_in, knot_tolerance
 from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
-from gtb_cli.values import by_value
+from gtb_cli.values import by_value, frozen
 
 
 @by_value
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen
 class RegularDecomposition:
     """Cells of knots under the upper faces of the lifted knots (a_i, λ_i). Made by `regular_decomposition`.
 

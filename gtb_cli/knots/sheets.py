@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -18,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
+from gtb_cli.values import frozen
 
 STRIDE = 4
 """Steps of a lattice per step of the next coarser one: 3 would solve more nodes, 6 would spoil the polynomials."""
@@ -51,7 +51,7 @@ WEIGHTS_AFTER = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
 """Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Sheets:
     """Lattices over equal parts of Δ: ``origin + x along + y across + x y twist`` with whole x and y from 0.
 

@@ -163,8 +163,9 @@ def _squares(n: int) -> tuple[IntArray, IntArray]:
 def _sectors(v: FloatArray, n: int) -> tuple[FloatArray, IntArray, IntArray]:
     """The centroid, then rings of r·k vertices, k = 1 … n, each from the ray to corner 0."""
     r, center, count = len(v), v.mean(axis=0), 1 + len(v) * n * (n + 1) // 2
-    numbers, side = np.arange(count + 1, dtype=index_type(count + 1)), np.arange(n)
-    columns, cells = np.empty((2, count)), np.empty((r * n * n, 3), dtype=numbers.dtype)
+    kind = index_type(count + 1)
+    numbers, side = np.arange(count + 1, dtype=kind), np.arange(n)
+    columns, cells = np.empty((2, count)), np.empty((r * n * n, 3), dtype=kind)
     start, end, middle = (rows.T[:, :, None] for rows in (v, np.roll(v, -1, axis=0), center[None]))
     columns[:, 0] = center
     sectors, inner = np.arange(r)[:, None], 0

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.values import frozen
 
 COORDINATE_ROUNDING = 2.0**-50
 """Rounding of a few double-precision operations, as a fraction of the largest coordinate."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class KnownMesh:
     """A mesh, and how accurately its coordinates are known.
 

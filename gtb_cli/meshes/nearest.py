@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -27,7 +27,7 @@ MORTON_BITS = 20
 """Bits of each coordinate in the key that orders cells and points so that neighbours stay together."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NearestCells:
     """Segments or triangles, arranged for finding the nearest ones.
 

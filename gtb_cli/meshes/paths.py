@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.values import frozen
 
 MIN_SEGMENT_ROUNDINGS = 1024
 """Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped."""
@@ -22,7 +22,7 @@ CLOSING_GAP = 1e-9
 """Largest distance between the ends of a closed polyline, as a fraction of its extent."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Path:
     """An open or closed polyline: segments with their directions at both ends.
 

@@ -8,7 +8,7 @@ a sharp turn has several rings, like a fan.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -19,6 +19,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.paths import MIN_SEGMENT_ROUNDINGS, MIN_TANGENT_COSINE, Path, paths
 from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
 
 RING_SIDES = 24
@@ -180,7 +181,7 @@ def _name(mesh: Mesh, path: Path) -> str:
     return next((name for name, start, stop in mesh.groups if start <= first < stop), mesh.name)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Sweep:
     """A tube around one path.
 
@@ -201,7 +202,7 @@ class _Sweep:
     folded: BoolArray
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _Sections:
     """Positions of rings, and the directions before and after them: (m,) vertices of the path and (m, 3) vectors.
 

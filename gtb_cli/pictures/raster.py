@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.values import frozen
 
 PIXEL_BATCH = 1 << 21
 """Number of pixels in bounding boxes of triangles that are tested together."""
@@ -16,7 +16,7 @@ NO_TRIANGLE = -1
 """Index at pixels that no triangle covers."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Raster:
     """The visible parts of triangles.
 

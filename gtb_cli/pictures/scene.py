@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from gtb_cli.pictures.camera import Camera
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.pictures.planar import label_all
 from gtb_cli.pictures.raster import Raster, rasterised
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ BACK_BRIGHTNESS = 0.78
 """Brightness of the side away from the normals, relative to the other."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Surface:
     """Triangles, each with a colour, and unit normals at their vertices; without normals all are equally bright.
 
@@ -71,7 +71,7 @@ class Surface:
     colour_map: str = "cividis"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Scene:
     """Things in space, seen by a camera.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +17,7 @@ from gtb_cli.pictures.planar import level
 from gtb_cli.pictures.scene import Surface, draw, lines, plain, points, scenes_of, triad
 from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of
 from gtb_cli.tessellation.tessellate import vertex_normals
+from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ MAX_PANELS = 24
 """Largest number of panels of one figure."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Frames:
     """Meshes of a sequence, the limit last, with what belongs to them.
 

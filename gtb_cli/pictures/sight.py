@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 PATCH_SEGMENTS, MODEL_SEGMENTS, CURVE_SEGMENTS = 40, 14, 256
 """Segments of each edge of a patch, of each of many patches of a model, and of a curve."""
@@ -29,7 +30,7 @@ NO_PAIRS = np.empty((0, 2), dtype=np.int64)
 NO_POINTS = np.empty((0, 3))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Moment:
     """One state of a moving shape: positions, normals (none for curves) and control points."""
 
@@ -39,7 +40,7 @@ class Moment:
     net_points: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Sight:
     """What a page shows.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,7 @@ from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.joints import Joint, Joints
 from gtb_cli.theory.moment import ACCEPTED_RESIDUAL
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 LAYER_CELLS = 4.0
 """Cells across the layer along the boundary in which a member differs from what it is inside."""
@@ -43,7 +44,7 @@ MAX_TOGETHER = 32
 """Largest number of members that are solved together."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Degeneration:
     """The data from which the members of a degeneration are made.
 
@@ -74,7 +75,7 @@ class Degeneration:
         return Places(mosaic.patch, mosaic.parameters, self.faces[mosaic.patch, mosaic.face])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Family:
     """Patches with the same Δ in their linear parametrisations, and their limit.
 
@@ -270,7 +271,7 @@ def _borders(shape: Domain, cells: Sequence[Patch], faces: IntArray) -> BoolArra
     return np.asarray(own < whole)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Vertices:
     """The vertices of a complex on the members of a family.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import Face
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 PARALLEL_RATIO = 1e-9
 """Ratio of the singular values of speeds below which these count as parallel: knots typed on one line."""
@@ -139,7 +139,7 @@ def _refuse_hull_change(patch: Patch, targets: IntArray) -> None:
             )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Film:
     """The surface or curve that moving knots leave between the patch's fixed boundary and that of the merged patch.
 
@@ -193,7 +193,7 @@ class Film:
         return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class KnotLimit:
     """The limit of patches whose knots move to others. Made by `knot_limit`.
 

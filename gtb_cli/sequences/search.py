@@ -8,7 +8,6 @@ the farthest vertices move over their own surface as long as their distances gro
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import count
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
 from gtb_cli.newton import dot
 from gtb_cli.sequences.feet import ROUNDING_DISTANCE, Chart
+from gtb_cli.values import frozen
 
 PLACE_ACCURACY = 1e-6
 """Error of the vertices' parameters, as a fraction of Δ's extents: whatever it is, they lie on the surface."""
@@ -76,7 +76,7 @@ class Spots(NamedTuple):
     s: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Search:
     """The search for the largest distances between surfaces, scaled by their size about their middle.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -26,12 +25,13 @@ from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
 
 INF = math.inf
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Member:
     """One mesh of a sequence.
 
@@ -56,7 +56,7 @@ class Member:
     doubt: str
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class MeshSequence:
     """Meshes of a family of patches and, last, of its limit, made one by one on request.
 

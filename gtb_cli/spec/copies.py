@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from gtb_cli.spec.reader import COPY_KEYS
 from gtb_cli.spec.scanner import Path
 from gtb_cli.spec.values import COORDINATE, MAX_SIZE, SCALE, Check, Values, likely_word, name_fault, suggestion
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 AXES = ("x", "y", "z")
 
@@ -32,7 +32,7 @@ MAX_SHOWN = 8
 """Largest number of names of a circle shown in a message."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Motion:
     """The motion of a copy, ``R (S b − about) + about + translation``; S has each coordinate's factor and sign."""
 
@@ -51,7 +51,7 @@ class Motion:
         return np.asarray(points + self.translation + 0.0)  # 0.0 in place of −0.0
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Copy:
     """The copies that one table of a model with the key ``copy`` asks for.
 

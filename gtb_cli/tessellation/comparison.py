@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, GtbError
@@ -19,6 +18,7 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
 BEGINNING_BYTES = 1 << 16
@@ -30,7 +30,7 @@ MAX_RESOLUTION = 4096
 Comparable: TypeAlias = Mesh | Shape
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Side:
     """One of the two meshes that are compared.
 

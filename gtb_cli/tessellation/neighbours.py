@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,13 +14,14 @@ from gtb_cli.newton import put
 from gtb_cli.theory.basis import NO_ROWS, Location
 from gtb_cli.theory.linear import START_RESIDUAL, LinearParametrization
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 CROWDED_SHARE = 0.1
 """Distance from an edge to the next knot, in units of 1/√n of the widest, below which knots crowd there. In lattices it
 is 1; it was 0.4 or more in all of specs/, and 0.001 among 1,000 random knots."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Neighbours:
     """Points inside one patch, found in the chart of its longest edge from guesses.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from gtb_cli.theory.basis import exponentials
 from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 EdgeRef = tuple[int, int]
 """(patch, edge): edge j of the hull of a patch's knots; for a curve, end j."""
@@ -41,7 +41,7 @@ def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
     return f"{patches[index].name or f'patches[{index}]'} edge {edge}"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Curve:
     """The data that determine an edge's curve: knots on [0, 1], normalised log weights, points."""
 
@@ -142,7 +142,7 @@ def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve
     return curves
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class _EdgeBasis:
     """Knots and log weights of an edge's curve, and the control points with their shares in the curve's points."""
 

@@ -8,7 +8,6 @@ unless the coordinates are exactly 0 for those knots; therefore the coordinates 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +19,7 @@ from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, fra
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers, ranks
 from gtb_cli.theory.basis import Location, covariance, exponents, shares
+from gtb_cli.values import frozen
 
 CANCELLATION_FRACTION = 1e-3
 """Ratio of a derivative to its summands, or of the angle between two derivatives to its own, below which three digits
@@ -38,7 +38,7 @@ CUT_OFF_SUM = 1e-280
 """Sums below this may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NormalField:
     """Unit normals in the direction of ∂P/∂u_0 × ∂P/∂u_1.
 
