@@ -31,6 +31,7 @@ from gtb_cli.tessellation.lattice import (
     steps_for,
 )
 from gtb_cli.tessellation.sampling import Sampling
+from gtb_cli.tessellation.sharing import shared
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
@@ -177,7 +178,7 @@ class _Refinement:
         self.verified = self.growth.append("verified", self.verified, unknown)
         self.bulging = self.growth.append("bulging", self.bulging, unknown)
         self.measure()
-        self.bulging[changed] = self.bulge(changed) > self.tolerance
+        self.bulging[changed] = shared(self.bulge, changed) > self.tolerance
 
     def refuse_hopeless(self, chosen: IntArray, count: int) -> None:
         """Raise `ToleranceError` if splitting some edges, into `count` cells, cannot help, or leads to too many."""
@@ -327,7 +328,8 @@ class _Refinement:
         if steps <= SIDE_STEPS:
             sides = sides[np.isnan(self.roughness[sides])]
             quarter = self.sample_sides(sides, np.array([0.25]))
-            sides = sides[(self.roughness[sides] > QUARTER_SHARE * self.tolerance) | self.slides(sides, quarter[:, 0])]
+            slides = shared(lambda some: self.slides(sides[some], quarter[some, 0]), len(sides))
+            sides = sides[(self.roughness[sides] > QUARTER_SHARE * self.tolerance) | slides]
             self.sample_sides(sides, np.array([0.75]))
         else:
             self.sample_sides(sides, np.arange(1, steps) / steps)
@@ -342,7 +344,7 @@ class _Refinement:
             part = rows[block]
             distance = self.samples.inside(part, weights, self.nearby)
             fails[block] = (distance > self.tolerance).any(axis=1)
-            expected = np.abs(expected_of @ self.heights(part)).T
+            expected = np.abs(expected_of @ shared(self.heights, part)).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
             seen[block] = np.maximum(seen[block], distance.max(axis=1))
         return fails, (rough > QUADRATIC_SHARE * self.tolerance) & (seen + BUMP_FACTOR * rough > self.tolerance)

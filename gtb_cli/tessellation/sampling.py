@@ -17,6 +17,7 @@ from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.sharing import BLOCK_ROWS
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.basis import block_length
@@ -29,7 +30,7 @@ UNKNOWN = complex(np.nan, np.nan)
 
 MIDDLE = np.array([0.5])
 
-WORTH_THREADS = 20_000
+WORTH_THREADS = 10_000
 """Fewest samples worth starting threads."""
 
 
@@ -73,9 +74,11 @@ class Sampling:
     def middles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
         """(e, 3) middles of the curves of new edges, which are learnt from, and (e,) distances from the edges."""
 
+        halves = _for_rows(np.array([[0.5], [0.5]]))
+
         def guesses(rows: IntArray) -> FloatArray:
             start, end = self._at_ends(rows)
-            return _blended([_either(start, end), _either(end, start)], np.array([[0.5], [0.5]]))
+            return _pairs([_either(start, end), _either(end, start)], halves)
 
         samples, distance, learnt = self._sampled(self._on_edges(rows, MIDDLE, guesses), 0.0, learn=True)
         self.at_middles = self.growth.append("middles", self.at_middles, learnt.view(np.complex128)[:, 0, 0])
@@ -88,12 +91,12 @@ class Sampling:
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
         """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
         t = fractions
-        shares = np.array([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
+        shares = _for_rows(np.array([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)]))
 
         def guesses(rows: IntArray) -> FloatArray:
             middle = self.at_middles.take(rows)
             start, end = (_either(value, middle) for value in self._at_ends(rows))
-            return _blended([start, middle, end], shares)
+            return _pairs([start, middle, end], shares)
 
         samples, distance, _ = self._sampled(self._on_edges(rows, fractions, guesses), within)
         return samples, distance
@@ -102,10 +105,11 @@ class Sampling:
         return [self.at_vertices.take(ends) for ends in self.mesh.edges.ends.take(rows, axis=0).T]
 
     def _on_edges(self, rows: IntArray, fractions: FloatArray, guesses: Callable[[IntArray], FloatArray]) -> _Places:
-        edges, shares = self.mesh.edges, np.array([1 - fractions, fractions])
+        edges, d = self.mesh.edges, self.mesh.edges.parameters.shape[2]
+        ends = _for_rows(np.array([1 - fractions, fractions]), d)
 
         def parameters(rows: IntArray) -> FloatArray:
-            return _blended(edges.parameters.take(rows, axis=0), shares)
+            return np.asarray((edges.parameters.take(rows, axis=0).reshape(-1, 2 * d) @ ends).reshape(-1, d))
 
         def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
             return to_segments(samples, *self.mesh.ends(rows))
@@ -117,17 +121,17 @@ class Sampling:
     def inside(self, rows: IntArray, weights: FloatArray, within: float) -> FloatArray:
         """(k, w) distances of the surface at (w, 3) barycentric places from the triangles they lie in."""
         cells, a = self.mesh.cells, weights.T
-        shares = np.concatenate([a * (2 * a - 1), 4 * a * np.roll(a, -1, axis=0)])
+        shares, of_corners = _for_rows(np.concatenate([a * (2 * a - 1), 4 * a * np.roll(a, -1, axis=0)])), _for_rows(a)
 
         def parameters(rows: IntArray) -> FloatArray:
-            return _blended(cells.corners.take(rows, axis=0), a)
+            return np.asarray((cells.corners.take(rows, axis=0).reshape(-1, 6) @ of_corners).reshape(-1, 2))
 
         def guesses(rows: IntArray) -> FloatArray:
             sides = [self.at_middles.take(side) for side in cells.sides.take(rows, axis=0).T]
             corners = [self.at_vertices.take(vertex) for vertex in cells.cells.take(rows, axis=0).T]
             corners = [_either(corner, _either(sides[k], sides[k - 1])) for k, corner in enumerate(corners)]
             sides = [_either(side, (corners[k] + corners[k - 2]) * 0.5) for k, side in enumerate(sides)]
-            return _blended([*corners, *sides], shares)
+            return _pairs([*corners, *sides], shares)
 
         def distances(rows: IntArray, samples: FloatArray) -> FloatArray:
             return to_triangles(samples, *self.mesh.corners(rows))
@@ -168,10 +172,10 @@ class Sampling:
 
         tasks: list[tuple[int, slice | IntArray]] = []
         for index, own in groups(places.patch) if self.mesh.is_surface else ():
-            length = max(1, block_length(len(sampler.evaluated[index].knots)) // number)
+            length = max(1, min(BLOCK_ROWS, block_length(len(sampler.evaluated[index].knots))) // number)
             blocks = [slice(begin, begin + length) for begin in range(0, len(own), length)]
             tasks += [(index, block if len(own) == len(rows) else own[block]) for block in blocks]
-        for _ in in_threads(sample, tasks, worth=len(rows) * number > WORTH_THREADS):
+        for _ in in_threads(sample, tasks, worth=len(tasks) > 1 and len(rows) * number > WORTH_THREADS):
             pass
         row, place = np.divmod(np.flatnonzero(np.isnan(distances)), number)
         if len(row):
@@ -189,9 +193,11 @@ def _either(values: Corrections, others: Corrections) -> Corrections:
     return np.where(np.isnan(values), others, values)
 
 
-def _blended(values: FloatArray | Sequence[Corrections], shares: FloatArray) -> FloatArray:
-    """(kw, d) sums of (k, c, d) values, or of c columns of k pairs, with (c, w) shares: one product of matrices."""
-    if not isinstance(values, np.ndarray):
-        values = np.stack(values, axis=1).view(np.float64).reshape(len(values[0]), len(values), 2)
-    count, _, d = values.shape
-    return np.asarray((values.reshape(count, -1) @ np.kron(shares, np.eye(d))).reshape(-1, d))
+def _for_rows(shares: FloatArray, d: int = 2) -> FloatArray:
+    """(cd, wd) matrix that takes rows of c points with d coordinates to rows of w sums with (c, w) shares."""
+    return np.asarray((shares[:, None, :, None] * np.eye(d)[:, None]).reshape(len(shares) * d, -1))
+
+
+def _pairs(values: Sequence[Corrections], shares: FloatArray) -> FloatArray:
+    """(kw, 2) sums of c columns of k pairs, with shares from `_for_rows`."""
+    return np.asarray((np.stack(values, axis=1).view(np.float64) @ shares).reshape(-1, 2))

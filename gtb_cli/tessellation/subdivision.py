@@ -13,6 +13,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.newton import dot as column_dot
 from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.sharing import shared
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
 from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.edges import edge_curves
@@ -85,8 +86,12 @@ class Subdivision:
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
         """Whether any side of each cell, or of some cells, is marked; by columns, as short rows are slow to reduce."""
-        sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
-        return reduce(np.logical_or, [marked.take(side) for side in sides.T])
+
+        def is_marked(rows: slice | IntArray) -> BoolArray:
+            sides = self.cells.sides[rows] if isinstance(rows, slice) else self.cells.sides.take(rows, axis=0)
+            return reduce(np.logical_or, [marked.take(side) for side in sides.T])
+
+        return shared(is_marked, len(self) if rows is None else rows)
 
     def mark_thin(self, marked: BoolArray) -> None:
         """Mark the longest edge of triangles that are thin, in space or in Δ, and have a marked edge.
@@ -97,15 +102,19 @@ class Subdivision:
         """
         if not self.is_surface:
             return
-        rows = np.flatnonzero(self.has_mark(marked))
+        longest = shared(self._longest_if_thin, np.flatnonzero(self.has_mark(marked)))
+        marked[longest[longest >= 0]] = True
+
+    def _longest_if_thin(self, rows: IntArray) -> IntArray:
+        """(2, k) longest edges in space and in Δ of those triangles that are thin there, −1 for others."""
         a, b, c = self.corner_columns(rows)
         normal = cross_of_columns(b - a, c - a)
-        squares = np.stack([column_dot(side, side) for side in (b - a, c - b, a - c)])
-        thin = np.flatnonzero(MAX_ASPECT_RATIO**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2)
-        marked[self.cells.sides[rows[thin], squares[:, thin].argmax(axis=0)]] = True
+        squares = [column_dot(side, side) for side in (b - a, c - b, a - c)]
+        is_thin = MAX_ASPECT_RATIO**2 * column_dot(normal, normal) < reduce(np.maximum, squares) ** 2
         share, longest = slimness(self.cells.corners.take(rows, axis=0))
-        thin = np.flatnonzero(share < self.slim)
-        marked[self.cells.sides[rows[thin], longest[thin]]] = True
+        sides = self.cells.sides.take(rows, axis=0).ravel()
+        found = ((is_thin, _largest(squares)), (share < self.slim, longest))
+        return np.stack([np.where(thin, sides.take(3 * np.arange(len(rows)) + side), -1) for thin, side in found])
 
     def split(self, chosen: IntArray, middles: FloatArray, rows: IntArray) -> IntArray:
         """Split edges at their (e, 3) middles, and the cells beside them, in the given rows; return all that changed.
@@ -285,5 +294,9 @@ def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     x, y = (corners[:, :, axis].T for axis in (0, 1))
     x, y = (np.ascontiguousarray(np.roll(each, -1, axis=0) - each) for each in (x, y))
     squares = x * x + y * y
-    longest = np.where(squares[2] > np.maximum(squares[0], squares[1]), 2, squares[1] > squares[0])
-    return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), longest
+    return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), _largest(squares)
+
+
+def _largest(rows: Sequence[FloatArray]) -> IntArray:
+    """(k,) which of three rows is the largest, the first of equal ones; `numpy.argmax` takes several times as long."""
+    return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])
