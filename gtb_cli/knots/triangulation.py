@@ -34,7 +34,7 @@ class Triangulation:
 
     def faces(self, faces: Faces) -> IntArray:
         """(m,) numbers of the faces of Δ in whose relative interior the vertices lie."""
-        face = np.full(len(self.parameters), INTERIOR)
+        face = np.full(len(self.parameters), INTERIOR, dtype=index_type(len(faces)))
         face[self.boundary] = faces.edges[:, None]
         face[self.boundary[:, 0]] = faces.corners
         return face

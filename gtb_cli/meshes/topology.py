@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, IntArray, paired
+from gtb_cli.arrays import BoolArray, IntArray, paired, taken
 from gtb_cli.values import frozen
 
 
@@ -103,12 +103,18 @@ def are_proper(cells: IntArray) -> BoolArray:
 def are_used(cells: IntArray, count: int) -> BoolArray:
     """(count,) whether a vertex belongs to a cell."""
     used = np.zeros(count, dtype=bool)
-    used[cells] = True
+    for corner in cells.T:
+        used[corner] = True
     return used
 
 
 def compacted(cells: IntArray) -> tuple[IntArray, IntArray]:
     """Return the vertices that cells use, ascending, and the cells as indices of these."""
+    low, high = int(cells.min(initial=0)), int(cells.max(initial=-1))
+    if high - low < cells.size:  # most numbers occur several times
+        is_used = are_used(cells - low, high - low + 1)
+        places = np.cumsum(is_used, dtype=cells.dtype) - 1
+        return np.flatnonzero(is_used) + low, taken(places, cells - low)
     used, places = np.unique(cells, return_inverse=True)
     return used, places.reshape(cells.shape).astype(cells.dtype, copy=False)
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, index_type, shifted
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, index_type, shifted, taken
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.theory.basis import Location
+from gtb_cli.theory.basis import NO_ROWS, Location
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis, toric_locations
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -47,8 +47,8 @@ class Complex:
         Number of the face of that domain in whose interior the vertex lies.
     cells : (k, d + 1) int
     cell_patch : (k,) int
-    own_corners : (k, d + 1, d) float or None
-        `corners`; None if they are just the parameters of the cells' vertices.
+    own_corners : (k, d + 1, d) float, or (c,) int and (c, d) float
+        `corners`; or those that are not just the parameters of the cells' vertices, and their places among all.
     collapsed : (c, 2) int
         Pairs of neighbouring vertices on edges of patches that are one point.
     sides : int
@@ -62,7 +62,7 @@ class Complex:
     face: IntArray
     cells: IntArray
     cell_patch: IntArray
-    own_corners: FloatArray | None
+    own_corners: FloatArray | tuple[IntArray, FloatArray]
     collapsed: IntArray
     sides: int = 0
     uneven: frozenset[EdgeRef] = frozenset()
@@ -70,7 +70,11 @@ class Complex:
     @cached_property
     def corners(self) -> FloatArray:
         """(k, d + 1, d) parameters of the vertices of each cell, in the domain of the cell's own patch."""
-        return self.parameters[self.cells] if self.own_corners is None else self.own_corners
+        if not isinstance(self.own_corners, tuple):
+            return self.own_corners
+        corners, (places, moved) = self.parameters[self.cells], self.own_corners
+        corners.reshape(-1, corners.shape[2])[places] = moved
+        return corners
 
     @property
     def is_simplicial(self) -> bool:
@@ -79,17 +83,17 @@ class Complex:
             return False
         return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
 
-    @cached_property
-    def without_collapsed(self) -> tuple[IntArray, IntArray | slice]:
-        """Cells after vertices that are one point became one, and the rows of those that keep all their corners.
+    @property
+    def without_collapsed(self) -> tuple[IntArray, BoolArray | slice]:
+        """Cells after vertices that are one point became one, and which of all keep all their corners.
 
         Edges that are one point are never split: their ends become one, and the cells beside them vanish.
         """
         if not len(self.collapsed):
             return self.cells, slice(None)
-        cells = merged(len(self.patch), self.collapsed)[self.cells]
-        rows = np.flatnonzero(are_proper(cells))
-        return cells[rows], rows
+        cells = taken(merged(len(self.patch), self.collapsed), self.cells)
+        proper = are_proper(cells)
+        return cells[proper], proper
 
     @property
     def further_places(self) -> tuple[IntArray, FloatArray]:
@@ -167,7 +171,7 @@ def alone(domain: Domain, part: Triangulation) -> Complex:
         face=part.faces(domain.faces),
         cells=part.cells,
         cell_patch=np.zeros(len(part.cells), dtype=np.int64),
-        own_corners=None,
+        own_corners=(NO_ROWS, np.empty((0, domain.dimension))),
         collapsed=np.empty((0, 2), dtype=np.int64),
         sides=count + len(part.cells) - 1,
     )
@@ -194,17 +198,20 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
     face = np.concatenate([part.faces(patch.domain.faces) for patch, part in zip(patches, parts, strict=True)])
     turned = [part.cells[:, [0, 2, 1]] if is_surface and flipped else part.cells
               for part, flipped in zip(parts, joints.flipped, strict=True)]  # fmt: skip
-    cells = np.concatenate([shifted(own, offset) for own, offset in zip(turned, offsets[:-1], strict=True)])
+    kind = index_type(len(owner))
+    cells = np.concatenate([shifted(own, n).astype(kind) for own, n in zip(turned, offsets[:-1], strict=True)])
     shared, collapsed = _pairs(joints, parts, offsets)
-    kept, number = np.unique(merged(len(owner), shared), return_inverse=True)
-    number = number.astype(index_type(len(kept)))
+    label = merged(len(owner), shared)
+    is_kept = label == np.arange(len(owner))
+    number = (np.cumsum(is_kept, dtype=kind) - 1)[label]
+    places = np.flatnonzero(~taken(is_kept, cells))
     mosaic = Complex(
-        patch=owner[kept],
-        parameters=parameters[kept],
-        face=face[kept],
-        cells=number[cells],
+        patch=owner[is_kept],
+        parameters=parameters[is_kept],
+        face=face[is_kept],
+        cells=taken(number, cells),
         cell_patch=owner[cells[:, 0]],
-        own_corners=parameters[cells],
+        own_corners=(places, parameters[cells.ravel()[places]]),
         collapsed=number[collapsed],
         # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
         sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
@@ -237,7 +244,8 @@ def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) ->
 
 def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntArray:
     """A vertex of each cell, and of each side inside a patch, with the same boundary vertices as another one."""
-    cells = cells[on_boundary[cells].sum(axis=1) > 1]
+    a, b, c = (on_boundary[corner] for corner in cells.T)
+    cells = cells[(a & b) | (b & c) | (c & a)]
     cells = cells[are_proper(label[cells])]
     flat = cells[on_boundary[cells].all(axis=1)]
     ends = np.concatenate([cells[:, [0, 1]], cells[:, [1, 2]], cells[:, [2, 0]]])

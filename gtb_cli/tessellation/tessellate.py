@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh, Origin
-from gtb_cli.meshes.topology import sides_of
+from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.theory.model import Model
@@ -138,14 +139,15 @@ def _mesh(
     if not len(cells):
         raise DomainError("resolution: too low, every face is a point or a line: edges of the patches are points")
     if len(mosaic.collapsed):
-        used, cells = np.unique(cells, return_inverse=True)
-        cells, cell_patch = cells.reshape(-1, mosaic.cells.shape[1]), cell_patch[rows]
+        used, cells = compacted(cells)
+        cell_patch = cell_patch[rows]
         vertices, patch, parameters, face = points[used], patch[used], parameters[used], face[used]
     shared: tuple[IntArray, FloatArray] | tuple[()] = ()
     inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
-        inward = inside_out(vertices, cells, cell_patch, len(sampler.patches))
-        cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
+        inward = inside_out(vertices, cells, cell_patch, face != INTERIOR, len(sampler.patches))
+        if inward.any():
+            cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
 
     def normals() -> FloatArray:
         found = sampler.normals(patch, parameters, face)
@@ -175,15 +177,26 @@ def _mesh(
     )
 
 
-def inside_out(vertices: FloatArray, faces: IntArray, face_patch: IntArray, count: int) -> BoolArray:
-    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces point inwards."""
-    sides = sides_of(faces)
-    owner, edge = np.repeat(face_patch, 3), sides.edge.ravel()
-    body = merged(count, np.unique(np.stack([owner, owner[sides.first[edge]]], axis=1), axis=0))
+def inside_out(
+    vertices: FloatArray, faces: IntArray, face_patch: IntArray, on_boundary: BoolArray, count: int
+) -> BoolArray:
+    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces point inwards.
+
+    Only sides with an end on the boundary of a patch may be open, or join two patches.
+    """
+    a, b, c = (on_boundary[corner] for corner in faces.T)
+    outer = np.flatnonzero(a | b | c)
+    sides = sides_of(faces[outer])
+    owner, edge = np.repeat(face_patch[outer], 3), sides.edge.ravel()
+    other = owner[sides.first[edge]]
+    body = merged(count, distinct(np.stack([owner, other], axis=1)[owner != other]))
     is_open = np.zeros(count, dtype=bool)
-    is_open[body[owner[sides.uses[edge] != 2]]] = True
-    a, b, c = (vertices[corner] - vertices.mean(axis=0) for corner in faces.T)
-    volume = np.bincount(body[face_patch], dot(a, cross(b, c)), minlength=count)
+    is_open[body[owner[(sides.uses[edge] != 2) & on_boundary[sides.directed].any(axis=1)]]] = True
+    volume, middle = np.zeros(count), vertices.mean(axis=0)
+    for start in range(0, len(faces), INDEX_ROWS):
+        rows = slice(start, start + INDEX_ROWS)
+        p, q, r = (vertices[corner] - middle for corner in faces[rows].T)
+        volume += np.bincount(body[face_patch[rows]], dot(p, cross(q, r)), minlength=count)
     return np.asarray((volume < 0)[body] & ~is_open[body])
 
 

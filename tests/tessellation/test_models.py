@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections import Counter
 from dataclasses import replace
 from functools import cache
@@ -16,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
@@ -107,6 +109,25 @@ def test_the_teapot_has_four_parts_and_six_rings(options):
     used = (np.bincount(part), np.bincount(part[mesh.edges[:, 0]]), np.bincount(part[mesh.cells[:, 0]]))
     # Body and lid are discs (one ring each), handle and spout are tubes (two).
     assert sorted((used[0] - used[1] + used[2]).tolist()) == [0, 0, 1, 1]
+
+
+def test_corners_of_cells_are_in_the_domains_of_their_own_patches():
+    model, n = MODELS["teapot"], 3
+    mosaic = joined_complex(model.patches, model.joints, n)
+    assert (mosaic.parameters[mosaic.cells] != mosaic.corners).any()
+    for index, patch in enumerate(model.patches):
+        part = triangulation(patch.domain, n)
+        found, expected = mosaic.corners[mosaic.cell_patch == index], part.parameters[part.cells]
+        assert np.array_equal(found, expected[:, [0, 2, 1]] if model.joints.flipped[index] else expected)
+
+
+def test_a_large_model_takes_a_few_times_the_memory_of_its_mesh():
+    tracemalloc.start()
+    mesh = tessellate(MODELS["teapot"], 60, normals=False)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(mesh.cells) > 200_000
+    assert peak < 6 * sum(rows.nbytes for rows in (mesh.vertices, mesh.cells, mesh.parameters, mesh.origin.patch))
 
 
 def test_the_numbers_of_the_teapot():
