@@ -29,6 +29,7 @@ from gtb_cli.shell.solids import surface_format, write_surfaces
 from gtb_cli.shell.streams import (
     about,
     file_stem,
+    is_device,
     is_folder,
     is_terminal,
     read_spec,
@@ -124,7 +125,7 @@ def mesh(
     if deps is not None and (output == STANDARD or STANDARD in specs):
         raise click.UsageError("--deps: make knows files only, and not standard input or output")
     book = None
-    if resume and manifest is None:
+    if resume and (manifest is None or manifest == STANDARD or is_device(manifest)):
         raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest

@@ -153,7 +153,6 @@ def _awaited(future: Future[R], client: Any, address: str) -> R:
 
 
 def _wait_for_workers(client: Any, address: str) -> None:
-
     try:
         client.wait_for_workers(1, timeout=WORKER_SECONDS)
     except TimeoutError:

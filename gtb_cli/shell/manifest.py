@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 PACKAGES = ("numpy", "trimesh")
 """Packages whose versions may change bytes."""
 
-
 RENEWAL_SECONDS = 2.0
 """Seconds between two versions of a growing manifest."""
 
@@ -92,11 +91,7 @@ class Manifest:
         self._settings = settings
         self._is_direct = path == STANDARD or is_device(path)
         self._entries: dict[str, Entry | Mapping[str, Any]] = {}
-        self._known: dict[str, Any] = {}
-        if resume:
-            if self._is_direct:
-                raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
-            self._known = known_entries(path, versions(PACKAGES), settings)
+        self._known = known_entries(path, versions(PACKAGES), settings) if resume else {}
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self._is_direct else folder
         # Checked before the work, not after it; the folder of the meshes is made if missing.

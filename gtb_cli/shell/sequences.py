@@ -139,9 +139,9 @@ def sequence_options(spec_help: str) -> Callable[[Function], Function]:
 def _is_animation(options: MeshOptions, output: str) -> bool:
     """Tell whether an output is an animation and not a folder; refuse options that a sequence cannot have."""
     animation = not is_folder(output) and _is_animated_file(options, output)
+    if options.ascii and (animation or options.format == ANIMATION_FORMAT):
+        raise click.UsageError("--ascii: GLB has no text form")
     if animation:
-        if options.ascii:
-            raise click.UsageError("--ascii: an animation is a GLB file, and GLB has no text form")
         options.format_for(output)
     if options.recipe.parametrization == "toric":
         raise click.UsageError(
@@ -181,8 +181,6 @@ def _check_kind(options: MeshOptions, patch: Patch) -> None:
     """Refuse a format that cannot hold the meshes before they are made."""
     if options.format == "stl" and patch.dimension == 1:
         raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
-    if options.format == ANIMATION_FORMAT and options.ascii:
-        raise ExportError("GLB has no text form: expected obj, ply or stl with --ascii")
 
 
 def number_text(value: float) -> str:

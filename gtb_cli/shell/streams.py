@@ -39,10 +39,8 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     from gtb_cli.spec.document import MAX_BYTES
     from gtb_cli.spec.loading import load, parse
 
-    if path == STANDARD:
-        return parse(read_bytes(path, MAX_BYTES + 1), STDIN, spec_format)  # type: ignore[arg-type]
-    if spec_format is not None:
-        return parse(read_bytes(path, MAX_BYTES + 1), path, spec_format)  # type: ignore[arg-type]
+    if path == STANDARD or spec_format is not None:
+        return parse(read_bytes(path, MAX_BYTES + 1), shown_input(path), spec_format)  # type: ignore[arg-type]
     return load(path)
 
 
