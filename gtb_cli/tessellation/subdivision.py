@@ -297,6 +297,6 @@ def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
     return np.abs(x[0] * y[2] - y[0] * x[2]) / reduce(np.maximum, squares), _largest(squares)
 
 
-def _largest(rows: Sequence[FloatArray]) -> IntArray:
+def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
     """(k,) which of three rows is the largest, the first of equal ones; `numpy.argmax` takes several times as long."""
     return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])
