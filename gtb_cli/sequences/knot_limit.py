@@ -174,7 +174,7 @@ class Film:
         """The curve at level z of the film of an edge."""
         if self.along is None:
             raise DomainError("the film of a corner has no sections")
-        log_weights = self._log_weights(np.array([[z]]))[0]
+        log_weights = self.log_weights(np.array([[z]]))[0]
         here = np.isfinite(log_weights)
         return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
 
@@ -182,12 +182,12 @@ class Film:
         """(m, 3) points at (m, g) levels z of the film of a corner or end."""
         if self.along is not None:
             raise DomainError("the film of an edge consists of sections")
-        logs = self._log_weights(np.asarray(z, dtype=np.float64))
+        logs = self.log_weights(np.asarray(z, dtype=np.float64))
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
 
-    def _log_weights(self, z: FloatArray) -> FloatArray:
-        """(m, k) logarithms of the weights, −inf for weights 0."""
+    def log_weights(self, z: FloatArray) -> FloatArray:
+        """(m, k) logarithms of the weights at (m, g) levels z, −inf for weights 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             powers = self.speeds[None] * np.log(z)[:, None, :]
         return np.asarray(self.log_products + np.where(self.speeds[None] > 0, powers, 0.0).sum(axis=2))
