@@ -259,7 +259,11 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
         return []  # an error, not a warning
     way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
     messages = []
-    moved = max(float(np.abs(column - x).max(initial=0.0)) for column, x in zip(single, mesh.vertices.T, strict=True))
+    moved = max(
+        float(np.abs(column[start : start + BLOCK_ROWS] - x[start : start + BLOCK_ROWS]).max())
+        for column, x in zip(single, mesh.vertices.T, strict=True)
+        for start in range(0, len(x), BLOCK_ROWS)
+    )
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     if moved > VISIBLE_SHIFT * diagonal > 0.0:
         messages.append(
