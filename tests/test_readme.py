@@ -1,12 +1,13 @@
 """What the README shows runs, and what there is stands in it."""
 
 import re
+import shutil
 
 import pytest
 
 from gtb_cli.commands.cli import COMMANDS
 from tests.marks import long
-from tests.shell import REPOSITORY, SPECS, gtb, script
+from tests.shell import REPOSITORY, SPECS, gtb, script, shell
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 COMMANDS_PAGE = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
@@ -71,6 +72,28 @@ def test_its_commands_run(block, workplace):
     assert "error" not in result.err
 
 
+@long
+def test_its_ways_to_share_work_without_a_scheduler_do(workplace):
+    lines = [line.strip() for line in README.splitlines() if re.match(r" +(make -j|printf .*xargs|gtb .*SLURM)", line)]
+    (workplace / "parts").mkdir()
+    names = ("bicubic", "hexagon", "pentagon")
+    for name in names:
+        (workplace / "parts" / f"{name}.toml").write_bytes((SPECS / f"{name}.toml").read_bytes())
+    (workplace / "list").write_text("".join(f"parts/{name}.toml\n" for name in names))
+    rule = lines[0].partition("rule: ")[2]
+    targets = " ".join(f"out/{name}.obj" for name in names)
+    (workplace / "Makefile").write_text(f"all: {targets}\n{rule}\n-include out/*.d\n")
+    lines[2] = f"for SLURM_ARRAY_TASK_ID in 1 2 3; do {lines[2]}; done"
+    made = []
+    for line in lines:
+        result = shell(f"mkdir out; {line}", workplace)
+        assert (result.status, result.err) == (0, "")
+        made.append([(workplace / "out" / f"{name}.obj").read_bytes() for name in names])
+        shutil.rmtree(workplace / "out")
+    assert made[0] == made[1] == made[2]
+    assert len(set(made[0])) == 3
+
+
 @pytest.mark.parametrize("block", blocks("python"))
 def test_its_python_runs(block, workplace, monkeypatch):
     monkeypatch.chdir(workplace)
@@ -85,7 +108,7 @@ def test_its_links_lead_somewhere():
 
 def test_its_targets_of_make_are_there():
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    targets = re.findall(r"^    make ([a-z-]+)", README, re.MULTILINE)
+    targets = re.findall(r"^    make ([a-z][a-z-]*)", README, re.MULTILINE)
     assert {"mesh", "test"} <= set(targets)
     for target in targets:
         assert re.search(rf"^{target}:.*## ", makefile, re.MULTILINE), target

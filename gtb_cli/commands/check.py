@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,7 @@ from gtb_cli.shell.console import Console, printable
 from gtb_cli.shell.options import json_option, require_option, specs_argument, text_options, weld_option
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
+from gtb_cli.shell.workers import jobs_option
 
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
@@ -35,6 +37,7 @@ FIGURES_WIDTH = 20
 @long_option
 @weld_option
 @require_option("Exit with status 1")
+@jobs_option
 @text_options
 def check(
     specs: tuple[str, ...],
@@ -42,6 +45,7 @@ def check(
     in_full: bool,
     weld: float | str | None,
     require: tuple[str, ...],
+    jobs: int,
     output: str,
     spec_format: str | None,
     console: Console,
@@ -57,26 +61,13 @@ def check(
     fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
     --json asks for everything. Exit status 1 if a property or requirement fails, 2 if a spec cannot be read.
     """
-    from gtb_cli.checks.check import check as measure
     from gtb_cli.checks.report import Report, counts
-    from gtb_cli.tessellation.recipe import Recipe, welded
-
-    refused: list[str] = []
-
-    def report_on(spec: str) -> Report | ModelReport:
-        read = read_spec(spec, spec_format)
-        with about(shown_input(spec)):
-            loaded = welded(read, weld)
-            report = measure(loaded)
-            if require:
-                try:
-                    Recipe(require=require).mesh(loaded)
-                except RequirementError as error:
-                    refused.extend(f"{shown_input(spec)}: {line}" for line in str(error).split("\n"))
-        return report
 
     several = len(specs) > 1 or os.path.isdir(specs[0])
-    rows, errors = reports_on(inputs_of(specs, output), report_on)
+    checked = partial(_checked, spec_format=spec_format, weld=weld, require=require)
+    found, errors = reports_on(inputs_of(specs, output), checked, jobs)
+    rows = [(name, report) for name, (report, _) in found]
+    refused = [line for _, (_, lines) in found for line in lines]
     if as_json:
         data = [(name, _patch_data(row) if isinstance(row, Report) else _model_data(row)) for name, row in rows]
         text = json_of(data, several)
@@ -96,6 +87,25 @@ def check(
         raise RequirementError("\n".join(refused))
     if not all(row.holds for _, row in rows):
         raise click.exceptions.Exit(FAILED_STATUS)
+
+
+def _checked(
+    spec: str, spec_format: str | None, weld: float | str | None, require: tuple[str, ...]
+) -> tuple[Report | ModelReport, list[str]]:
+    """Return the report on a spec, and lines about requirements that its mesh does not meet."""
+    from gtb_cli.checks.check import check as measure
+    from gtb_cli.tessellation.recipe import Recipe, welded
+
+    read = read_spec(spec, spec_format)
+    with about(shown_input(spec)):
+        loaded = welded(read, weld)
+        report = measure(loaded)
+        try:
+            if require:
+                Recipe(require=require).mesh(loaded)
+        except RequirementError as error:
+            return report, [f"{shown_input(spec)}: {line}" for line in str(error).split("\n")]
+    return report, []
 
 
 def _patch_data(report: Report) -> dict[str, Any]:

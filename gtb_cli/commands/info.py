@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,7 @@ from gtb_cli.shell.console import Console, printable
 from gtb_cli.shell.options import json_option, specs_argument, text_options, weld_option
 from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.workers import jobs_option
 
 if TYPE_CHECKING:
     from gtb_cli.checks.description import Description
@@ -34,12 +36,14 @@ MAX_EDGES_SHOWN = 100
 @json_option
 @long_option
 @weld_option
+@jobs_option
 @text_options
 def info(
     specs: tuple[str, ...],
     as_json: bool,
     in_full: bool,
     weld: float | str | None,
+    jobs: int,
     output: str,
     spec_format: str | None,
     console: Console,
@@ -55,9 +59,8 @@ def info(
     a spec cannot be read, a message says so and the exit status is 2.
     """
     several = len(specs) > 1 or os.path.isdir(specs[0])
-    rows, errors = reports_on(
-        inputs_of(specs, output), lambda spec: _found(spec, spec_format, weld, as_json or in_full)
-    )
+    described = partial(_found, spec_format=spec_format, weld=weld, in_full=as_json or in_full)
+    rows, errors = reports_on(inputs_of(specs, output), described, jobs)
     if as_json:
         text = json_of(rows, several)
     elif several and not in_full:

@@ -195,7 +195,8 @@ class Progress:
                 seconds = int(time.monotonic() - start)
                 bar = "#" * int(share * BAR_CHARACTERS)
                 clock = f"{seconds // 60}:{seconds % 60:02d}"
-                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {status()} {printable(self.label)}"
+                words = f"{status()} {printable(self.label)}".strip()
+                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {words}"
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 with self._lock:
                     # The last column is left free: writing there makes some terminals start a new line.

@@ -1,4 +1,4 @@
-"""The workers that make several meshes: this process, several processes, or a cluster."""
+"""The workers that take several specs: this process, several processes, or a cluster."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Workers(NamedTuple):
     Attributes
     ----------
     jobs : int
-        Number of processes; 1 means this process.
+        Number of processes; 1 means this process, and 0 one for each processor.
     cluster : str or None
         Address or file of the scheduler of a cluster.
     """
 
     jobs: int
-    cluster: str | None
+    cluster: str | None = None
 
     def results(
         self, function: Callable[[T], R], tasks: Sequence[T], here: Callable[[T], R] | None = None
@@ -37,24 +37,27 @@ class Workers(NamedTuple):
             from gtb_cli.shell.cluster import in_cluster
 
             return in_cluster(function, tasks, self.cluster)
-        jobs = min(self.jobs, len(tasks))
+        jobs = min(self.jobs or processors(), len(tasks))
         if jobs > 1:
             return in_processes(function, tasks, jobs)
         return (result for result in map(here or function, tasks))
 
 
+jobs_option = click.option(
+    "-j",
+    "--jobs",
+    type=WholeNumber(0, MAX_JOBS),
+    metavar="JOBS",
+    default=1,
+    help="Processes that share the work on several specs; 0 means one for each processor; 1 without this option. What "
+    "is written does not depend on the number.",
+)
+
+
 def workers_option(function: Function) -> Function:
     """Add ``-j`` and ``--cluster``; the command gets `Workers`."""
 
-    @click.option(
-        "-j",
-        "--jobs",
-        type=WholeNumber(0, MAX_JOBS),
-        metavar="JOBS",
-        default=1,
-        help="Processes that share the work on several meshes; 0 means one for each processor; 1 without this "
-        "option. The files do not depend on the number.",
-    )
+    @jobs_option
     @click.option(
         "--cluster",
         metavar="ADDRESS",
@@ -65,6 +68,6 @@ def workers_option(function: Function) -> Function:
     def command(*args: Any, jobs: int, cluster: str | None, **values: Any) -> object:
         if cluster is not None and jobs != 1:
             raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
-        return function(*args, workers=Workers(jobs or processors(), cluster), **values)
+        return function(*args, workers=Workers(jobs, cluster), **values)
 
     return command

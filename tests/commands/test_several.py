@@ -105,3 +105,21 @@ def test_a_large_model_is_described_in_few_words(tmp_path):
     assert in_full.count("\njoint ") == 59
     assert "more, with --long" not in in_full
     assert len(json.loads(gtb("info", spec, "--json").text)["joints"]) == 59
+
+
+@pytest.mark.parametrize("command", [("check",), ("check", "--json"), ("info", "--long"), ("info", "--json")])
+def test_processes_that_share_reports_change_nothing(command, folder, tmp_path):
+    """Neither what is printed, nor errors and their order, nor standard input, which the first process reads."""
+    bad = tmp_path / "bad.toml"
+    bad.write_text("knots = 1")
+    given = ("-", bad, folder)
+    alone, shared = (gtb(*command, *given, "-j", jobs, stdin=Path(PENTAGON).read_bytes()) for jobs in (1, 3))
+    assert (alone.status, alone.text, alone.err) == (2, shared.text, shared.err)
+    assert shared.status == 2
+    assert all(name in alone.text for name in ("<stdin>", "bicubic.toml", "cubic-bezier.toml"))
+
+
+def test_a_requirement_is_checked_by_every_process(folder):
+    result = gtb("check", PENTAGON, folder / "bicubic.toml", "--require", "watertight", "-j", 2)
+    assert result.status == 1
+    assert [line.split(": ")[2] for line in result.err.splitlines()] == [str(PENTAGON), str(folder / "bicubic.toml")]
