@@ -29,7 +29,7 @@ PEERS = {"splinepy", "geomdl", "splipy", "vtkmodules"}
         *(("evaluate", 8), ("export", 5), ("meshes", 10)),
         *(
             pytest.param(*module, marks=long)
-            for module in (("diff", 6), ("refinement", 8), ("sequences", 3), ("startup", 7), ("threads", 3))
+            for module in (("diff", 6), ("refinement", 8), ("sequences", 3), ("startup", 7), ("threads", 5))
         ),
     ],
 )

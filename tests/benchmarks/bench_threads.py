@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
-from tests.benchmarks import Row, coarser, paired, segments
+import numpy as np
+
+from gtb_cli.shell.processes import processors
+from tests.benchmarks import Row, coarser, paired, segments, sized
 from tests.benchmarks.bench_startup import REPOSITORY, process
 
 BUDGET = 1 / 1.7
@@ -17,6 +22,23 @@ def rows() -> Iterator[Row]:
     yield of_threads("-n 1000", "bicubic", "-n", segments(1000))
     yield of_threads("-n 577, irrational knots", "hexagon", "-n", segments(577))
     yield of_threads("--tolerance 0.0002%", "pentagon", "--tolerance", f"{100 * coarser(2e-6)}%")
+    numbers, many = np.ones(8192), np.ones(2**22)
+    for what, work, times in (("exponentials", partial(np.exp, numbers), 4000), ("copies", many.copy, 32)):
+        runs = (partial(shared, work, sized(times), count) for count in (processors(), 1))
+        yield paired(f"{what}, all processors beside one: a floor, as nothing is serial or handed over", *runs)
+
+
+def shared(work: Callable[[], object], times: int, count: int) -> None:
+    """Do the same many times, in copies of this process."""
+    copies = []
+    for _ in range(count):
+        copies.append(os.fork())
+        if not copies[-1]:
+            for _ in range(times // count):
+                work()
+            os._exit(0)
+    for copy in copies:
+        os.waitpid(copy, 0)
 
 
 def of_threads(what: str, name: str, *options: object) -> Row:
