@@ -9,7 +9,7 @@ _current: Callable[[], str] = str
 
 
 def status() -> str:
-    """What the work that goes on says of itself; nothing if it does not."""
+    """What the work that goes on says of itself, or an empty text."""
     return _current()
 
 
