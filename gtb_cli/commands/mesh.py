@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.shell.console import STANDARD, Console, lines_about
+from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
 from gtb_cli.shell.options import (
     OUTPUT,
@@ -24,7 +24,7 @@ from gtb_cli.shell.options import (
     spec_format_option,
     specs_argument,
 )
-from gtb_cli.shell.several import inputs_of
+from gtb_cli.shell.several import attempted, fault, inputs_of
 from gtb_cli.shell.solids import surface_format, write_surfaces
 from gtb_cli.shell.streams import (
     about,
@@ -207,11 +207,13 @@ def _write_folder(
     kind = options.format_for(os.path.join(folder, ""))
     planned: list[Task | Kept] = []
     errors: list[GtbError] = []
+    plan = partial(_planned, spec_format=spec_format, folder=folder, kind=kind, options=options, manifest=manifest)
     for path in specs:
-        try:
-            planned.append(_planned(path, spec_format, folder, kind, options, manifest))
-        except Exception as error:  # noqa: BLE001 -- an error in one spec does not stop the others
-            errors.append(_fault(path, error))
+        found = attempted(path, plan, path)
+        if isinstance(found, GtbError):
+            errors.append(found)
+        else:
+            planned.append(found)
     if not planned:
         raise _joined(errors)
     names = _file_names(planned, kind)
@@ -248,8 +250,8 @@ def _write_folder(
                 files.add(name, blocks)
             except (GtbError, OSError):
                 raise
-            except Exception as error:  # noqa: BLE001 -- likewise
-                errors.append(_fault(task.path, error))
+            except Exception as error:  # noqa: BLE001 -- blocks are made as they are written: it is this spec's error
+                errors.append(fault(task.path, error))
                 continue
             reports.append((target, task.path, result.size, result.warnings))
         if not reports:  # then a folder made for them is also removed
@@ -350,18 +352,7 @@ def _entry(task: Task, made: Encoded, name: str) -> Entry:
 
 
 def _attempted(task: Task, encode: Callable[[Task], Encoded] = _encoded) -> Encoded | GtbError:
-    """Return what `encode` returns, or the error it raises."""
-    try:
-        return encode(task)
-    except Exception as error:  # noqa: BLE001 -- likewise
-        return _fault(task.path, error)
-
-
-def _fault(path: str, error: Exception) -> GtbError:
-    """Return the error in one of several specs, with the name of the spec."""
-    if isinstance(error, GtbError):
-        return error
-    return GtbError("\n".join(f"{shown_input(path)}: {line}" for line in lines_about(error)))
+    return attempted(task.path, encode, task)
 
 
 def _file_name(path: str, kind: str) -> str:

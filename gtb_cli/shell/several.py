@@ -16,6 +16,7 @@ from gtb_cli.shell.streams import refuse_overwriting, shown_input
 from gtb_cli.shell.workers import Workers
 
 Found = TypeVar("Found")
+Task = TypeVar("Task")
 
 long_option = click.option(
     "--long",
@@ -44,25 +45,36 @@ def reports_on(
     """
     found: list[tuple[str, Found]] = []
     errors: list[str] = []
-    attempt = partial(_attempted, report=report)
-    with closing(Workers(jobs).results(attempt, [spec for spec in specs if spec != STANDARD])) as elsewhere:
+    elsewhere = Workers(jobs).results(partial(_attempted, report=report), [spec for spec in specs if spec != STANDARD])
+    with closing(elsewhere):
         for spec in specs:
-            result, lines = attempt(spec) if spec == STANDARD else next(elsewhere)
-            found += [(shown_input(spec), one) for one in result]
-            errors += lines
+            result = _attempted(spec, report) if spec == STANDARD else next(elsewhere)
+            if isinstance(result, GtbError):
+                errors += str(result).split("\n")
+            else:
+                found.append((shown_input(spec), result))
     if not found:
         raise GtbError("\n".join(errors))
     return found, errors
 
 
-def _attempted(spec: str, report: Callable[[str], Found]) -> tuple[list[Found], list[str]]:
-    """Return the report on a spec, or else the lines of its error."""
+def _attempted(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
+    return attempted(spec, report, spec)
+
+
+def attempted(spec: str, function: Callable[[Task], Found], task: Task) -> Found | GtbError:
+    """Return ``function(task)``, or the error in this spec: whatever it is, it does not stop the other specs."""
     try:
-        return [report(spec)], []
-    except GtbError as error:
-        return [], str(error).split("\n")
-    except Exception as error:  # noqa: BLE001 -- an error in one spec does not stop the others
-        return [], [f"{shown_input(spec)}: {line}" for line in lines_about(error)]
+        return function(task)
+    except Exception as error:  # noqa: BLE001 -- returned, and reported with an exit status that says so
+        return fault(spec, error)
+
+
+def fault(spec: str, error: Exception) -> GtbError:
+    """Return an error with the name of the spec in which it is; one of ours has it."""
+    if isinstance(error, GtbError):
+        return error
+    return GtbError("\n".join(f"{shown_input(spec)}: {line}" for line in lines_about(error)))
 
 
 def json_of(rows: Sequence[tuple[str, dict[str, Any]]], several: bool) -> str:
