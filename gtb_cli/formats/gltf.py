@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
+from hashlib import sha256
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -55,16 +56,16 @@ class _Numbers:
             yield self.single(self.values[some if self.rows is None else self.rows[some]])
 
     @cached_property
-    def known(self) -> tuple[dict[str, Any], int, tuple[int, ...]]:
+    def known(self) -> tuple[dict[str, Any], int, bytes]:
         """Their description in glTF, the number of their bytes, and a key that other numbers do not have."""
-        count, low, high, key = 0, [], [], []
+        count, low, high, key = 0, [], [], sha256()
         for block in self.blocks():
             count += len(block)
             low.append(block.min(axis=0))
             high.append(block.max(axis=0))
-            key.append(hash(block.tobytes()))
+            key.update(block.tobytes())
         least, most = reduce(np.minimum, low), reduce(np.maximum, high)
-        return {"count": count, "max": most.tolist(), "min": least.tolist()}, count * least.nbytes, tuple(key)
+        return {"count": count, "max": most.tolist(), "min": least.tolist()}, count * least.nbytes, key.digest()
 
 
 Parts: TypeAlias = Mapping[str, Mapping[str, _Numbers]]
@@ -134,7 +135,7 @@ def _text_of_triangles(parts: Parts, finish: Callable[[dict[str, Any]], None]) -
     scene = trimesh.Scene(base_frame=root)
     # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    keys: dict[tuple[int, ...], int] = {}
+    keys: dict[bytes, int] = {}
     for name, part in parts.items():
         tables = {key: keys.setdefault(each.known[2], len(keys) + 1) * np.eye(3) for key, each in part.items()}
         geometry = trimesh.Trimesh(
