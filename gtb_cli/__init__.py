@@ -3,6 +3,8 @@
 The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
 """
 
+from gtb_cli.version import __version__
+
 # While typing, or annotations from __future__, are imported, Ctrl-C would show a traceback.
 TYPE_CHECKING = False
 
@@ -17,20 +19,18 @@ if TYPE_CHECKING:
     from gtb_cli.formats.export import write_mesh
     from gtb_cli.formats.meshfiles import read_mesh
     from gtb_cli.knots.decomposition import regular_decomposition
+    from gtb_cli.language.loading import from_dict, load
+    from gtb_cli.language.writer import save, to_dict
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.notebook import page, plot
     from gtb_cli.sequences.knot_limit import merge_knots, move_knots
-    from gtb_cli.spec.loading import from_dict, load
-    from gtb_cli.spec.writer import save, to_dict
     from gtb_cli.tessellation.comparison import diff
     from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.shape import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
-
-__version__ = "0.1.0"
 
 __all__ = [
     "DomainError",
@@ -86,9 +86,9 @@ _ROOMS = {
     "fill": "design.filling",
     "fit": "design.fit",
     "frame": "pictures.notebook",
-    "from_dict": "spec.loading",
+    "from_dict": "language.loading",
     "joints": "assembly.seams",
-    "load": "spec.loading",
+    "load": "language.loading",
     "merge_knots": "sequences.knot_limit",
     "move_knots": "sequences.knot_limit",
     "page": "pictures.notebook",
@@ -96,9 +96,9 @@ _ROOMS = {
     "read_mesh": "formats.meshfiles",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",
-    "save": "spec.writer",
+    "save": "language.writer",
     "tessellate": "tessellation.shape",
-    "to_dict": "spec.writer",
+    "to_dict": "language.writer",
     "write_mesh": "formats.export",
 }
 

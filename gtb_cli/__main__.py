@@ -45,7 +45,7 @@ def main() -> None:
                 stream.reconfigure(errors="backslashreplace")
         gc.set_threshold(GARBAGE_COLLECTION_OBJECTS)
         from gtb_cli.commands.cli import run
-        from gtb_cli.forks import allow_forks
+        from gtb_cli.process.forks import allow_forks
 
         allow_forks()  # other threads draw the progress or wait for the disk
         status = run(sys.argv[1:])

@@ -10,8 +10,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import IO
 
-from gtb_cli.disk import write_to_disk
 from gtb_cli.errors import ExportError, GtbError, SpecError
+from gtb_cli.process.disk import write_to_disk
 
 TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")

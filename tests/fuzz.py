@@ -26,7 +26,7 @@ from gtb_cli.design.loops import SUFFIXES, loop_from_text
 from gtb_cli.errors import GtbError, SpecError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.imports.readers import import_file
-from gtb_cli.spec.writer import dump
+from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests import foreign
 from tests.generators import mesh_file, model, overwriting_line

@@ -65,8 +65,8 @@ def check_message(text: str, pattern: str) -> None:
 def read_spec(data: bytes) -> None:
     """Read a spec; what is read must be written and read again as the same."""
     from gtb_cli.errors import SpecError
-    from gtb_cli.spec.loading import parse
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.loading import parse
+    from gtb_cli.language.writer import dump
     from tests.specs import arrays
 
     for format in (None, "json") if data[:1] == b"[" else (None,):
@@ -82,7 +82,7 @@ def read_spec(data: bytes) -> None:
 def read_expression(data: bytes) -> None:
     """Evaluate an expression; a value must be that which Python has for the same text with floats for all numbers."""
     from gtb_cli.errors import SpecError
-    from gtb_cli.spec.expression import CONSTANTS, FUNCTIONS, evaluate_expression
+    from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, evaluate_expression
 
     text = data.decode("utf-8", "replace")
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.spec import loading
+from gtb_cli.language import loading
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -86,7 +86,7 @@ def test_tests_run_in_the_source_archive(unpacked):
         "-c", "import gtb_cli, tests; print(gtb_cli.__file__, tests.__file__)", folder=unpacked, path=unpacked
     )
     assert places.split() == [str(unpacked / name / "__init__.py") for name in ("gtb_cli", "tests")]
-    some = ("tests/test_golden.py", "tests/spec/test_bad_specs.py", "tests/theory/test_examples.py")
+    some = ("tests/test_golden.py", "tests/language/test_bad_specs.py", "tests/theory/test_examples.py")
     assert "[100%]" in python("-m", "pytest", "-m", "not long", *some, folder=unpacked, path=unpacked)
 
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gtb_cli.threads import thread_count
+from gtb_cli.process.threads import thread_count
 from tests import benchmarks
 from tests.benchmarks import Row, compared, paired
 from tests.benchmarks.__main__ import line, main

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from gtb_cli import files
-from gtb_cli.disk import FLUSHED_BYTES
 from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.files import StagedFiles, replace_file
+from gtb_cli.process.disk import FLUSHED_BYTES
 
 
 def breaking(error: BaseException):

@@ -27,8 +27,8 @@ def test_the_judge_sees_what_is_wrong(kind, data, monkeypatch):
         raise KeyError("oh")
 
     for place in (
-        "gtb_cli.spec.loading.parse",
-        "gtb_cli.spec.expression.evaluate_expression",
+        "gtb_cli.language.loading.parse",
+        "gtb_cli.language.expression.evaluate_expression",
         "gtb_cli.formats.meshfiles.decode_mesh",
     ):
         monkeypatch.setattr(place, broken)

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from gtb_cli.spec.writer import dump
+from gtb_cli.language.writer import dump
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

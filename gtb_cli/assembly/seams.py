@@ -11,7 +11,8 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, block_length
+from gtb_cli.moment.torus import block_length
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.model import Model

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
-from gtb_cli.theory.basis import UNDERFLOW_EXPONENT
+from gtb_cli.moment.torus import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

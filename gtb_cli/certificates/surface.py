@@ -14,7 +14,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups, joined, rows_of
 from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric
 from gtb_cli.errors import ToleranceError
-from gtb_cli.theory.basis import block_length
+from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.patch import Patch
 
 WAY_OUT = "take a larger one, or leave out --certify"

@@ -12,7 +12,8 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice, evenly, largest, points_at_torus, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.knots.decomposition import lifting_of_knot
-from gtb_cli.theory.basis import exponents, torus_coordinates
+from gtb_cli.moment.torus import exponents
+from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.degeneration import degenerate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents

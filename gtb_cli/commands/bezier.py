@@ -50,7 +50,7 @@ def bezier(
     share an edge, their pieces share it too.
     """
     from gtb_cli.bezier.pieces import bezier_pieces, split_curve
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
     if split is not None and len(split) != 1:

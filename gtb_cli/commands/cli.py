@@ -9,9 +9,9 @@ from importlib import import_module
 
 import click
 
-from gtb_cli import __version__
 from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import abandon, complain, lines_about, printable, say
+from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
 AS_JSON = "gtb_cli.as_json"
@@ -146,7 +146,7 @@ def run(arguments: Sequence[str]) -> int:
         if os.environ.get(COMPLETION_VARIABLE):
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
-            from gtb_cli.memory import prepare_for_limit  # --help and --version do not need it
+            from gtb_cli.process.memory import prepare_for_limit  # --help and --version do not need it
 
             prepare_for_limit()
             gtb.invoke(context)

@@ -85,7 +85,7 @@ def degenerate(
 
 def _spec(patch: Patch, x: float, heights: FloatArray) -> str:
     """Return the spec of the patch with the weights x^λ ω, or of its limit."""
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.writer import dump
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 
     if 0 < x < math.inf:

@@ -40,7 +40,7 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
     separately.
     """
     from gtb_cli.fairing.fair import fair as made_fair
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
     loaded = read_spec(spec, spec_format)

@@ -15,7 +15,7 @@ from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write
 if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
     from gtb_cli.design.sides import Side
-    from gtb_cli.spec.scanner import Format
+    from gtb_cli.language.scanner import Format
 
 CORNER_ANGLE = 0.1
 """Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so."""
@@ -68,8 +68,8 @@ def fill(
     from gtb_cli.design.fill import fill as filled
     from gtb_cli.design.holes import fill_hole
     from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
-    from gtb_cli.spec.document import MAX_BYTES, spec_format_of
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.document import MAX_BYTES, spec_format_of
+    from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
     source = shown_input(loop)

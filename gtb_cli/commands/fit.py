@@ -55,7 +55,7 @@ def fit(
     if patch == points == STANDARD:
         raise click.UsageError("standard input can be read only once")
     from gtb_cli.design.fit import fit as fitted
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.writer import dump
 
     surface = None if patch is None else read_patch(patch, spec_format)
     rows = _points(points, (2, 3) if surface is None else (3, 5))

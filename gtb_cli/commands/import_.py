@@ -36,8 +36,8 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     from gtb_cli.design.fill import fill
     from gtb_cli.design.loops import SUFFIXES, loop_from_text
     from gtb_cli.imports.readers import import_file
-    from gtb_cli.spec.document import MAX_BYTES
-    from gtb_cli.spec.writer import dump
+    from gtb_cli.language.document import MAX_BYTES
+    from gtb_cli.language.writer import dump
 
     source = shown_input(file)
     data = read_bytes(file, MAX_BYTES + 1)

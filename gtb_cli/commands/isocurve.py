@@ -47,8 +47,8 @@ def isocurve(
 
     from gtb_cli.design.isocurve import isocurve as curve_of
     from gtb_cli.design.isocurve import isoparametric_points
+    from gtb_cli.language.writer import dump
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.spec.writer import dump
 
     given = [(axis, value) for axis, value in enumerate((u, v)) if value is not None]
     if len(given) != 1 or len(given[0][1]) != 1:

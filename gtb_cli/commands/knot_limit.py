@@ -59,9 +59,9 @@ def knot_limit(
     out.check_length(steps)
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
+        from gtb_cli.language.writer import dump
         from gtb_cli.sequences.knot_limit import knot_limit as limit_of
         from gtb_cli.sequences.sequence import knot_sequence
-        from gtb_cli.spec.writer import dump
 
         limit = limit_of(patch, moves)
         sequence = out.made(knot_sequence, patch, moves, steps)

@@ -26,7 +26,7 @@ def new(template: str, sides: int | None, output: str, console: Console) -> None
     TEMPLATE is curve, triangle, rectangle, pentagon, n-gon with the number N of its sides, or model (a closed body of
     several patches). An existing file is not overwritten.
     """
-    from gtb_cli.spec.starter import template as text_of
+    from gtb_cli.language.starter import template as text_of
 
     text = text_of(template, sides)
     if output != STANDARD and os.path.isfile(output):

@@ -20,6 +20,6 @@ def schema(output: str, console: Console) -> None:
 
     Print the JSON Schema of a spec, TOML or JSON, for editors and for programs that write specs.
     """
-    from gtb_cli.spec import schema as room
+    from gtb_cli.language import schema as room
 
     write_text(output, json.dumps(room.schema(), indent=2) + "\n")

@@ -33,7 +33,8 @@ from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
-from gtb_cli.theory.basis import Location, exponents, face_knots, shares
+from gtb_cli.moment.torus import exponents, shares
+from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

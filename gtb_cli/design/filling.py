@@ -16,8 +16,8 @@ from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_
 from gtb_cli.design.sides import Side, curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
-from gtb_cli.spec.document import MAX_BYTES
-from gtb_cli.spec.scanner import Format
+from gtb_cli.language.document import MAX_BYTES
+from gtb_cli.language.scanner import Format
 from gtb_cli.theory.model import Model
 
 

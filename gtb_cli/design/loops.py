@@ -10,8 +10,8 @@ from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import span_matrices
 from gtb_cli.imports.words import Words
-from gtb_cli.spec.loading import parse_loop
-from gtb_cli.spec.scanner import Format
+from gtb_cli.language.loading import parse_loop
+from gtb_cli.language.scanner import Format
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -93,7 +93,7 @@ def loop_or_model(data: bytes, source: str, format: Format | None = None) -> lis
     Raises
     ------
     SpecError
-        See `gtb_cli.spec.loading.parse`; or a ribbon is not valid.
+        See `gtb_cli.language.loading.parse`; or a ribbon is not valid.
     """
     spec, rows = parse_loop(data, source, format)
     if isinstance(spec, Patch):

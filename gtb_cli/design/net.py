@@ -13,7 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.fairing.torus import starts, torus_of
-from gtb_cli.theory.basis import exponents, shares
+from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
 
 MIN_SIDE_RATIO = 0.4

@@ -15,7 +15,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.theory.basis import exponents, shares
+from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.patch import Patch
 
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]

@@ -6,8 +6,8 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.basis import exponents
-from gtb_cli.theory.moment import MomentMap
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.torus import exponents
 
 NEWTON_STEPS = 60
 """Steps after which points are left to the slower moment map, which always converges."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
-from gtb_cli.forks import in_forks
+from gtb_cli.process.forks import in_forks
 
 Words: TypeAlias = NDArray[np.uint32]
 

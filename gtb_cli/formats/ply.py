@@ -9,13 +9,13 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.forks import in_forks
 from gtb_cli.formats.content import BINARY_ROWS, SINGLE_FLOAT, Content, joined, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.process.forks import in_forks
 from gtb_cli.vocabulary import plain_name
 
 RESERVED_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")

@@ -10,13 +10,13 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.errors import GtbError
-from gtb_cli.forks import in_forks
 from gtb_cli.formats.content import SINGLE_FLOAT, STL_HEADER_BYTES, Content, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
+from gtb_cli.process.forks import in_forks
 
 FACET_TYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 

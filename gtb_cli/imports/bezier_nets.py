@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from gtb_cli.imports.nets import MAX_DEGREE, rectangle
 from gtb_cli.imports.words import Words
-from gtb_cli.spec.reader import MAX_PATCHES
+from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 
 

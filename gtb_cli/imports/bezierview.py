@@ -9,8 +9,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle
 from gtb_cli.imports.words import Words
-from gtb_cli.spec.reader import MAX_PATCHES
-from gtb_cli.spec.values import name_fault
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 SEGMENT_KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"

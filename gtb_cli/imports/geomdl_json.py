@@ -12,10 +12,10 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
 from gtb_cli.imports.words import MAX_MAGNITUDE
-from gtb_cli.spec.document import place, read, shown
-from gtb_cli.spec.reader import MAX_PATCHES
-from gtb_cli.spec.scanner import Path
-from gtb_cli.spec.values import name_fault
+from gtb_cli.language.document import place, read, shown
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.scanner import Path
+from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 

@@ -20,8 +20,8 @@ from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import MAX_MAGNITUDE, NUMBER_PATTERN, SHOWN_CHARACTERS
-from gtb_cli.spec.reader import MAX_PATCHES
-from gtb_cli.spec.values import name_fault
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124

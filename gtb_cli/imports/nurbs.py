@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.imports.nets import MAX_DEGREE, curve, dehomogenized, rectangle
-from gtb_cli.spec.reader import MAX_PATCHES
+from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 
 MAX_CONTROL_POINTS = 100_000

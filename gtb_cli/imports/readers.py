@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import NamedTuple, cast
 
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.document import MAX_BYTES
-from gtb_cli.spec.reader import MAX_PATCHES
-from gtb_cli.spec.values import name_fault
+from gtb_cli.language.document import MAX_BYTES
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.values import name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

@@ -21,8 +21,8 @@ from gtb_cli.imports import rhino_process
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, span_numbers, surface_spans
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import MAX_MAGNITUDE
-from gtb_cli.spec.reader import MAX_PATCHES
-from gtb_cli.spec.values import name_fault
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

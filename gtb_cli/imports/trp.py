@@ -15,7 +15,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.words import Words
 from gtb_cli.knots.domain import Domain, domain
-from gtb_cli.spec.reader import MAX_KNOTS
+from gtb_cli.language.reader import MAX_KNOTS
 from gtb_cli.theory.patch import Patch
 
 MAX_LATTICE_COORDINATE = 10**6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, cross_of_columns
-from gtb_cli.newton import dot
+from gtb_cli.moment.newton import dot
 
 BLOCK_POINTS = 8192
 """Number of points that are measured together: their arrays stay in the processor's cache."""

@@ -14,10 +14,11 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import Face
-from gtb_cli.knots.hulls import extents_of
-from gtb_cli.newton import dot, regularised_step, size
-from gtb_cli.theory.basis import face_knots, scaled_exponentials
-from gtb_cli.theory.moment import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentMap
+from gtb_cli.moment.hulls import extents_of
+from gtb_cli.moment.moment_map import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentMap
+from gtb_cli.moment.newton import dot, regularised_step, size
+from gtb_cli.moment.torus import scaled_exponentials
+from gtb_cli.theory.basis import face_knots
 from gtb_cli.theory.patch import Patch
 
 FIRST_RUNG = 0.5

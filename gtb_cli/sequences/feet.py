@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.newton import dot
+from gtb_cli.moment.newton import dot
+from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.sequences.continuation import Stratum, squares_of
-from gtb_cli.theory.basis import scaled_exponentials
 
 LONGEST_SLIDE = 2.0
 """Longest step of a nearest point, in torus coordinates of unit knots."""

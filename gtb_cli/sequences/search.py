@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
-from gtb_cli.newton import dot
+from gtb_cli.moment.newton import dot
 from gtb_cli.sequences.feet import ROUNDING_DISTANCE, Chart
 from gtb_cli.values import frozen
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.threads import in_order, limit_threads
+from gtb_cli.process.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

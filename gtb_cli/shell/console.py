@@ -184,7 +184,7 @@ class Progress:
     def _draw(self) -> None:
         import time
 
-        from gtb_cli.status import status
+        from gtb_cli.process.status import status
 
         start = time.monotonic()
         if self._over.wait(PROGRESS_DELAY):

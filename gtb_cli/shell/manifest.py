@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli import __version__
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks, write_text
 from gtb_cli.shell.upkeep import is_up_to_date, known_entries
+from gtb_cli.version import __version__
 
 if TYPE_CHECKING:
     from gtb_cli.files import StagedFiles

@@ -61,7 +61,7 @@ def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str
 
 def evaluated(ctx: click.Context, param: click.Parameter, value: str, texts: Sequence[str]) -> tuple[float, ...]:
     """Evaluate the expressions in a value."""
-    from gtb_cli.spec.expression import evaluate_expression
+    from gtb_cli.language.expression import evaluate_expression
 
     try:
         return tuple(evaluate_expression(text.strip()) for text in texts)
@@ -175,7 +175,7 @@ parametrization_option = click.option(
 
 
 def _limit_threads(ctx: click.Context, param: click.Parameter, value: int) -> None:
-    from gtb_cli.threads import limit_threads
+    from gtb_cli.process.threads import limit_threads
 
     limit_threads(value)
 
@@ -255,7 +255,7 @@ def spec_from_spec(function: Callable[..., Patch | Model]) -> Function:
     @text_options
     @functools.wraps(function)
     def command(*, spec: str, output: str, spec_format: str | None, console: Console, **values: Any) -> None:
-        from gtb_cli.spec.writer import dump
+        from gtb_cli.language.writer import dump
 
         loaded = read_spec(spec, spec_format)
         with about(shown_input(spec)):

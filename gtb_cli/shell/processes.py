@@ -10,8 +10,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.forks import SIGNALS, signals_later
-from gtb_cli.threads import in_order, limit_threads
+from gtb_cli.process.forks import SIGNALS, signals_later
+from gtb_cli.process.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future, ProcessPoolExecutor

@@ -36,8 +36,8 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     SpecError
         The spec cannot be read or has errors: a line for each.
     """
-    from gtb_cli.spec.document import MAX_BYTES
-    from gtb_cli.spec.loading import load, parse
+    from gtb_cli.language.document import MAX_BYTES
+    from gtb_cli.language.loading import load, parse
 
     if path == STANDARD or spec_format is not None:
         return parse(read_bytes(path, MAX_BYTES + 1), shown_input(path), spec_format)  # type: ignore[arg-type]
@@ -116,7 +116,7 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
     existing = [(output, os.stat(output)) for output in outputs if os.path.isfile(output)]
     if not existing:
         return
-    from gtb_cli.spec.sources import sources
+    from gtb_cli.language.sources import sources
 
     files = (file for path in inputs for file in ([path] if path == STANDARD else sources(path)))
     read = [status for file in files if (status := _status(file)) is not None]

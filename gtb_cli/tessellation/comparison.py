@@ -7,13 +7,13 @@ from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, GtbError
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
+from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
+from gtb_cli.language.document import spec_format_of
+from gtb_cli.language.loading import parse
+from gtb_cli.language.scanner import Format
 from gtb_cli.meshes.difference import Difference, difference
 from gtb_cli.meshes.known import KnownMesh, known_exactly
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.document import MAX_BYTES as MAX_SPEC_BYTES
-from gtb_cli.spec.document import spec_format_of
-from gtb_cli.spec.loading import parse
-from gtb_cli.spec.scanner import Format
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model

@@ -15,7 +15,8 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.theory.basis import NO_ROWS, Location
+from gtb_cli.moment.torus import NO_ROWS
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis, toric_locations
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

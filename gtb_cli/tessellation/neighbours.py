@@ -10,8 +10,9 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.newton import put
-from gtb_cli.theory.basis import NO_ROWS, Location
+from gtb_cli.moment.newton import put
+from gtb_cli.moment.torus import NO_ROWS
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.linear import START_RESIDUAL, LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

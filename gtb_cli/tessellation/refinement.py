@@ -16,8 +16,8 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_column
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
-from gtb_cli.newton import dot as column_dot
-from gtb_cli.status import described
+from gtb_cli.moment.newton import dot as column_dot
+from gtb_cli.process.status import described
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex, Sampler
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
+from gtb_cli.moment.torus import block_length
+from gtb_cli.process.threads import in_threads
 from gtb_cli.tessellation.complex import Sampler
 from gtb_cli.tessellation.sharing import BLOCK_ROWS
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.theory.basis import block_length
-from gtb_cli.threads import in_threads
 
 Corrections: TypeAlias = NDArray[np.complex128]
 """Pairs of corrections as complex numbers: numpy takes several times as long for rows of two."""

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from typing import TypeAlias
 
 from gtb_cli.errors import DomainError
+from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization

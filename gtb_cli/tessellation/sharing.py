@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import IntArray
+from gtb_cli.process.threads import in_threads
 from gtb_cli.tessellation.splitting import Scalar
-from gtb_cli.threads import in_threads
 
 BLOCK_ROWS = 1 << 13
 """Rows that one thread works on at once: their arrays fit in the cache, and other threads wait little for the lock."""

@@ -11,11 +11,11 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, cross_of_columns, dot, groups, planar_cross
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
-from gtb_cli.newton import dot as column_dot
+from gtb_cli.moment.newton import dot as column_dot
+from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sharing import shared
 from gtb_cli.tessellation.splitting import Cells, Edges, Growth, divide
-from gtb_cli.theory.basis import block_length
 from gtb_cli.theory.edges import edge_curves
 from gtb_cli.theory.patch import Patch
 

@@ -20,7 +20,8 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, cross_of_columns, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.frame import PARALLEL_SINE, Frame, cleared, coordinate_rounding, frame
 from gtb_cli.knots.layers import LAYER_TOLERANCE
-from gtb_cli.theory.basis import UNDERFLOW_EXPONENT, Location, block_length, exponents
+from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length, exponents
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 

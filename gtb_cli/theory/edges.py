@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, ascending, dot
-from gtb_cli.theory.basis import exponentials
-from gtb_cli.theory.moment import MomentMap
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.torus import exponentials
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

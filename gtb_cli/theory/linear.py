@@ -15,19 +15,20 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, groups
 from gtb_cli.errors import ToleranceError
-from gtb_cli.forks import in_forks, shared_array
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.face import INTERIOR, Face
-from gtb_cli.knots.grid import grid_of
-from gtb_cli.newton import put
-from gtb_cli.theory.basis import Location, block_length, face_knots
-from gtb_cli.theory.moment import MomentMap
+from gtb_cli.moment.grid import grid_of
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.newton import put
+from gtb_cli.moment.torus import block_length
+from gtb_cli.process.forks import in_forks, shared_array
+from gtb_cli.process.threads import in_threads
+from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.rectangle import is_rectangle, with_rasters
-from gtb_cli.threads import in_threads
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
-    from gtb_cli.knots.sheets import Sheets
+    from gtb_cli.moment.sheets import Sheets
 
 MIN_THREADED_POINTS = 20_000
 """Fewest points worth starting threads: fewer are found in less time than the start takes."""
@@ -152,7 +153,7 @@ class LinearParametrization:
         """`evenly`, and the rows that are left to do; None if these would be all."""
         if self._factors or self.shape.dimension == 1:
             return None
-        from gtb_cli.knots.parallelogram import fill  # a coarse mesh does not need it
+        from gtb_cli.moment.parallelogram import fill  # a coarse mesh does not need it
 
         chart, face, length = self.longest, self.shape.faces[INTERIOR], block_length(len(self.shape.knots))
 
@@ -189,7 +190,7 @@ class LinearParametrization:
         """
         if self.shape.dimension == 1 or resolution < MIN_EVEN_CELLS:
             return None
-        from gtb_cli.knots.sheets import sheets  # a coarse mesh does not need it
+        from gtb_cli.moment.sheets import sheets  # a coarse mesh does not need it
 
         lattice, inner = sheets(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):

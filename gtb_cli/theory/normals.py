@@ -18,7 +18,8 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.layers import LAYER_TOLERANCE, layers, ranks
-from gtb_cli.theory.basis import Location, covariance, exponents, shares
+from gtb_cli.moment.torus import covariance, exponents, shares
+from gtb_cli.theory.basis import Location
 from gtb_cli.values import frozen
 
 CANCELLATION_FRACTION = 1e-3

@@ -16,16 +16,8 @@ from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.theory.basis import (
-    CUT_OFF_SHARE,
-    NO_ROWS,
-    Location,
-    block_length,
-    exponentials,
-    face_knots,
-    torus_coordinates,
-    weighted_sums,
-)
+from gtb_cli.moment.torus import CUT_OFF_SHARE, NO_ROWS, block_length, exponentials, weighted_sums
+from gtb_cli.theory.basis import Location, face_knots, torus_coordinates
 from gtb_cli.theory.rectangle import with_rasters
 from gtb_cli.values import frozen
 

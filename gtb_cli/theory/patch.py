@@ -15,7 +15,8 @@ from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive,
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.theory.basis import Location, exponentials, partition_of_unity_coefficients
+from gtb_cli.moment.torus import exponentials
+from gtb_cli.theory.basis import Location, partition_of_unity_coefficients
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 from gtb_cli.values import by_value, frozen
 

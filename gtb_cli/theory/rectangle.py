@@ -10,8 +10,9 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.knots.grid import Raster, grid_of, raster_of
-from gtb_cli.theory.basis import Location, block_length
+from gtb_cli.moment.grid import Raster, grid_of, raster_of
+from gtb_cli.moment.torus import block_length
+from gtb_cli.theory.basis import Location
 
 Line = Callable[[int, FloatArray], FloatArray]
 """(m,) torus coordinates along an axis, by its number, of (m,) coordinates inside a rectangle."""

@@ -12,7 +12,8 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.layers import layers
-from gtb_cli.theory.basis import Location, covariance, exponents, shares
+from gtb_cli.moment.torus import covariance, exponents, shares
+from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 

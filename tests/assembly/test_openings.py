@@ -119,7 +119,7 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
 
 
 def test_the_command_welds(tmp_path):
-    from gtb_cli.spec.writer import save
+    from gtb_cli.language.writer import save
 
     save(pair(shift=1.5e-4), tmp_path / "x.toml")
     assert "--weld 0.0002 joins them" in gtb("mesh", tmp_path / "x.toml", "-o", tmp_path / "x.obj").err
@@ -129,7 +129,7 @@ def test_the_command_welds(tmp_path):
 
 
 def test_info_says_why_edges_are_not_joined_and_what_is_welded(tmp_path):
-    from gtb_cli.spec.writer import save
+    from gtb_cli.language.writer import save
 
     save(pair(2.0), tmp_path / "x.toml")
     text = gtb("info", tmp_path / "x.toml").text
@@ -139,7 +139,7 @@ def test_info_says_why_edges_are_not_joined_and_what_is_welded(tmp_path):
 
 
 def test_info_and_check_weld(tmp_path):
-    from gtb_cli.spec.writer import save
+    from gtb_cli.language.writer import save
 
     save(pair(shift=1.5e-4), tmp_path / "x.toml")
     found = json.loads(gtb("info", tmp_path / "x.toml", "--weld", "2e-4", "--json").out)

@@ -13,7 +13,7 @@ from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import binomial_coefficients
-from gtb_cli.spec.writer import dump
+from gtb_cli.language.writer import dump
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

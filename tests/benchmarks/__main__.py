@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.threads import limit_threads
+from gtb_cli.process.threads import limit_threads
 from tests.benchmarks import Row, has_avx512
 
 WIDTH = 78

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from gtb_cli.knots.triangulation import triangulation
-from gtb_cli.spec.loading import load
+from gtb_cli.language.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
 from tests.benchmarks.peers import by_geomdl, by_scipy, by_splinepy, by_splipy

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model

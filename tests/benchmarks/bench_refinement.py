@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gtb_cli.language.loading import load
 from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gtb_cli.spec.loading import parse
+from gtb_cli.language.loading import parse
 from gtb_cli.theory.model import Model
 from tests.shell import CURVE, PENTAGON, SPECS, gtb
 

@@ -164,7 +164,7 @@ def test_unexpected_errors_are_reported_without_traceback(monkeypatch):
     def broken(*arguments):
         raise RuntimeError("surprise")
 
-    monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
+    monkeypatch.setattr("gtb_cli.language.loading.load", broken)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
     assert one_line(gtb("elevate", PENTAGON)).startswith("internal error, please report it: RuntimeError: surprise")
     monkeypatch.setenv("GTB_TRACEBACK", "1")

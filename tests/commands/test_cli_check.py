@@ -198,7 +198,7 @@ def test_all_errors_of_a_spec_are_in_the_object():
 
 
 def test_unexpected_errors_are_an_object_too(monkeypatch):
-    monkeypatch.setattr("gtb_cli.spec.loading.load", lambda path: 1 / 0)
+    monkeypatch.setattr("gtb_cli.language.loading.load", lambda path: 1 / 0)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
     (error,) = json.loads(gtb("--json", "elevate", PENTAGON).err)["errors"]
     assert error.startswith("internal error, please report it: ZeroDivisionError")

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.language.loading import parse
 from gtb_cli.sequences.knot_limit import merge_knots
-from gtb_cli.spec.loading import parse
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, SPECS, gtb, process
 from tests.specs import load

@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from gtb_cli.language.loading import parse
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.spec.loading import parse
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

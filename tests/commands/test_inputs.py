@@ -169,7 +169,7 @@ def test_errors_of_the_system_are_said_in_words_of_what_they_are_about(error, wo
     def broken(*arguments):
         raise error
 
-    monkeypatch.setattr("gtb_cli.spec.loading.load", broken)
+    monkeypatch.setattr("gtb_cli.language.loading.load", broken)
     monkeypatch.setattr("gtb_cli.commands.cli.abandon", lambda stream: None)
     result = gtb("elevate", PENTAGON)
     assert result.status == 2

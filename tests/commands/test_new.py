@@ -16,8 +16,8 @@ import pytest
 from gtb_cli.checks.check import check
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.errors import SpecError
-from gtb_cli.spec.loading import parse
-from gtb_cli.spec.starter import MAX_SIDES, MIN_SIDES, TEMPLATE_FOLDER, template
+from gtb_cli.language.loading import parse
+from gtb_cli.language.starter import MAX_SIDES, MIN_SIDES, TEMPLATE_FOLDER, template
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model

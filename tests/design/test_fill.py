@@ -14,8 +14,8 @@ from gtb_cli.design.loops import loop_from_text, loop_or_model
 from gtb_cli.design.sides import Side, bezier_form, curve_side, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy
-from gtb_cli.spec.loading import parse
-from gtb_cli.spec.writer import dump
+from gtb_cli.language.loading import parse
+from gtb_cli.language.writer import dump
 from gtb_cli.theory.curvature import curvature_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

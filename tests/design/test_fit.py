@@ -11,8 +11,8 @@ from gtb_cli.checks.check import check_patch
 from gtb_cli.design.curve_fit import MAX_POINTS, RESIDUAL_TOLERANCE
 from gtb_cli.design.fit import fit
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.spec.loading import from_dict, parse
-from gtb_cli.spec.writer import to_dict
+from gtb_cli.language.loading import from_dict, parse
+from gtb_cli.language.writer import to_dict
 from gtb_cli.tessellation.shape import tessellate
 from tests.shell import gtb
 

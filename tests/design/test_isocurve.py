@@ -10,7 +10,7 @@ import pytest
 from gtb_cli.design.isocurve import isocurve, isoparametric_points
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.meshfiles import read_mesh
-from gtb_cli.spec.loading import parse
+from gtb_cli.language.loading import parse
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.patches import bicubic, cubic_curve, pentagon, repeated_knots

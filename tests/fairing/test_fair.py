@@ -8,7 +8,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import energy
 from gtb_cli.fairing.fair import fair, kept_knots
-from gtb_cli.spec.loading import parse
+from gtb_cli.language.loading import parse
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long

@@ -17,8 +17,8 @@ from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.sheets import exact_sheets, sheets_of
+from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
-from gtb_cli.spec.writer import save as write
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

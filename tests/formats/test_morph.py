@@ -313,7 +313,10 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
         ([*DEGENERATE, "-o", "x.glb", "--attribute", "u"], "--attribute is for single meshes"),
         (["degenerate", LINE, "-o", "x.glb", *["--from", "1", "--to", "2", "--count", "1001"]], "more than 1000"),
         ([*MERGE, "--emit-spec", "-o", "-", "-f", "glb"], "--emit-spec prints to standard output"),
-        (["degenerate", "spec.glb", "-o", "spec.glb"], "spec.glb is read by this command, and would be overwritten"),
+        (
+            ["degenerate", "spec.glb", "-o", "spec.glb"],
+            "spec.glb is read by this command, and would be overwritten",
+        ),
     ],
 )
 def test_what_is_refused(arguments, message, tmp_path, monkeypatch):

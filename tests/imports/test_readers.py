@@ -13,8 +13,8 @@ from gtb_cli.design.sides import bernstein
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import curve_spans, span_matrices
 from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
-from gtb_cli.spec.loading import parse
-from gtb_cli.spec.reader import MAX_PATCHES
+from gtb_cli.language.loading import parse
+from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import IMPORTS

@@ -16,10 +16,10 @@ from gtb_cli.formats.export import standing
 from gtb_cli.formats.morph import animated_glb
 from gtb_cli.formats.vtu import encode_vtu
 from gtb_cli.knots.lattice import lattice_of
+from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.spec.loading import load
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
 from tests.readers.libraries import SAMPLES

@@ -11,12 +11,12 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.status import status
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.process.status import status
 from gtb_cli.tessellation import refinement
 from gtb_cli.tessellation.lattice import MIN_SAMPLES
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
-from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import pentagon

@@ -11,7 +11,7 @@ from gtb_cli.assembly.openings import seam_remarks
 from gtb_cli.assembly.seams import joints
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joints import joint_findings
-from gtb_cli.spec.writer import save
+from gtb_cli.language.writer import save
 from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
 from gtb_cli.tessellation.tessellate import refined, tessellate
 from gtb_cli.theory.edges import Curve, correspondence, edge_curve, edge_points_at

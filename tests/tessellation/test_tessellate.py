@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.tessellation.complex import MAX_SHARED_LOCATIONS, Sampler, joined_complex
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
-from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests.marks import long, mostly_long
 from tests.patches import bicubic, collapsed_edge, pentagon

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
-from gtb_cli.theory.basis import BLOCK_NUMBERS, gt_bernstein, partition_of_unity_coefficients
+from gtb_cli.moment.torus import BLOCK_NUMBERS
+from gtb_cli.theory.basis import gt_bernstein, partition_of_unity_coefficients
 from gtb_cli.theory.patch import Patch
 from tests.laws import inner_parameters
 from tests.patches import NAMES, bezier_triangle, bicubic, cubic_curve, named

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.grid import Grid
 from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.moment.grid import Grid
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.theory.linear import LinearParametrization
-from gtb_cli.theory.moment import MomentMap
 from gtb_cli.theory.patch import Patch
 from tests.laws import error_of_linear_points, error_of_points
 from tests.patches import SHIFT, bumps
@@ -54,7 +54,7 @@ def test_a_grid_has_the_points_of_its_parameters(scale, shift, indexing, product
 def test_a_grid_takes_no_exponentials_of_its_points(monkeypatch):
     patch = rectangle()
     monkeypatch.setattr(Grid, "exponentials", None)
-    monkeypatch.setattr("gtb_cli.theory.basis.exponentials", None)
+    monkeypatch.setattr("gtb_cli.moment.torus.exponentials", None)
     part = triangulation(patch.domain, 40)
     for u in (pairs(patch)[1:-1, 1:-1], part.parameters.reshape(41, 41, 2)[1:-1, 1:-1]):
         for kind in ("toric", "linear"):

@@ -1,0 +1,297 @@
+"""``copy``: patches of a model made from others, mirrored, scaled, rotated and moved, once or several times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.language.document import Faults, shown
+from gtb_cli.language.names import COUNTER
+from gtb_cli.language.reader import COPY_KEYS
+from gtb_cli.language.scanner import Path
+from gtb_cli.language.values import COORDINATE, MAX_SIZE, SCALE, Check, Values, likely_word, name_fault, suggestion
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+AXES = ("x", "y", "z")
+
+ROTATE_KEYS = frozenset(("axis", "degrees", "about"))
+
+MAX_COPIED_POINTS = 2_000_000
+"""Largest number of control points of all copies together: about 200 MB by the time they are meshed."""
+
+MAX_SUGGESTED = 1000
+"""Largest number of names searched for the one that was probably meant."""
+
+
+MAX_SHOWN = 8
+"""Largest number of names of a circle shown in a message."""
+
+
+@frozen
+class Motion:
+    """The motion of a copy, ``R (S b − about) + about + translation``; S has each coordinate's factor and sign."""
+
+    factors: FloatArray
+    rotation: FloatArray | None
+    about: FloatArray
+    translation: FloatArray
+
+    def moved(self, points: FloatArray) -> FloatArray:
+        """(n, 3) control points of the copy."""
+        points = points * self.factors
+        if self.rotation is not None:
+            offsets = points - self.about
+            x, y, z = (offsets[:, [k]] * self.rotation[:, k] for k in range(3))
+            points = x + y + z + self.about
+        return np.asarray(points + self.translation + 0.0)  # 0.0 in place of −0.0
+
+
+@frozen
+class Copy:
+    """The copies that one table of a model with the key ``copy`` asks for.
+
+    Attributes
+    ----------
+    path : tuple
+        Key path of the table.
+    original : str
+        Name of the copied patch.
+    names : tuple of str
+        Names of the copies.
+    motions : tuple of Motion
+        One for each copy.
+    is_mirrored : bool
+    """
+
+    path: Path
+    original: str
+    names: tuple[str, ...]
+    motions: tuple[Motion, ...]
+    is_mirrored: bool
+
+    def of(self, original: Patch) -> list[Patch]:
+        """Make the copies. They share Δ and the basis."""
+        start = reflected(original) if self.is_mirrored else original
+        return [
+            start.replace(control_points=motion.moved(original.control_points), name=name)
+            for name, motion in zip(self.names, self.motions, strict=True)
+        ]
+
+
+def reflected(patch: Patch) -> Patch:
+    """The same surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
+
+    The first coordinate u of the knots becomes min u + max u − u, or −u if that is not exact: rounding would move knots
+    off the edges.
+    """
+    if patch.dimension == 1:
+        return patch
+    u, v = patch.knots.T
+    total = u.min() + u.max()
+    knots = np.column_stack([total - u if np.array_equal(total - (total - u), u) else -u, v])
+    scale = np.asarray(patch.edge_scale)
+    plain = patch.replace(knots=knots, edge_scale=1.0 if scale.ndim else patch.edge_scale)
+    if not scale.ndim:
+        return plain
+    old = {frozenset(ends): number for number, ends in enumerate(_edge_ends(patch))}
+    return plain.replace(edge_scale=scale[[old[frozenset(ends)] for ends in _edge_ends(plain)]])
+
+
+def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
+    """The first knot at either end of each edge of Δ."""
+    corners = [int(np.flatnonzero((patch.knots == corner).all(axis=1))[0]) for corner in patch.domain.vertices]
+    return list(zip(corners, corners[1:] + corners[:1], strict=True))
+
+
+def read_copy(table: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
+    """Read a table with the key ``copy``; the model may have `allowed` more patches."""
+    faults = values.faults
+    before = faults.count
+    values.unknown_keys(table, path, COPY_KEYS)
+    original = table["copy"]
+    if not isinstance(original, str):
+        faults.add((*path, "copy"), f"must be the name of a patch, got {shown(original)}")
+        return None
+    count = 1
+    if "repeat" in table:
+        whole: Check = (
+            f"must be a whole number from 1 to {max(allowed, 1)}",
+            lambda x: 1 <= x <= max(allowed, 1) and x == int(x),
+        )
+        count = int(values.number(table["repeat"], (*path, "repeat"), whole) or 1)
+    name = values.name(table, path, None)
+    names = (name,) if name and "repeat" not in table else tuple(f"{name or original}-{k + 1}" for k in range(count))
+    if fault := name_fault(names[-1]):
+        faults.add((*path, "name"), fault)
+    mirror = values.choice(table, path, "mirror", AXES)
+    motions = []
+    for k in range(1, count + 1):
+        motions.append(_motion(table, path, values, mirror, {COUNTER: float(k)} if "repeat" in table else {}))
+        if faults.count > before:  # the same for the others
+            return None
+    return Copy(path, original, names, tuple(motions), mirror is not None)
+
+
+def _motion(table: dict[str, Any], path: Path, values: Values, mirror: str | None, counter: dict[str, float]) -> Motion:
+    factors = np.ones(3)
+    if "scale" in table:
+        scale, place = table["scale"], (*path, "scale")
+        if isinstance(scale, list) and len(scale) != 3:
+            values.faults.add(place, f"must be one number or three, got a list of {len(scale)}")
+        elif isinstance(scale, list):
+            factors = _or(values.numbers(scale, place, SCALE, counter), factors)
+        else:
+            factors = factors * (values.number(scale, place, SCALE, counter) or 1.0)
+    if mirror is not None:
+        factors = factors * [-1.0 if axis == mirror else 1.0 for axis in AXES]
+    rotation, about = None, np.zeros(3)
+    if "rotate" in table:
+        rotation, about = _rotation(table["rotate"], (*path, "rotate"), values, counter)
+    translation = _vector(table, path, "translate", values, counter)
+    return Motion(factors, rotation, about, translation)
+
+
+def _or(found: FloatArray | None, otherwise: FloatArray) -> FloatArray:
+    return otherwise if found is None else found
+
+
+def _vector(table: dict[str, Any], path: Path, key: str, values: Values, counter: dict[str, float]) -> FloatArray:
+    """Read two or three coordinates; missing ones are 0."""
+    if key not in table:
+        return np.zeros(3)
+    entries = table[key]
+    if not isinstance(entries, list) or len(entries) not in (2, 3):
+        values.faults.add((*path, key), f"must be a list of 2 or 3 coordinates, got {shown(entries)}")
+        return np.zeros(3)
+    found = _or(values.numbers(entries, (*path, key), COORDINATE, counter), np.zeros(3))
+    return np.append(found, np.zeros(3 - len(found)))
+
+
+def _rotation(
+    table: object, path: Path, values: Values, counter: dict[str, float]
+) -> tuple[FloatArray | None, FloatArray]:
+    """Read ``rotate``: its matrix, and the fixed point."""
+    nothing = None, np.zeros(3)
+    if not isinstance(table, dict):
+        values.faults.add(path, f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(table)}')
+        return nothing
+    values.unknown_keys(table, path, ROTATE_KEYS)
+    missing = [key for key in ("axis", "degrees") if key not in table]
+    for key in missing:
+        values.faults.add((*path, key), "is missing")
+    if missing:
+        return nothing
+    about = _vector(table, path, "about", values, counter)
+    degrees = values.number(table["degrees"], (*path, "degrees"), COORDINATE, counter)
+    axis = table["axis"]
+    if isinstance(axis, list):
+        direction = _vector(table, path, "axis", values, counter)
+        if not direction.any():
+            values.faults.add((*path, "axis"), "must not be 0")
+            return nothing
+        direction = direction / np.abs(direction).max()
+    else:
+        letter = values.choice(table, path, "axis", AXES, "a direction of 3 coordinates, ")
+        if letter not in AXES:
+            return nothing
+        direction = np.array([1.0 if axis == letter else 0.0 for axis in AXES])
+    return rotation_matrix(direction, degrees or 0.0), about
+
+
+def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:
+    """(3, 3) rotation about a direction, counter-clockwise seen from its tip; right angles are exact."""
+    turn = math.fmod(degrees, 360.0)
+    quarters, rest = divmod(turn, 90.0)
+    cos, sin = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][int(quarters) % 4]
+    if rest:
+        cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    x, y, z = axis / np.linalg.norm(axis)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    along = np.outer([x, y, z], [x, y, z])
+    return np.asarray(along + cos * (np.eye(3) - along) + sin * across)
+
+
+def carried_out(
+    copies: Mapping[int, Copy], named: Mapping[str, Patch | None], values: Values
+) -> dict[int, list[Patch] | None]:
+    """Make all copies, in the order in which they depend on each other.
+
+    Parameters
+    ----------
+    copies : mapping of int to Copy
+        The copies, under numbers of the caller's choice.
+    named : mapping of str to Patch or None
+        The patches that are not copies; None if a patch is wrong, or two have this name.
+    values : Values
+        Takes the faults.
+
+    Returns
+    -------
+    dict
+        The copies under each number, or None if they cannot be made.
+    """
+    source = {name: (number, k) for number, copy in copies.items() for k, name in enumerate(copy.names)}
+    made: dict[int, list[Patch] | None] = {}
+    left = MAX_COPIED_POINTS
+    for start in copies:
+        chain: dict[int, None] = {}
+        number = start
+        while number not in made and number not in chain:
+            chain[number] = None
+            original = copies[number].original
+            if original in named or original not in source:
+                break
+            number = source[original][0]
+        else:
+            if number not in made:
+                links = list(chain)
+                circle = [copies[link].original for link in links[links.index(number) :]]
+                text = " -> ".join([*circle, circle[0]][:MAX_SHOWN])
+                values.faults.add((*copies[number].path, "copy"), f"copies itself: {text}")
+                made.update(dict.fromkeys(chain))
+        for number in reversed(chain):
+            if number in made:
+                continue
+            copy = copies[number]
+            found = _original(copy, named, source, made, values)
+            if found is not None and len(copy.names) * len(found.knots) > left:
+                fault = f"makes more than {MAX_COPIED_POINTS} control points, together with the copies before"
+                values.faults.add(copy.path, fault)
+                found = None
+            if found is not None:
+                left -= len(copy.names) * len(found.knots)
+            made[number] = None if found is None else _checked(copy, found, values)
+    return made
+
+
+def _original(
+    copy: Copy,
+    named: Mapping[str, Patch | None],
+    source: Mapping[str, tuple[int, int]],
+    made: Mapping[int, list[Patch] | None],
+    values: Values,
+) -> Patch | None:
+    if copy.original in named:
+        return named[copy.original]
+    if copy.original in source:
+        number, k = source[copy.original]
+        originals = made[number]
+        return None if originals is None else originals[k]
+    known = [*named, *source][:MAX_SUGGESTED]
+    likely = likely_word(copy.original, known) if values.faults.count < Faults.SHOWN else None
+    values.faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{suggestion(likely)}")
+    return None
+
+
+def _checked(copy: Copy, original: Patch, values: Values) -> list[Patch] | None:
+    with np.errstate(over="ignore"):
+        reach = max(float(np.abs(motion.moved(original.control_points)).max()) for motion in copy.motions)
+    if not reach <= MAX_SIZE:
+        values.faults.add(copy.path, f"has control points beyond {MAX_SIZE:g} in size")
+        return None
+    return copy.of(original)

@@ -1,0 +1,264 @@
+"""The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
+
+from __future__ import annotations
+
+import re
+from typing import TypeAlias, cast
+
+from gtb_cli.errors import SpecError
+from gtb_cli.language.scanner import Format, Path, Scanner, TooMuch
+from gtb_cli.values import frozen
+from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
+
+Repeated: TypeAlias = tuple[Path, int, int]
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+MAX_BYTES = 10_000_000
+"""Largest size of a spec; a patch of a thousand knots takes a hundred kilobytes."""
+
+MAX_LINES = 1_000_000
+"""Largest number of lines in a spec; 5000 bicubic patches take a fifth of them."""
+
+_STRANGERS = {
+    "a PLY mesh": re.compile(rb"ply\r?\n"),
+    "a GLB mesh": re.compile(rb"glTF"),
+    "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
+    "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),
+    "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
+}
+"""The beginnings of files that users mistake for specs."""
+
+_BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
+
+
+@frozen
+class Document:
+    """A spec that is well-formed TOML or JSON.
+
+    Attributes
+    ----------
+    data : object
+        The parser's result.
+    text : str
+    format : "toml" or "json"
+    repeated : tuple of (path, first line, line)
+        Keys given twice in one JSON object, which the parser would accept silently.
+    """
+
+    data: object
+    text: str
+    format: Format
+    repeated: tuple[Repeated, ...]
+
+    def lines(self, paths: set[Path]) -> dict[Path, int]:
+        """Find the line of each path, or of the innermost existing value around it."""
+        around = {path: self._existing(path) for path in paths}
+        wanted = set(around.values()) - {()}
+        known: dict[Path, int] = {}
+        for path, line, _ in Scanner(self.text, self.format).places() if wanted else ():
+            if path in wanted:
+                known.setdefault(path, line)
+                if len(known) == len(wanted):
+                    break
+        return {path: known[place] for path, place in around.items() if place in known}
+
+    def _existing(self, path: Path) -> Path:
+        """Return the longest part of a path that leads to a value."""
+        value = self.data
+        for length, part in enumerate(path):
+            match value:
+                case dict() if part in value:
+                    value = value[part]
+                case list() if isinstance(part, int) and part < len(value):
+                    value = value[part]
+                case _:
+                    return path[:length]
+        return path
+
+
+class Faults:
+    """The faults of a document, collected in any order and written in the order of the file.
+
+    Attributes
+    ----------
+    count : int
+        Number of all faults; those beyond `SHOWN` are only counted.
+    """
+
+    SHOWN = 20
+
+    def __init__(self, document: Document, source: str) -> None:
+        self.count = 0
+        self._document = document
+        self._source = source
+        self._faults: list[tuple[Path, str, int | None]] = []
+        for path, first, line in document.repeated:
+            self.add(path, _twice(first), line)
+
+    def add(self, path: Path, message: str, line: int | None = None) -> None:
+        """Note a fault of the value at a path; its line is found later unless given."""
+        self.count += 1
+        if self.count <= self.SHOWN:
+            self._faults.append((path, message, line))
+
+    def __str__(self) -> str:
+        lines = self._document.lines({path for path, _, _ in self._faults})
+        faults = [(line or lines.get(path, 0), path, message) for path, message, line in self._faults]
+        text = []
+        for line, path, message in sorted(faults, key=lambda fault: fault[0]):
+            file = f"{self._source}:{line}" if line else self._source
+            text.append(f"{file}: {place(path)}: {message}" if path else f"{file}: {message}")
+        if self.count > self.SHOWN:
+            text.append(f"{self._source}: ... and {self.count - self.SHOWN} more")
+        return "\n".join(text)
+
+
+def place(path: Path) -> str:
+    """Write a path as ``patches[1].weights[3]``."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            text += ("." if text else "") + (part if re.fullmatch(r"[\w-]{1,60}", part) else shown(part))
+    return text
+
+
+def shown(value: object) -> str:
+    """Describe a value for a message, in a few words."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case str() | int() | float():
+            text = repr(value).removesuffix(".0")
+            return text if len(text) <= 60 else f"{text[:40]}... ({len(text)} characters)"
+        case list():
+            return f"a list of {len(value)}"
+        case dict():
+            return "a table"
+        case _:
+            return "a date or time"
+
+
+def spec_format_of(path: str) -> Format | None:
+    """Return the format that a file's suffix names, if any."""
+    suffix = suffix_of(path)
+    return cast(Format, suffix) if suffix in SPEC_FORMATS else None
+
+
+def read(data: bytes | str, source: str, format: Format | None = None) -> Document:
+    """Read the text of a spec.
+
+    Parameters
+    ----------
+    data : bytes or str
+        UTF-8, with or without a byte order mark.
+    source : str
+        File name for messages.
+    format : "toml", "json" or None
+        None: JSON if the first character is ``{``, otherwise TOML.
+
+    Raises
+    ------
+    SpecError
+        The data are not text, too large, nested too deeply, or not well-formed: one line, with line and column if
+        known.
+
+    Notes
+    -----
+    Any input takes at most about three seconds and 150 MB; a spec of a few kilobytes takes about a millisecond.
+    """
+    if isinstance(data, bytes):
+        _check_kind(data, source)
+    text = _decode(data, source)
+    if format is None:
+        format = "json" if text.lstrip()[:1] == "{" else "toml"
+    if not text.strip():
+        raise SpecError(f"{source}: is empty")
+    repeated = _measure(text, source, format)
+    return Document(_parse(text, source, format, repeated), text, format, repeated)
+
+
+def _check_kind(data: bytes, source: str) -> None:
+    """Refuse a file whose beginning shows that it is not a spec."""
+    if data.startswith(LFS_POINTER):
+        raise SpecError(f"{source}: {LFS_FAULT}")
+    kind = next((kind for kind, pattern in _STRANGERS.items() if pattern.match(data)), None)
+    if kind is None and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        kind = "an STL mesh"
+    if kind is not None:
+        raise SpecError(f"{source}: is {kind}, and a spec is expected")
+
+
+def _decode(data: bytes | str, source: str) -> str:
+    if len(data) > MAX_BYTES:
+        raise SpecError(f"{source}: is too large, a spec has at most {MAX_BYTES // 10**6} MB")
+    if isinstance(data, str):
+        return data.removeprefix("\ufeff")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise SpecError(f"{source}: is UTF-16 text, a spec must be UTF-8")
+    try:
+        return data.removeprefix(BYTE_ORDER_MARK).decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = error.object[error.start]
+        raise SpecError(f"{source}:{line}: is not UTF-8 text, byte 0x{byte:02x} ({error.reason})") from None
+
+
+def _measure(text: str, source: str, format: Format) -> tuple[Repeated, ...]:
+    """Refuse a text that a parser would choke on; return the keys given twice in one table."""
+    if text.count("\n") >= MAX_LINES:
+        raise SpecError(f"{source}: is too large, a spec has at most {MAX_LINES} lines")
+    first: dict[Path, int] = {}
+    repeated: dict[Path, tuple[int, int]] = {}
+    try:
+        for path, line, defines in Scanner(text, format, passes_numbers=True).places():
+            if defines and path not in first:
+                first[path] = line
+            elif defines and not any(path[:length] in repeated for length in range(1, len(path) + 1)):
+                repeated[path] = first[path], line
+    except TooMuch as error:
+        line, reason = error.args
+        raise SpecError(f"{source}:{line}: {reason}") from None
+    return tuple((path, *lines) for path, lines in repeated.items())
+
+
+def _parse(text: str, source: str, format: Format, repeated: tuple[Repeated, ...]) -> object:
+    if format == "json":
+        import json
+
+        try:
+            return json.loads(text)
+        except json.JSONDecodeError as error:
+            reason = error.msg.removesuffix(" at").removesuffix(" starting")
+            raise _malformed(text, source, "JSON", error.lineno, error.colno, reason) from None
+
+    import tomllib
+
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        # "Reason (at line 3, column 5)" or "Reason (at end of document)"
+        reason, _, where = str(error).removesuffix(")").rpartition(" (at ")
+        if repeated and reason.startswith(("Cannot", "Duplicate")):
+            raise SpecError(
+                "\n".join(f"{source}:{line}: {place(path)}: {_twice(first)}" for path, first, line in repeated)
+            ) from None
+        found = re.fullmatch(r"line (\d+), column (\d+)", where)
+        end = text.count("\n") + 1, len(text) - text.rfind("\n")
+        line, column = (int(found[1]), int(found[2])) if found else end
+        raise _malformed(text, source, "TOML", line, column, reason) from None
+
+
+def _malformed(text: str, source: str, language: str, line: int, column: int, reason: str) -> SpecError:
+    rest = text.split("\n")[line - 1][column - 1 :]
+    if _BARE_EXPRESSION.match(rest) and "property name" not in reason:
+        reason += " (an expression must stand in quotes)"
+    return SpecError(f"{source}:{line}:{column}: is not valid {language}, {reason[:1].lower()}{reason[1:]}")
+
+
+def _twice(first: int) -> str:
+    return f"is given twice, first in line {first}"

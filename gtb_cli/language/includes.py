@@ -1,0 +1,81 @@
+"""``include``: the files that a spec may include, all from its own folder."""
+
+from __future__ import annotations
+
+import os
+import stat
+
+from gtb_cli.errors import SpecError
+from gtb_cli.language.document import MAX_BYTES
+
+MAX_FILES = 100
+"""Largest number of files that a spec includes, directly or through others."""
+
+
+class Library:
+    """The folder of a spec, and the files included from it, each once.
+
+    Parameters
+    ----------
+    source : str
+        The spec's own file; ``-`` and text in angle brackets are not files, and have no folder.
+    """
+
+    def __init__(self, source: str) -> None:
+        self._is_file = source != "-" and not source.startswith("<")
+        path = os.path.realpath(os.path.dirname(source) or os.curdir) if self._is_file else ""
+        self._folder = path
+        self._real = {source: os.path.realpath(source) if self._is_file else source}
+        self._taken_by: dict[str, str] = {}
+        self._bytes = 0
+
+    def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
+        """Read a file included by the last of `readers`, each of which is included by the one before.
+
+        Returns
+        -------
+        path, content
+
+        Raises
+        ------
+        SpecError
+            The file is outside the spec's folder, is included already, cannot be read or is too large; the message does
+            not say which file includes it.
+        """
+        if not self._is_file:
+            raise SpecError(f"{readers[0]} has no folder from which files could be taken")
+        path = os.path.join(os.path.dirname(readers[-1]), name)
+        try:
+            real = os.path.realpath(path)
+            inside = os.path.commonpath([self._folder, real]) == self._folder
+        except (OSError, ValueError) as error:  # a null character, another drive
+            raise SpecError(f"{name!r}: {error}") from None
+        if os.path.isabs(name) or not inside:
+            raise SpecError(f"{name}: is outside the spec's folder")
+        chain = [self._real[reader] for reader in readers]
+        if real in chain:
+            circle = [*readers[chain.index(real) :], path]
+            raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
+        if real in self._taken_by:
+            raise SpecError(f"{name}: is included already, by {self._taken_by[real]}")
+        if len(self._taken_by) == MAX_FILES:
+            raise SpecError(f"{name}: at most {MAX_FILES} files can be included")
+        data = _content(name, real)
+        self._bytes += len(data)
+        if self._bytes > MAX_BYTES:
+            raise SpecError(f"{name}: is too large, files of a spec have at most {MAX_BYTES // 10**6} MB together")
+        self._taken_by[real] = readers[-1]
+        self._real[path] = real
+        return path, data
+
+
+def _content(name: str, real: str) -> bytes:
+    """The bytes of a regular file, at most one more than allowed; no other file is waited for."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        with open(os.open(real, flags), "rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise SpecError(f"{name}: is not a file")
+            return file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise SpecError(f"{name}: {error.strerror or error}") from None

@@ -1,0 +1,89 @@
+"""``let``: named numbers; each may use those before it."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from gtb_cli.language.document import shown
+from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
+from gtb_cli.language.scanner import Path
+from gtb_cli.language.values import ANY_NUMBER, Values
+
+NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"
+"""Pattern of the name of a number."""
+
+COUNTER = "k"
+"""Name of a copy's number, in the expressions of copies."""
+
+MAX_NUMBER_NAME = 60
+"""Longest name of a number, in characters."""
+
+MAX_NAMES = 1000
+"""Largest number of named numbers."""
+
+MAX_CIRCLE = 20
+"""Largest number of names in a circle that is found."""
+
+
+def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str]) -> dict[str, float]:
+    """Read ``let``, if present; `spec_keys` are keys of the spec that a table [let] swallows by mistake."""
+    names: dict[str, float] = {}
+    values.names = names
+    if "let" not in table:
+        return names
+    let = table["let"]
+    if not isinstance(let, dict):
+        values.faults.add(("let",), f"must be a table of numbers, got {shown(let)}")
+        return names
+    if len(let) > MAX_NAMES:
+        values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
+        return names
+    for name, value in let.items():
+        path: Path = ("let", name)
+        fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
+        if fault is not None:
+            values.faults.add(path, fault)
+            names.setdefault(name, 1.0)  # so that its users are not reported as well
+            continue
+        number = values.number(value, path, ANY_NUMBER)
+        names[name] = 1.0 if number is None else number
+    return names
+
+
+def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | None:
+    """Say why a number cannot have this name."""
+    if name in spec_keys and not isinstance(value, int | float):
+        return "is a key of a spec, and [let] takes all keys that follow: put it before [let]"
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > MAX_NUMBER_NAME:
+        return f"must be a letter, then at most {MAX_NUMBER_NAME - 1} letters, digits and _, to be the name of a number"
+    if name in FUNCTIONS or name in CONSTANTS:
+        return "is the name of a function or constant"
+    if name == COUNTER:
+        return "is the number of a copy: choose another name"
+    if keyword.iskeyword(name):
+        return "is a word with another meaning in expressions"
+    return None
+
+
+def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
+    """Say which later name a number needs, or to which circle it belongs."""
+    later = [word for word in _needed(let, name) if word in let and word not in known]
+    if not later:
+        return None
+    chain = [name]
+    while len(chain) <= MAX_CIRCLE:
+        step = next((word for word in _needed(let, chain[-1]) if word in let and word not in known), None)
+        if step is None or step in chain[1:]:
+            break
+        chain.append(step)
+        if step == name:
+            return f"needs itself: {' -> '.join(chain)}"
+    return f"uses {later[0]}, which comes later: put {later[0]} first"
+
+
+def _needed(let: Mapping[str, object], name: str) -> list[str]:
+    value = let[name]
+    return names_in(value) if isinstance(value, str) else []

@@ -1,0 +1,203 @@
+"""The JSON Schema of a spec, for editors and for programs that write specs."""
+
+from __future__ import annotations
+
+from keyword import kwlist
+from typing import Any, get_args
+
+from gtb_cli.knots.domain import EdgeNormals
+from gtb_cli.language.copies import AXES
+from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, MAX_CHARACTERS
+from gtb_cli.language.includes import MAX_FILES
+from gtb_cli.language.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
+from gtb_cli.language.reader import MAX_KNOTS, MAX_PATCHES, NAMED_COEFFICIENTS
+from gtb_cli.language.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a spec, TOML or JSON.
+
+    Returns
+    -------
+    dict
+        Plain data, ready for ``json.dumps``.
+
+    Notes
+    -----
+    A schema cannot express every rule. `gtb_cli.language.loading.parse` alone checks syntax, repeated keys and sizes;
+    that lists have an entry for each knot; the values of expressions and the names in them; that copied patches and
+    included files exist; that `ribbon` is for curves and for gtb fill alone; that names do not clash; that numbers are
+    finite (JSON has no others); that a name has no half of a surrogate pair; that the hull is not flat, and the number
+    of its edges; and whether the knots are a lattice.
+    """
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "GT-Bézier patch, or model of several patches",
+        "if": {"type": "object", "anyOf": [{"required": ["patches"]}, {"required": ["include"]}]},
+        "then": {"$ref": "#/$defs/model"},
+        "else": {"$ref": "#/$defs/single"},
+        "$defs": {
+            "model": _MODEL,
+            "patch": _PATCH,
+            "copy": _COPY,
+            "single": {
+                **_PATCH,
+                "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
+            },
+            "let": {
+                "description": "Named numbers, for all expressions; each may use those before it.",
+                "type": "object",
+                "propertyNames": {
+                    "pattern": f"^{NAME_PATTERN}$",
+                    "maxLength": MAX_NUMBER_NAME,
+                    "not": {"enum": [*FUNCTIONS, *CONSTANTS, COUNTER, *kwlist]},
+                },
+                "additionalProperties": _number(),
+                "maxProperties": MAX_NAMES,
+            },
+            "name": {
+                "description": "Default: the name of the file without its suffix.",
+                "type": "string",
+                "maxLength": MAX_NAME,
+                "pattern": r"\S",
+                "not": {"pattern": CONTROL_CHARACTERS},
+            },
+            "coordinate": _number(minimum=-MAX_SIZE, maximum=MAX_SIZE),
+            "positive": _number(exclusiveMinimum=0),
+            "scale": _number(minimum=1 / MAX_SIZE, maximum=MAX_SIZE),
+            "expression": {
+                "description": "Digits, + - * / ** ( ), sqrt sin cos tan exp log pi e deg, names of let.",
+                "type": "string",
+                "maxLength": MAX_CHARACTERS,
+                "pattern": "[0-9A-Za-z]",
+                "not": {"pattern": r"[^-+*/()0-9A-Za-z_. \t]|(^|[^A-Za-z0-9_])[0-9.]*_"},
+            },
+        },
+    }
+
+
+def _number(**limits: float) -> dict[str, Any]:
+    return {"anyOf": [{"type": "number", **limits}, {"$ref": "#/$defs/expression"}]}
+
+
+def _array(items: dict[str, Any], least: int, most: int) -> dict[str, Any]:
+    return {"type": "array", "items": items, "minItems": least, "maxItems": most}
+
+
+def _list(kind: str, least: int = 0, most: int = MAX_KNOTS) -> dict[str, Any]:
+    return _array({"$ref": f"#/$defs/{kind}"}, least, most)
+
+
+def _tuples(size: int, least: int = 0) -> dict[str, Any]:
+    return _array(_list("coordinate", size, size), least, MAX_KNOTS)
+
+
+def _vector(least: int) -> dict[str, Any]:
+    return _list("coordinate", least, 3)
+
+
+_MODEL = {
+    "type": "object",
+    "properties": {
+        "name": {"$ref": "#/$defs/name"},
+        "let": {"$ref": "#/$defs/let"},
+        "include": {
+            "description": "Files of this file's folder, or below it, whose patches come before these.",
+            "type": "array",
+            "items": {"type": "string", "minLength": 1},
+            "maxItems": MAX_FILES,
+        },
+        "weld": {
+            "description": "Edges within this distance are joined: model units, or a percentage of the model's size.",
+            "anyOf": [
+                {"$ref": "#/$defs/positive"},
+                {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"},
+            ],
+        },
+        "patches": {
+            "type": "array",
+            "items": {
+                "if": {"type": "object", "required": ["copy"]},
+                "then": {"$ref": "#/$defs/copy"},
+                "else": {"$ref": "#/$defs/patch"},
+            },
+            "minItems": 1,
+            "maxItems": MAX_PATCHES,
+        },
+    },
+    "additionalProperties": False,
+}
+
+_COPY = {
+    "description": "A copy of another patch, mirrored, scaled, rotated and translated, in this order.",
+    "type": "object",
+    "properties": {
+        "name": {"$ref": "#/$defs/name"},
+        "copy": {"description": "Name of the patch that is copied.", "type": "string"},
+        "mirror": {"description": "The coordinate that changes sign; normals stay outward.", "enum": list(AXES)},
+        "scale": {
+            "description": "Factor, or one for each coordinate.",
+            "anyOf": [{"$ref": "#/$defs/scale"}, _list("scale", 3, 3)],
+        },
+        "rotate": {
+            "type": "object",
+            "properties": {
+                "axis": {"anyOf": [{"enum": list(AXES)}, _vector(3)]},
+                "degrees": {"$ref": "#/$defs/coordinate"},
+                "about": {"description": "The fixed point; default: the origin.", **_vector(2)},
+            },
+            "required": ["axis", "degrees"],
+            "additionalProperties": False,
+        },
+        "translate": _vector(2),
+        "repeat": {
+            "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their names.",
+            **_number(minimum=1, maximum=MAX_PATCHES),
+        },
+    },
+    "required": ["copy"],
+    "additionalProperties": False,
+}
+
+_PATCH: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "name": {"$ref": "#/$defs/name"},
+        "knots": {
+            "description": "Knots a_i in any order: numbers for a curve, pairs for a surface.",
+            "anyOf": [_list("coordinate", 2), _tuples(2, 3)],
+        },
+        "weights": {"description": "Weights, one for each knot; default: all 1.", **_list("positive")},
+        "log_weights": {
+            "description": "Natural logarithms of the weights, in place of these, where they are beyond floats.",
+            **_list("coordinate"),
+        },
+        "control_points": {
+            "description": "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three.",
+            "anyOf": [_tuples(2), _tuples(3)],
+        },
+        "ribbon": {
+            "description": "For gtb fill, a curve's second row of control points, which goes into the hole.",
+            "anyOf": [_tuples(2), _tuples(3)],
+        },
+        "coefficients": {
+            "description": "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1.",
+            "anyOf": [{"enum": list(NAMED_COEFFICIENTS)}, _list("positive")],
+        },
+        "lifting": {"description": "Lifting values λ_i, one for each knot.", **_list("coordinate")},
+        "edge_normals": {
+            "description": "Length of the edge functions' normals.",
+            "enum": list(get_args(EdgeNormals)),
+            "default": "auto",
+        },
+        "edge_scale": {
+            "description": "Factor of the edge functions, or one for each edge, counter-clockwise from the lowest, "
+            "then leftmost, corner; for a curve [k0, k1].",
+            "anyOf": [{"$ref": "#/$defs/scale"}, _list("scale", 2)],
+            "default": 1,
+        },
+    },
+    "required": ["knots", "control_points"],
+    "not": {"required": ["weights", "log_weights"]},
+    "additionalProperties": False,
+}

@@ -1,0 +1,212 @@
+"""Single values of a spec: numbers, expressions, words and names, with a fault for each wrong one."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import ChainMap
+from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray
+from gtb_cli.errors import SpecError
+from gtb_cli.language.document import Faults, shown
+from gtb_cli.language.expression import evaluate_expression
+from gtb_cli.language.scanner import Path
+
+MAX_SIZE = 1e100
+"""Largest size of a coordinate, lifting value or scale: squares and products of two stay finite."""
+
+MAX_NAME = 200
+"""Longest name, in characters."""
+
+CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
+"""Characters not allowed in names: control characters and line ends."""
+
+SURROGATES = r"[\ud800-\udfff]"
+"""Halves of surrogate pairs, not allowed in names either. Editors with Rust's patterns refuse a schema with this
+one."""
+
+MAX_EXPRESSIONS = 200_000
+"""Largest number of characters in all different expressions of a spec together: half a second of evaluation."""
+
+NO_VALUES: dict[str, float] = {}
+
+Check: TypeAlias = tuple[str, Callable[[float], bool]]
+
+ANY_NUMBER: Check = ("must be finite", math.isfinite)
+COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
+POSITIVE: Check = ("must be positive", lambda x: x > 0)
+SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 1 / MAX_SIZE <= x <= MAX_SIZE)
+
+
+class Budget:
+    """The number of characters that further expressions of a spec may have, and whether an excess was reported."""
+
+    def __init__(self) -> None:
+        self.characters = MAX_EXPRESSIONS
+        self.is_said = False
+
+
+class Values:
+    """Reads single values of one file.
+
+    Attributes
+    ----------
+    faults : Faults
+        Faults of this file.
+    names : dict of str to float
+        Named numbers that expressions may use.
+    budget : Budget
+        The budget that all files of the spec share.
+    """
+
+    def __init__(self, faults: Faults, budget: Budget) -> None:
+        self.faults = faults
+        self.names: dict[str, float] = {}
+        self.budget = budget
+        self._evaluated: dict[str, float | str] = {}  # values, or faults
+
+    def unknown_keys(self, table: dict[str, Any], path: Path, known: frozenset[str]) -> set[str]:
+        """Note unknown keys; return the known ones that were probably meant."""
+        meant = set()
+        for key in [key for key in table if key not in known]:
+            likely = likely_word(key, known - table.keys()) if self.faults.count < Faults.SHOWN else None
+            hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
+            self.faults.add((*path, key), f"is not a key of a spec{hint}")
+            meant.add(likely or "")
+        return meant
+
+    def name(self, table: dict[str, Any], path: Path, default: str | None) -> str | None:
+        """Read the name, if present."""
+        if "name" not in table:
+            return default
+        name = table["name"]
+        fault = name_fault(name) if isinstance(name, str) else f"must be a string, got {shown(name)}"
+        if fault:
+            self.faults.add((*path, "name"), fault)
+            return default
+        return str(name)
+
+    def choice(
+        self, table: dict[str, Any], path: Path, key: str, words: tuple[str, ...], others: str = ""
+    ) -> str | None:
+        """Read one of the given words."""
+        if key not in table:
+            return None
+        value = table[key]
+        if isinstance(value, str) and value in words:
+            return value
+        likely = likely_word(value, words) if isinstance(value, str) else None
+        expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
+        self.faults.add((*path, key), f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
+        return None
+
+    def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
+        """Read pairs or triples of coordinates, all of the same size."""
+        expected = " or ".join(map(str, sizes))
+        lengths = {len(entry) if isinstance(entry, list) else None for entry in entries}
+        if len(lengths) == 1 and not lengths & set(sizes):  # one fault, not one for each
+            (length,) = lengths
+            got = "no lists" if length is None else f"lists of {length}"
+            self.faults.add(path, f"must be lists of {expected} coordinates, got {got}")
+            return None
+        size, rows = 0, []
+        for i, entry in enumerate(entries):
+            if not isinstance(entry, list):
+                self.faults.add((*path, i), f"must be a list of {expected} coordinates, got {shown(entry)}")
+            elif len(entry) not in sizes:
+                self.faults.add((*path, i), f"must have {expected} coordinates, got {len(entry)}")
+            elif size and len(entry) != size:
+                self.faults.add((*path, i), f"must have {size} coordinates, as those before, got {len(entry)}")
+            else:
+                size = len(entry)
+                rows.append(self.numbers(entry, (*path, i), COORDINATE))
+        good = [row for row in rows if row is not None]
+        return np.array(good) if len(good) == len(entries) else None
+
+    def numbers(
+        self, entries: list[object], path: Path, check: Check, extra: dict[str, float] = NO_VALUES
+    ) -> FloatArray | None:
+        """Read a list of numbers."""
+        values = [self.number(entry, (*path, i), check, extra) for i, entry in enumerate(entries)]
+        good = [value for value in values if value is not None]
+        return np.array(good) if len(good) == len(values) else None
+
+    def number(self, value: object, path: Path, check: Check, extra: dict[str, float] = NO_VALUES) -> float | None:
+        """Read a number or an expression, which may also use the `extra` names."""
+        number, text = value, ""
+        if isinstance(value, str):
+            number = self._value(value, path, extra)
+            if number is None:
+                return None
+            text = f" = {shown(number)}"
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            self.faults.add(path, f"must be a number, got {shown(value)}")
+            return None
+        try:
+            number = float(number)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            self.faults.add(path, f"must be finite, got {shown(value)}")
+            return None
+        expected, holds = check
+        if not holds(number):
+            self.faults.add(path, f"{expected}, got {shown(value)}{text}{_where(extra)}")
+            return None
+        return number
+
+    def _value(self, text: str, path: Path, extra: dict[str, float]) -> float | None:
+        """Evaluate an expression; a repeated one is evaluated once."""
+        found = None if extra else self._evaluated.get(text)
+        if found is None:
+            self.budget.characters -= len(text)
+            if self.budget.characters < 0:
+                if not self.budget.is_said:
+                    limit = f"different expressions may have {MAX_EXPRESSIONS} characters together"
+                    self.faults.add(path, f"{limit}, write numbers from here on")
+                    self.budget.is_said = True
+                return None
+            try:
+                found = evaluate_expression(text, ChainMap(extra, self.names) if extra else self.names)
+            except SpecError as error:
+                found = str(error)
+            if not extra:
+                self._evaluated[text] = found
+        if isinstance(found, str):
+            self.faults.add(path, found + _where(extra))
+            return None
+        return found
+
+
+def _where(extra: dict[str, float]) -> str:
+    """Say for which values of further names a value is wrong."""
+    return "".join(f" ({name} = {shown(value)})" for name, value in extra.items())
+
+
+def name_fault(name: str) -> str | None:
+    """Return the fault of a name, if any: names go into formats that are read line by line."""
+    if not name.strip():
+        return "must not be empty"
+    if len(name) > MAX_NAME:
+        return f"must have at most {MAX_NAME} characters, got {len(name)}"
+    if re.search(f"{CONTROL_CHARACTERS}|{SURROGATES}", name):
+        return f"must not have control characters, got {shown(name)}"
+    return None
+
+
+def likely_word(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that was probably meant, if any."""
+    import difflib
+
+    meant = word[:MAX_NAME].lower().replace("-", "_")
+    spelled = {name.replace("-", "_"): name for name in sorted(known)}
+    return next((spelled[name] for name in difflib.get_close_matches(meant, spelled, n=1)), None)
+
+
+def suggestion(likely: str | None) -> str:
+    """Return a question whether a word was meant, or nothing."""
+    return f", did you mean {likely}?" if likely else ""

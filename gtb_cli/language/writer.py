@@ -1,0 +1,156 @@
+"""`Patch` and `Model` → a spec: plain data, text, or a file."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+from gtb_cli.errors import SpecError
+from gtb_cli.files import replace_file
+from gtb_cli.language.loading import parse
+from gtb_cli.language.values import name_fault
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS, suffix_of
+
+
+def to_dict(spec: Patch | Model) -> dict[str, Any]:
+    """Return a patch or model as plain data, with the keys of a spec; keys with their default value are left out.
+
+    Returns
+    -------
+    dict
+        Lists, numbers and strings, ready for ``json.dumps``; `gtb_cli.from_dict` turns them into an equal value.
+        Weights are numbers if the logarithms of these are those of the patch, otherwise (x^λ ω) they are `log_weights`.
+    """
+    if isinstance(spec, Model):
+        named: dict[str, Any] = {} if spec.name is None else {"name": spec.name}
+        welded: dict[str, Any] = {} if spec.weld is None else {"weld": spec.weld}
+        return {**named, **welded, "patches": [to_dict(patch) for patch in spec.patches]}
+    if not isinstance(spec, Patch):
+        raise SpecError(f"expected a Patch or a Model, got {type(spec).__name__}")
+    ones = np.ones(len(spec.knots))
+    with np.errstate(divide="ignore"):
+        by_number = np.array_equal(np.log(spec.weights), spec.log_weights)
+    points, scale = spec.control_points, np.asarray(spec.edge_scale, dtype=np.float64)
+    planar = not points[:, 2].any() and not np.signbit(points[:, 2]).any()
+    data = {
+        "name": spec.name,
+        "knots": (spec.knots if spec.dimension == 2 else spec.knots[:, 0]).tolist(),
+        "weights": spec.weights.tolist() if by_number and (spec.weights != ones).any() else None,
+        "log_weights": None if by_number else spec.log_weights.tolist(),
+        "control_points": (points[:, :2] if planar else points).tolist(),
+        "coefficients": spec.coefficients.tolist() if (spec.coefficients != ones).any() else None,
+        "lifting": None if spec.lifting is None else spec.lifting.tolist(),
+        "edge_normals": None if spec.edge_normals == "auto" else spec.edge_normals,
+        "edge_scale": scale.tolist() if scale.ndim or scale != 1 else None,
+    }
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
+    """Write a patch or model as a spec: JSON if the path ends in ``.json``, otherwise TOML.
+
+    Parameters
+    ----------
+    spec : Patch or Model
+    path : path
+        The file appears whole or not at all, and replaces an existing one.
+
+    Raises
+    ------
+    SpecError
+        A spec cannot hold the patch, or the path belongs to another kind of file; nothing is written.
+    ExportError
+        The file cannot be written.
+
+    Notes
+    -----
+    `gtb_cli.load` reads back an equal value, bit for bit, which is checked before anything is written. Only the name
+    may be new: a spec without one is named after its file.
+    """
+    data = to_dict(spec)
+    target = os.fspath(path)
+    suffix = suffix_of(target)
+    if suffix in {*FORMATS, *CAD_SUFFIXES, *CELL_FORMATS}:
+        raise SpecError(f"{target}: expected a name that ends in .toml or .json, this is that of a mesh or CAD file")
+    is_json = suffix == "json"
+    text = json.dumps(data, indent=1) + "\n" if is_json else _toml(data)
+    again = parse(text, target, "json" if is_json else "toml")
+    if again.replace(name=spec.name) != spec:
+        raise SpecError(f"{target}: a spec cannot hold this exactly: both weights and other logarithms of weights")
+    replace_file(target, [text.encode("utf-8")])
+
+
+def dump(spec: Patch | Model) -> str:
+    """Write a patch or model as TOML, with the shortest digits that read back exactly.
+
+    Returns
+    -------
+    str
+        `gtb_cli.language.loading.parse` returns equal arrays for it. Keys with their default value are left out. For
+        readability, weights are numbers if possible; their logarithms may then be rounded.
+
+    Raises
+    ------
+    SpecError
+        A spec cannot hold the patch: its name has control characters.
+    """
+    if isinstance(spec, Patch):
+        return _toml(to_dict(_by_number(spec)))
+    return _toml(to_dict(spec.replace(patches=tuple(map(_by_number, spec.patches)))))
+
+
+def _by_number(patch: Patch) -> Patch:
+    is_float = (np.isfinite(patch.weights) & (patch.weights > 0)).all()
+    return patch.replace(weights=patch.weights.copy()) if is_float else patch
+
+
+def _toml(data: dict[str, Any]) -> str:
+    if "patches" in data:
+        head = _name_text(data["name"]) if "name" in data else ""
+        head += f"weld = {_number_text(data['weld'])}\n" if "weld" in data else ""
+        return "\n".join([head] * bool(head) + [f"[[patches]]\n{_toml(patch)}" for patch in data["patches"]])
+    text = ""
+    for key, value in data.items():
+        if key == "name":
+            text += _name_text(value)
+        elif isinstance(value, list):
+            text += _row_text(key, value)
+        else:
+            text += f'{key} = "{value}"\n' if isinstance(value, str) else f"{key} = {_number_text(value)}\n"
+    return text
+
+
+def _name_text(name: str) -> str:
+    if fault := name_fault(name):
+        raise SpecError(f"name: {fault}")
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return f'name = "{escaped}"\n'
+
+
+def _row_text(key: str, values: list[Any]) -> str:
+    """Write an array on one line if it fits, otherwise on lines of up to 100 characters."""
+    entries = [
+        f"[{', '.join(map(_number_text, entry))}]" if isinstance(entry, list) else _number_text(entry)
+        for entry in values
+    ]
+    line = f"{key} = [{', '.join(entries)}]\n"
+    if len(line) <= 100:
+        return line
+    lines = [""]
+    for entry in entries:
+        if len(lines[-1]) + len(entry) > 94:
+            lines.append("")
+        lines[-1] += f" {entry},"
+    return f"{key} = [\n" + "".join(f"   {line}\n" for line in lines) + "]\n"
+
+
+def _number_text(x: float) -> str:
+    if x.is_integer() and abs(x) < 1e15 and (x or math.copysign(1, x) > 0):
+        return str(int(x))
+    return repr(x)

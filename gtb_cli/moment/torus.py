@@ -1,0 +1,104 @@
+"""Exponentials e^<a_i, s> c_i ω_i of knots at torus coordinates s, and sums of values under them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.moment.grid import Raster, grid_of
+
+BLOCK_NUMBERS = 1 << 18
+"""Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
+
+UNDERFLOW_EXPONENT = -700.0
+"""Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum."""
+
+SAFE_EXPONENT = 250.0
+"""Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
+each column need not be subtracted first, which saves two passes over the numbers."""
+
+CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
+"""Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0."""
+
+NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
+
+
+def block_length(knots: int) -> int:
+    """The number of parameters handled at once for a given number of knots."""
+    return max(256, BLOCK_NUMBERS // knots)
+
+
+def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
+    """(n, m) logarithms of `exponentials`: <a_i, s> + log(c_i ω_i)."""
+    return np.asarray(np.column_stack([knots, log_weights]) @ np.concatenate([s, np.ones((1, s.shape[1]))]))
+
+
+def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
+    """(n, m) numbers proportional, in each column, to the rational basis.
+
+    Parameters
+    ----------
+    knots : (n, d) float
+        Preferably centred: only their differences matter.
+    log_weights : (n,) float
+        log(c_i ω_i).
+    s : (d, m) float
+        Torus coordinates.
+    """
+    e = exponents(knots, log_weights, s)
+    return np.exp(e, out=e) if _are_safe(knots, log_weights, s) else scaled_exponentials(e)
+
+
+def scaled_exponentials(e: FloatArray) -> FloatArray:
+    """Replace (n, m) exponents by their exponentials, up to a factor for each column."""
+    e -= e.max(axis=0)
+    np.maximum(e, UNDERFLOW_EXPONENT, out=e)
+    return np.exp(e, out=e)
+
+
+def _are_safe(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> bool:
+    """Whether no exponent is beyond `SAFE_EXPONENT`."""
+    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
+    return bool(bound <= SAFE_EXPONENT)
+
+
+def weighted_sums(
+    knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray, raster: Raster | None = None
+) -> FloatArray:
+    """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
+    if len(knots) == 1:
+        return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
+    factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
+    if grid is not None and (raster or grid.is_worth_it) and _are_safe(knots, log_weights, s):
+        factors = (factors * np.exp(log_weights))[:, grid.order]
+        return grid.sums(factors, s, raster) if raster else np.asarray(factors @ grid.exponentials(s))
+    return np.asarray(factors @ exponentials(knots, log_weights, s))
+
+
+def shares(e: FloatArray) -> FloatArray:
+    """(n, m) softmax of each column of exponents."""
+    t = e - e.max(axis=0)
+    np.maximum(t, UNDERFLOW_EXPONENT, out=t)
+    np.exp(t, out=t)
+    t /= t.sum(axis=0)
+    return np.asarray(t)
+
+
+def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
+    """(…, 3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column.
+
+    Parameters
+    ----------
+    e : (n, m) float
+        Logarithms of T, up to a constant per column.
+    eta : (n, m) or (n, 1) float
+        Coordinates of the knots. A knot with an exact 0 does not count, however large its T.
+    deltas : (…, n, 3) float
+    mean : (…, 3, m) float
+        Σ_i T_i δ_i.
+    """
+    x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
+    np.clip(x, UNDERFLOW_EXPONENT, 0.0, out=x)
+    np.exp(x, out=x)
+    x *= eta
+    return np.asarray(deltas.swapaxes(-1, -2) @ x - mean * x.sum(axis=0))

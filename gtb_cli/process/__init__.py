@@ -1,0 +1,1 @@
+"""How this process works: threads, copies of it, memory, disk, progress."""

@@ -1,0 +1,44 @@
+"""The memory that this process may use, where the system limits it (``ulimit -v``)."""
+
+from __future__ import annotations
+
+from gtb_cli.errors import GtbError
+from gtb_cli.process.threads import forbid_threads
+
+LEAST_BYTES = 320 << 20
+"""Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses."""
+
+AMPLE_BYTES = 1 << 30
+"""Limit above which scipy, which takes long to load, is left to those that need it, and threads are allowed."""
+
+BUFFERED_SIZE = 200
+"""Rows of matrices whose product needs the buffer of BLAS, which it then keeps."""
+
+
+def prepare_for_limit() -> None:
+    """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
+
+    Raises
+    ------
+    GtbError
+        The limit is so low that not even the libraries can be loaded.
+    """
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return
+    if limit < LEAST_BYTES:
+        needed = f"gtb needs at least {LEAST_BYTES >> 20} MB"
+        raise GtbError(f"not enough memory: the limit (ulimit -v) is {limit >> 20} MB, {needed}")
+    import numpy as np
+
+    matrix = np.ones((BUFFERED_SIZE, BUFFERED_SIZE))
+    np.matmul(matrix, matrix)
+    if limit < AMPLE_BYTES:
+        from scipy.linalg.blas import dgemm
+
+        forbid_threads()  # each needs a buffer of its own
+        dgemm(1.0, matrix, matrix)

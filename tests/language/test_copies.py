@@ -1,0 +1,344 @@
+"""`let`, `copy`, `include` and `weld`: what they make, what their errors say, and that they stay bounded."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gtb_cli.errors import SpecError
+from gtb_cli.language.copies import reflected, rotation_matrix
+from gtb_cli.language.loading import load, parse
+from gtb_cli.language.reader import MAX_PATCHES
+from gtb_cli.language.writer import dump
+from gtb_cli.theory.joints import find_joints
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from tests.patches import pentagon
+from tests.specs import SECONDS, TRIANGLE, arrays
+
+PATCH = f'[[patches]]\nname = "wall"\n{TRIANGLE}'
+
+
+def model(text: str, source: str = "x.toml") -> Model:
+    found = parse(text, source)
+    assert isinstance(found, Model)
+    return found
+
+
+def copy(text: str) -> Patch:
+    return model(f'{PATCH}[[patches]]\ncopy = "wall"\n{text}').patches[1]
+
+
+def faults(text: str, source: str = "x.toml") -> list[str]:
+    start = time.process_time()
+    with pytest.raises(SpecError) as caught:
+        parse(text, source)
+    assert time.process_time() - start < SECONDS
+    return str(caught.value).splitlines()
+
+
+# let
+
+
+def test_names_are_numbers_for_all_expressions_and_for_later_names():
+    patch = parse('let = {R = 20, a_1 = "2*R", turn = "90*deg"}\nknots = [0, "R/20", "a_1"]\n'
+                  'control_points = [["R", "sin(turn)"], ["e*deg*0", 1], [2, 0]]\nweights = [1, "R", 1]\n')  # fmt: skip
+    assert isinstance(patch, Patch)
+    assert patch.knots.ravel().tolist() == [0, 1, 40]
+    assert patch.control_points[0].tolist() == [20, 1, 0]
+    assert patch.weights.tolist() == [1, 20, 1]
+    assert dump(patch) == dump(parse(dump(patch)))
+
+
+def test_a_table_of_names_may_stand_anywhere():
+    assert model(f"{PATCH}[let]\nR = 1\n") is not None
+    assert isinstance(parse(f"{TRIANGLE}[let]\nR = 1\n"), Patch)
+
+
+@pytest.mark.parametrize(
+    ("let", "message"),
+    [
+        ('a = "b", b = "a"', "let.a: needs itself: a -> b -> a"),
+        ('a = "a+1"', "let.a: needs itself: a -> a"),
+        ('a = "b", b = 1', "let.a: uses b, which comes later: put b first"),
+        ("sin = 1", "let.sin: is the name of a function or constant"),
+        ("deg = 1", "let.deg: is the name of a function or constant"),
+        ("k = 1", "let.k: is the number of a copy: choose another name"),
+        ("in = 1", "let.in: is a word with another meaning in expressions"),
+        ("a-b = 1", "let.a-b: must be a letter"),
+        ('a = "1/0"', "let.a: expression '1/0': 1/0 divides by zero"),
+        ('a = "x"', "let.a: expression 'x': unknown name 'x'"),
+        ("a = [1]", "let.a: must be a number, got a list of 1"),
+        ("a = 1e400", "let.a: must be finite"),
+        ("knots = [1]", "let.knots: is a key of a spec, and [let] takes all keys that follow: put it before [let]"),
+    ],
+)
+def test_wrong_names(let, message):
+    (line,) = faults(f"name = 'x'\nlet = {{{let}}}\n{TRIANGLE}")
+    assert line.startswith(f"x.toml:2: {message}")
+
+
+def test_names_that_are_meant_are_suggested():
+    (line,) = faults(f"let = {{radius = 1}}\nedge_scale = 'raduis'\n{TRIANGLE}")
+    assert line.endswith("unknown name 'raduis', did you mean radius?")
+
+
+def test_long_chains_of_names_are_judged_quickly():
+    chain = "".join(f'a{i} = "a{i + 1}"\n' for i in range(999))
+    assert len(faults(f"{TRIANGLE}[let]\n{chain}")) == 21
+    assert "let: must have at most 1000 names" in faults(f"{TRIANGLE}[let]\n{chain}x = 1\ny = 1\n")[0]
+
+
+# copy
+
+
+def test_copies_are_mirrored_scaled_rotated_and_translated_in_this_order():
+    found = copy(
+        'mirror = "x"\nscale = 2\nrotate = {axis = "z", degrees = 90, about = [1, 0]}\ntranslate = [0, 0, 5]\n'
+    )
+    # (1, 0, 0) → (−1, 0, 0) → (−2, 0, 0) → about (1, 0): (1, −3, 0) → (1, −3, 5)
+    assert found.control_points.tolist() == [[1, -1, 5], [1, -3, 5], [-1, -1, 7]]
+    assert found.name == "wall-1"
+
+
+def test_mirrors_keep_the_orientation():
+    for mirror, factor in (("x", (-1, 1, 1)), ("y", (1, -1, 1)), ("z", (1, 1, -1))):
+        patch, mirrored = model(f'{PATCH}[[patches]]\ncopy = "wall"\nmirror = "{mirror}"\n').patches
+        normal = patch.normals([[0.3, 0.3]])[0]
+        u = mirrored.domain.vertices.mean(axis=0)[None]
+        np.testing.assert_allclose(mirrored.normals(u)[0], -normal * factor * -1, atol=1e-15)
+
+
+def test_a_reflected_patch_is_the_same_surface():
+    patch = pentagon()
+    patch = patch.replace(edge_scale=np.array([1.0, 2.0, 3.0, 4.0, 5.0]))
+    turned = reflected(patch)
+    u = np.random.default_rng(1).dirichlet(np.ones(5), 20) @ patch.domain.vertices
+    low, high = patch.knots[:, 0].min(), patch.knots[:, 0].max()
+    assert sorted(turned.knots[:, 0]) == pytest.approx(sorted(low + high - patch.knots[:, 0]))
+    mirrored = np.column_stack([low + high - u[:, 0], u[:, 1]])
+    np.testing.assert_allclose(turned.evaluate(mirrored), patch.evaluate(u), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(turned.normals(mirrored), -patch.normals(u), atol=1e-9)
+
+
+def test_repeated_copies_have_numbers():
+    found = model(f'{PATCH}[[patches]]\ncopy = "wall"\nname = "leaf"\nrepeat = "2 + 1"\ntranslate = ["k", 0, "k**2"]\n')
+    assert [patch.name for patch in found] == ["wall", "leaf-1", "leaf-2", "leaf-3"]
+    assert [patch.control_points[0].tolist() for patch in found] == [[0, 0, 0], [1, 0, 1], [2, 0, 4], [3, 0, 9]]
+    assert len({id(patch.rational_basis) for patch in found}) == 1
+    assert arrays(parse(dump(found))) == arrays(found)
+
+
+def test_copies_of_copies_in_any_order():
+    last = '[[patches]]\ncopy = "b-2"\nname = "c"\ntranslate = [0, 1]\n'
+    middle = '[[patches]]\ncopy = "wall"\nname = "b"\nrepeat = 2\ntranslate = ["k", 0]\n'
+    found = model(last + middle + PATCH)
+    assert [patch.name for patch in found] == ["c", "b-1", "b-2", "wall"]
+    assert found.patches[0].control_points[0].tolist() == [2, 1, 0]
+
+
+def test_copies_rotated_by_72_degrees_close_to_rounding():
+    sector = (
+        '[[patches]]\nname = "sector"\nknots = [[0, 0], [1, 0], [0, 1], [1, 1]]\ncontrol_points = [[3, 0, 0],'
+        '[5, 0, 1], ["3*cos(72*deg)", "3*sin(72*deg)", 0], ["5*cos(72*deg)", "5*sin(72*deg)", 1]]\n'
+    )
+    ring = model(f'{sector}[[patches]]\ncopy = "sector"\nrepeat = 4\nrotate = {{axis = "z", degrees = "72*k"}}\n')
+    joints = find_joints(ring.patches)
+    assert len(joints.shared) == 5
+    for joint in joints.shared:
+        one, other = (ring.patches[p].domain.edge_knots(e) for p, e in (joint.first, joint.second))
+        a = ring.patches[joint.first[0]].control_points[one]
+        b = ring.patches[joint.second[0]].control_points[other][:: -1 if joint.opposite else 1]
+        np.testing.assert_allclose(a, b, atol=4e-15)
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270, 360, -90, 450])
+def test_right_angles_are_exact(degrees):
+    matrix = rotation_matrix(np.array([0.0, 0, 1]), degrees)
+    assert set(np.abs(matrix).ravel()) == {0, 1}
+    assert matrix[0, 0] == round(math.cos(math.radians(degrees)))
+    np.testing.assert_allclose(rotation_matrix(np.array([1.0, 1, 1]), 120) @ [1, 2, 3], [3, 1, 2], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('copy = "wal"', "9: patches[1].copy: there is no patch 'wal', did you mean wall?"),
+        ("copy = 3", "9: patches[1].copy: must be the name of a patch, got 3"),
+        ('copy = "wall"\nname = "wall"', "8: patches[1]: makes a patch 'wall', and there is one of this name"),
+        ('copy = "wall"\nrepeat = 1000000000', "10: patches[1].repeat: must be a whole number from 1 to 19999"),
+        ('copy = "wall"\nrepeat = 1.5', "10: patches[1].repeat: must be a whole number"),
+        ('copy = "wall"\nrepeat = 0', "10: patches[1].repeat: must be a whole number"),
+        ('copy = "wall"\nmirror = "w"', '10: patches[1].mirror: must be "x", "y" or "z", got \'w\''),
+        ('copy = "wall"\nscale = 0', "10: patches[1].scale: must be between"),
+        ('copy = "wall"\nscale = [1, 2]', "10: patches[1].scale: must be one number or three"),
+        ('copy = "wall"\nrotate = 72', "10: patches[1].rotate: must be a table such as"),
+        ('copy = "wall"\nrotate = {axis = "z"}', "10: patches[1].rotate.degrees: is missing"),
+        ('copy = "wall"\nrotate = {axis = [0, 0, 0], degrees = 1}', "10: patches[1].rotate.axis: must not be 0"),
+        (
+            'copy = "wall"\nrotate = {axis = 0, degrees = 1}',
+            '10: patches[1].rotate.axis: must be a direction of 3 coordinates, "x", "y" or "z", got 0',
+        ),
+        ('copy = "wall"\nrotate = {axs = "z", degrees = 1}', "10: patches[1].rotate.axs: is not a key of a spec, did"),
+        ('copy = "wall"\ntranslate = [1]', "10: patches[1].translate: must be a list of 2 or 3 coordinates"),
+        ('copy = "wall"\ntranslate = ["k", 0]', "10: patches[1].translate[0]: expression 'k': unknown name 'k'"),
+        ('copy = "wall"\nrepeat = 5\ntranslate = ["1/(k-3)", 0]',
+         "11: patches[1].translate[0]: expression '1/(k-3)': 1/0 divides by zero (k = 3)"),
+        ('copy = "wall"\nweights = [1]', "10: patches[1].weights: is not a key of a spec"),
+        ('copy = "wall"\ntranslate = [1e100, 0]\nscale = 1e100', "8: patches[1]: has control points beyond 1e+100"),
+        (f'copy = "wall"\nname = "{"x" * 199}"\nrepeat = 9', "10: patches[1].name: must have at most 200 characters"),
+        (f'mirror = "x"\n{TRIANGLE}', "9: patches[1].mirror: belongs to a copy: copy = NAME says of which patch"),
+    ],
+)  # fmt: skip
+def test_wrong_copies(text, message):
+    line = faults(f"\n\n\n{PATCH}[[patches]]\n{text}\n")[0]
+    assert line.startswith(f"x.toml:{message}"), line
+
+
+def test_circles_of_copies_are_named():
+    lines = faults('[[patches]]\ncopy = "b"\nname = "a"\n[[patches]]\ncopy = "a"\nname = "b"\n')
+    assert lines == ["x.toml:2: patches[0].copy: copies itself: b -> a -> b"]
+    lines = faults('[[patches]]\ncopy = "a-2"\nname = "a"\nrepeat = 3\n')
+    assert lines == ["x.toml:2: patches[0].copy: copies itself: a-2 -> a-2"]
+
+
+def test_several_patches_of_a_name_have_no_copies():
+    lines = faults(f'{PATCH}{PATCH}[[patches]]\ncopy = "wall"\nname = "x"\n')
+    assert lines == ["x.toml:10: patches[2].copy: there are several patches 'wall'"]
+
+
+def test_a_copy_of_what_is_wrong_is_not_wrong_too():
+    lines = faults(f'{PATCH}weights = [0, 1, 1]\n[[patches]]\ncopy = "wall"\n')
+    assert lines == ["x.toml:5: patches[0].weights[0]: must be positive, got 0"]
+
+
+def test_deep_chains_of_copies_are_quick():
+    count = 1500
+    chain = "".join(f'[[patches]]\ncopy = "c{i + 1}"\nname = "c{i}"\ntranslate = [1, 0]\n' for i in range(count))
+    found = model(chain + PATCH.replace("wall", f"c{count}"))
+    assert found.patches[0].control_points[0].tolist() == [count, 0, 0]
+
+
+def test_what_copies_hold_together_is_bounded():
+    many = "".join(f'[[patches]]\ncopy = "wall"\nname = "c{i}"\nrepeat = 15000\n' for i in range(2))
+    (line,) = faults(f"{PATCH}{many}")
+    assert line.startswith("x.toml:12: patches[2].repeat: must be a whole number from 1 to 4999, got 15000")
+    knots = "".join(f"[{i}, 0], [{i}, 1]," for i in range(500))
+    large = f'[[patches]]\nname = "a"\nknots = [{knots}]\ncontrol_points = [{"[0, 0]," * 1000}]\n'
+    (line,) = faults(f'{large}[[patches]]\ncopy = "a"\nrepeat = {MAX_PATCHES - 1}\n')
+    assert "makes more than 2000000 control points" in line
+
+
+# include
+
+
+def folder(tmp_path: Path, **texts: str) -> str:
+    for name, text in texts.items():
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    return str(tmp_path / "main.toml")
+
+
+def refusal(path: str) -> list[str]:
+    with pytest.raises(SpecError) as caught:
+        load(path)
+    return str(caught.value).replace(os.path.dirname(path) + os.sep, "").splitlines()
+
+
+def test_included_patches_come_first_and_can_be_copied(tmp_path):
+    text = f'name = "cup"\ninclude = ["handle.toml"]\n{PATCH}[[patches]]\ncopy = "handle"\nmirror = "x"\n'
+    path = folder(tmp_path, main=text, handle=TRIANGLE.replace("1", '"R"') + "[let]\nR = 3\n")
+    found = load(path)
+    assert isinstance(found, Model)
+    assert [patch.name for patch in found] == ["handle", "wall", "handle-1"]
+    assert found.name == "cup"
+    assert found.patches[2].control_points[1].tolist() == [-3, 0, 0]
+    assert arrays(parse(dump(found))) == arrays(found)
+
+
+def test_errors_of_included_files_have_their_own_lines(tmp_path):
+    sub = tmp_path / "parts"
+    sub.mkdir()
+    (sub / "knob.toml").write_text("knots = [0, 1]\n\ncontrol_points = [[0], [1]]\n", encoding="utf-8")
+    path = folder(tmp_path, main='include = ["lid.toml", "none.toml"]\n', lid='include = ["parts/knob.toml"]\nx = 1\n')
+    lines = refusal(path)
+    assert lines[0] == "main.toml:1: include[1]: none.toml: No such file or directory"
+    assert lines[1].startswith("lid.toml:2: x: is not a key of a spec")
+    assert lines[2] == f"parts{os.sep}knob.toml:3: control_points: must be lists of 2 or 3 coordinates, got lists of 1"
+
+
+def test_names_of_included_patches_that_clash(tmp_path):
+    path = folder(tmp_path, main=f'include = ["a.toml", "b.toml"]\n{PATCH}', a=PATCH, b=PATCH)
+    assert refusal(path) == [
+        "main.toml:1: include[1]: b.toml has a patch 'wall', as has a.toml",
+        "main.toml:3: patches[0].name: 'wall' is the name of a patch of b.toml, too",
+    ]
+
+
+def test_circles_and_repetitions_of_files_are_named(tmp_path):
+    path = folder(tmp_path, main='include = ["a.toml"]\n', a='include = ["b.toml"]\n', b='include = ["a.toml"]\n')
+    assert refusal(path) == ["b.toml:1: include[0]: a.toml: includes itself: a.toml -> b.toml -> a.toml"]
+    folder(tmp_path, a='include = ["main.toml"]\n')
+    assert refusal(path)[0].endswith("main.toml: includes itself: main.toml -> a.toml -> main.toml")
+    folder(tmp_path, main='include = ["a.toml", "b.toml"]\n', a='include = ["b.toml"]\n', b=PATCH)
+    assert "b.toml: is included already, by a.toml" in refusal(path)[0]
+
+
+def test_nothing_outside_of_the_folder_is_read(tmp_path):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    folder(tmp_path, secret=PATCH)
+    (inner / "link.toml").symlink_to(tmp_path / "secret.toml")
+    (inner / "up").symlink_to(tmp_path)
+    (inner / "own.toml").write_text(PATCH, encoding="utf-8")
+    (inner / "good.toml").symlink_to(inner / "own.toml")
+    for name in ("../secret.toml", str(tmp_path / "secret.toml"), "link.toml", "up/secret.toml", "/dev/zero", "up/.."):
+        path = folder(inner, main=f'include = ["{name}"]\n')
+        assert refusal(path)[0].endswith("is outside the spec's folder"), name
+    assert len(load(folder(inner, main='include = ["good.toml"]\n'))) == 1
+    os.mkfifo(inner / "pipe.toml")
+    for name, message in (("pipe.toml", "is not a file"), (".", "Is a directory|is not a file"), ("a\\u0000b", "null")):
+        path = folder(inner, main=f'include = ["{name}"]\n')
+        with pytest.raises(SpecError, match=message):
+            load(path)
+
+
+def test_standard_input_includes_nothing():
+    assert faults('include = ["a.toml"]\n', "<stdin>") == [
+        "<stdin>:1: include[0]: <stdin> has no folder from which files could be taken"
+    ]
+
+
+def test_wide_and_deep_includes_are_bounded(tmp_path):
+    chain = {f"f{i}": f'include = ["f{i + 1}.toml"]\n' for i in range(150)}
+    path = folder(tmp_path, main='include = ["f0.toml"]\n', **chain)
+    assert refusal(path) == ["f99.toml:1: include[0]: f100.toml: at most 100 files can be included"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("include = 3\n", "include: must be a list of file names, got 3"),
+        ("include = [3]\n", "include[0]: must be the name of a file, got 3"),
+        ("include = []\n", "include: must name a file where there are no [[patches]]"),
+        (f"weld = 0\n{PATCH}", "weld: must be positive, got 0"),
+        (f"weld = 'x%'\n{PATCH}", "weld: expression 'x': unknown name 'x'"),
+        (f"weld = 1\n{TRIANGLE}", "weld: belongs"),
+    ],
+)
+def test_wrong_keys_of_models(text, message):
+    assert faults(text)[0].startswith(f"x.toml:1: {message}")
+
+
+# weld
+
+
+@pytest.mark.parametrize(("weld", "distance"), [("1e-6", 1e-6), ('"2e-6/2"', 1e-6), ('"1%"', 0.01 * 3**0.5)])
+def test_weld_is_a_length_or_a_percentage_of_the_size(weld, distance):
+    found = model(f"weld = {weld}\n{PATCH}")
+    assert found.weld == pytest.approx(distance, rel=1e-15)
+    assert model(dump(found)).weld == found.weld

@@ -1,0 +1,304 @@
+"""The scanner against texts whose lines are known, and against texts made to be slow."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtb_cli.errors import SpecError
+from gtb_cli.language import scanner
+from gtb_cli.language.document import MAX_BYTES, MAX_LINES, read
+from gtb_cli.language.scanner import MAX_NESTING, MAX_WORD_LENGTH, MAX_WORDS, Path
+from tests.marks import mostly_long
+from tests.specs import SECONDS
+
+
+class Writer:
+    """Writes data as TOML or JSON with random blanks, line ends and comments, and keeps the line of each value."""
+
+    def __init__(self, seed: int, toml: bool) -> None:
+        self.random = random.Random(seed)
+        self.toml = toml
+        self.text = ""
+        self.lines: dict[Path, int] = {}
+
+    def mark(self, path: Path) -> None:
+        self.lines.setdefault(path, self.text.count("\n") + 1)
+
+    def gap(self, breaks: bool = True) -> None:
+        choices = ["", " ", "\t"]
+        if breaks:
+            choices += ["\n", "\r\n", "\n\n  "]
+            if self.toml:
+                choices += ['# ], } = """ \' [[x]]\n', " #\n# a = 1\n"]
+        self.text += self.random.choice(choices)
+
+    def string(self, text: str) -> None:
+        quoted = json.dumps(text, ensure_ascii=not self.toml)
+        forms = [quoted]
+        if self.toml:
+            if not set(text) & set("'\n\r\t\x7f\\") and text.isprintable():
+                forms += [f"'{text}'", f"'''\n{text}'''"]
+            forms.append(f'"""\n{quoted[1:-1]}"""')
+        self.text += self.random.choice(forms)
+
+    def key(self, text: str) -> None:
+        plain = text.isascii() and text.replace("_", "").replace("-", "").isalnum()
+        self.text += text if self.toml and plain and self.random.random() < 0.7 else json.dumps(text)
+
+    def value(self, value: object, path: Path, breaks: bool = True) -> None:
+        match value:
+            case list():
+                self.text += "["
+                for i, entry in enumerate(value):
+                    self.gap()
+                    self.mark((*path, i))
+                    self.value(entry, (*path, i))
+                    self.gap()
+                    self.text += "," if i + 1 < len(value) else self.random.choice(["", ","] if self.toml else [""])
+                self.gap()
+                self.text += "]"
+            case dict():
+                breaks = not self.toml
+                self.text += "{"
+                for i, (key, entry) in enumerate(value.items()):
+                    self.text += "," if i else ""
+                    self.gap(breaks)
+                    self.mark((*path, key))
+                    self.key(key)
+                    self.gap(breaks)
+                    self.text += "=" if self.toml else ":"
+                    self.gap(breaks)
+                    self.value(entry, (*path, key))
+                    self.gap(breaks)
+                self.text += "}"
+            case str():
+                self.string(value)
+            case _:
+                self.text += json.dumps(value)
+
+    def document(self, data: dict[str, object]) -> None:
+        if not self.toml:
+            self.gap()
+            self.value(data, ())
+            self.gap()
+            return
+        headed = {key for key, value in data.items() if isinstance(value, dict) and self.random.random() < 0.8}
+        headed |= {key for key, value in data.items() if isinstance(value, list) and value and self.of_tables(value)}
+        for key in sorted(data, key=lambda key: key in headed):  # what follows a header belongs to it
+            value = data[key]
+            self.gap()
+            if key not in headed:
+                self.statement(key, value, ())
+            elif isinstance(value, dict):
+                self.mark((key,))
+                self.header("[", key, "]", value, (key,))
+            elif isinstance(value, list):
+                for i, entry in enumerate(value):
+                    self.gap()
+                    self.mark((key,))
+                    self.mark((key, i))
+                    self.header("[[", key, "]]", entry, (key, i))
+
+    @staticmethod
+    def of_tables(value: list[object]) -> bool:
+        return all(isinstance(entry, dict) for entry in value)
+
+    def header(self, start: str, key: str, end: str, table: dict[str, object], path: Path) -> None:
+        self.text += start
+        self.key(key)
+        self.text += end
+        self.table(table, path)
+
+    def table(self, table: dict[str, object], path: Path) -> None:
+        self.text += "\n"
+        for key, value in table.items():
+            self.gap()
+            self.statement(key, value, path)
+
+    def statement(self, key: str, value: object, path: Path) -> None:
+        self.mark((*path, key))
+        self.key(key)
+        self.gap(breaks=False)
+        self.text += "="
+        self.gap(breaks=False)
+        self.value(value, (*path, key))
+        self.gap(breaks=False)
+        self.text += "\n"
+
+
+KEYS = st.sampled_from(["a", "knots", "x-1", "a.b", "a b", "", 'q"', "[c]", "#", "ß", "=", "back\\slash", "\t"])
+LEAVES = st.one_of(
+    st.integers(-99, 99),
+    st.floats(-1e9, 1e9),
+    st.booleans(),
+    st.text(st.sampled_from("ab [],={}#'\"\\\n:é😀.")),
+)
+VALUES = st.recursive(
+    LEAVES, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=3)), max_leaves=8
+)
+
+
+@given(st.dictionaries(KEYS, VALUES, max_size=4), st.integers(0, 2**32), st.booleans())
+def test_lines_of_all_values(data: dict[str, object], seed: int, toml: bool) -> None:
+    writer = Writer(seed, toml)
+    writer.document(data)
+    if not writer.text.strip():
+        return
+    document = read(writer.text, "x", "toml" if toml else "json")
+    assert document.data == data  # the text says what it should
+    assert document.repeated == ()
+    assert document.lines(set(writer.lines)) == writer.lines
+
+
+def test_lines_in_patches_and_dotted_keys() -> None:
+    text = """
+    [[patches]]
+    knots = [
+        0, # [
+        1,
+    ]
+    a.b.c = 1
+    [patches.sub]
+    x = 2
+    [[patches]]
+    "kn\\u006fts" = [[0,
+        1]]
+    """
+    expected: dict[Path, int] = {
+        ("patches",): 2,
+        ("patches", 0, "knots"): 3,
+        ("patches", 0, "knots", 0): 4,
+        ("patches", 0, "knots", 1): 5,
+        ("patches", 0, "a"): 7,
+        ("patches", 0, "a", "b", "c"): 7,
+        ("patches", 0, "sub"): 8,
+        ("patches", 0, "sub", "x"): 9,
+        ("patches", 1): 10,
+        ("patches", 1, "knots", 0, 0): 11,
+        ("patches", 1, "knots", 0, 1): 12,
+    }
+    assert read(text, "x").lines(set(expected)) == expected
+
+
+def test_what_is_not_there_has_the_line_of_what_is_around_it() -> None:
+    document = read("\n[[patches]]\n\n[[patches]]\na = 1\n", "x")
+    paths: set[Path] = {("patches", 1, "knots"), ("patches", 1, "a", 3), ("name",)}
+    assert document.lines(paths) == {("patches", 1, "knots"): 4, ("patches", 1, "a", 3): 5}
+
+
+def test_format_is_sniffed() -> None:
+    assert read('\ufeff \n{"a": 1}', "x").format == "json"
+    assert read("a = {}", "x").format == "toml"
+    assert read(b"\xef\xbb\xbfa = 1", "x").data == {"a": 1}
+
+
+LARGE_BYTES = 2_000_000
+"""Size of a text that would take hours if the work grew with its square."""
+
+HOSTILE = {
+    "brackets": "a = " + "[" * (LARGE_BYTES - 4),
+    "closing brackets": "]" * LARGE_BYTES,
+    "objects": '{"a":' * (LARGE_BYTES // 5),
+    "quotes": '"' * LARGE_BYTES,
+    "spaced quotes": '" ' * (LARGE_BYTES // 2),
+    "apostrophes": "'" * LARGE_BYTES,
+    "escaped quotes": 'a = "' + '\\"' * (LARGE_BYTES // 2 - 4),
+    "open long string": 'a = """' + 'x"' * (LARGE_BYTES // 2 - 4),
+    "dotted key": "a." * (LARGE_BYTES // 2 - 2) + "a=1",
+    "spaced dotted key": "a . " * (LARGE_BYTES // 4 - 2) + "a=1",
+    "quoted dotted key": '"a".' * (LARGE_BYTES // 4 - 2) + "a=1",
+    "header": "[" + "a." * (LARGE_BYTES // 2 - 2) + "a]",
+    "headers": "[[a]]\n" * (LARGE_BYTES // 6),
+    "dotted headers": "[a.b.c.d]\n" * (LARGE_BYTES // 10),
+    "commas": "a = [" + "," * (LARGE_BYTES - 5),
+    "digits": "a = " + "9" * (LARGE_BYTES - 4),
+    "integers": "a = [" + "1," * (LARGE_BYTES // 2 - 3) + "]",
+    "blanks": " " * LARGE_BYTES,
+    "blanks before an error": "a = 1" + " " * (LARGE_BYTES - 6) + "b",
+    "lines": "#\n" * (LARGE_BYTES // 2),
+    "null bytes": "\0" * LARGE_BYTES,
+    "carriage returns": "\r" * LARGE_BYTES,
+    "JSON brackets": "{" + "[" * (LARGE_BYTES - 1),
+    "JSON quotes": "{" + '"' * (LARGE_BYTES - 1),
+    "JSON commas": "{" + "," * (LARGE_BYTES - 1),
+    "JSON keys": "{" + '"a":1,' * (LARGE_BYTES // 6 - 1) + '"a":1}',
+    "too long": "#" * (MAX_BYTES + 1),
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE.keys())
+def test_hostile_texts_are_refused_quickly(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a tenth of the words and numbers that are allowed, which takes a tenth of the time."""
+    monkeypatch.setattr(scanner, "MAX_WORDS", MAX_WORDS // 10)
+    monkeypatch.setattr(scanner, "MAX_NUMBERS", scanner.MAX_NUMBERS // 10)
+    data = text.encode()
+    start = time.process_time()
+    with pytest.raises(SpecError, match=r"\Ax(:\d+)*: .*\Z"):
+        read(data, "x")
+    assert time.process_time() - start < SECONDS
+
+
+@pytest.mark.parametrize(
+    ("make", "limit", "message"),
+    [
+        (lambda n: "\n" * (n - 1) + "a = 1", MAX_LINES, "lines"),
+        (lambda n: f"a = '{'x' * (n - 2)}'", MAX_WORD_LENGTH, "a word of 1001 characters"),
+        (lambda n: "a = " + "[" * n + "]" * n, MAX_NESTING, "is nested more than 16 deep"),
+        (lambda n: ".".join("a" * n) + " = 1", 4, "is not a spec: a key of more than 4 parts"),
+        (lambda n: '"a" . ' * (n - 1) + "a = 1", 4, "is not a spec: a key of more than 4 parts"),
+        *mostly_long(
+            [
+                (lambda n: "a = [" + "''," * (n // 2 - 2) + "]" * (1 + n % 2), MAX_WORDS, "values, keys and signs"),
+                (lambda n: "a = 1" + " " * (n - 5), MAX_BYTES, "at most 10 MB"),
+            ],
+            quick=0,
+        ),
+    ],
+    ids=["lines", "word", "nesting", "key", "quoted key", "words", "bytes"],
+)
+def test_limits(make, limit: int, message: str) -> None:
+    assert read(make(limit - limit % 2), "x").data
+    with pytest.raises(SpecError, match=message):
+        read(make(limit + 2 - limit % 2 if "values" in message else limit + 1), "x")
+
+
+def test_bytes_that_are_not_text() -> None:
+    with pytest.raises(SpecError, match=r"\Ax:2: is not UTF-8 text, byte 0xff \(invalid start byte\)\Z"):
+        read(b"a = 1\n\xff", "x")
+    with pytest.raises(SpecError, match=r"\Ax: is UTF-16 text, a spec must be UTF-8\Z"):
+        read("a = 1".encode("utf-16"), "x")
+
+
+# --- what is something else
+
+
+@pytest.mark.parametrize(
+    ("data", "kind"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "a pointer of Git LFS in place"),
+        (b"ply\nformat ascii 1.0\n", "a PLY mesh, and a spec is expected"),
+        (b"glTF\x02\0\0\0", "a GLB mesh"),
+        (b"solid x = y\n facet normal 0 0 1\n", "not valid TOML"),
+        (b"solid part\n facet normal 0 0 1\n", "an STL mesh"),
+        (bytes(80) + (1).to_bytes(4, "little") + bytes(50), "an STL mesh"),
+        (b"# a comment\n\nv 0 0 0\nv 1 0 0\n", "an OBJ mesh"),
+        (b"o pentagon\nv 0 0 0\n", "an OBJ mesh"),
+        (b"vn 0 0 1\n", "an OBJ mesh"),
+        (b"\n<!DOCTYPE html>\n<p>", "HTML, SVG or XML, and a spec is expected"),
+        (b'<?xml version="1.0"?>\n<svg>', "HTML, SVG or XML"),
+    ],
+)
+def test_a_file_that_is_not_a_spec_is_named(data, kind):
+    with pytest.raises(SpecError, match=kind):
+        read(data, "x.toml")
+
+
+@pytest.mark.parametrize("text", ["v = 1", "o = 2", "# v 1 2 3\nname = 'v 1 2 3'", "solid = 1", "ply = 3"])
+def test_keys_like_the_beginnings_of_meshes_are_keys(text):
+    assert read(text.encode(), "x.toml").data

@@ -1,0 +1,102 @@
+"""The JSON Schema against all specs, good and bad."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from gtb_cli.language.reader import MODEL_KEYS, PATCH_KEYS
+from gtb_cli.language.schema import schema
+from gtb_cli.vocabulary import TEMPLATES
+from tests.shell import gtb
+from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
+
+STRUCTURAL, OTHER = ([case for case in bad_specs() if case.kind == kind] for kind in ("schema", "beyond schema"))
+VALIDATOR = jsonschema.Draft202012Validator(schema())
+
+
+def data(path: Path) -> object:
+    text = path.read_bytes().decode("utf-8-sig")
+    return json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+
+
+def test_is_a_schema_and_plain_json() -> None:
+    jsonschema.Draft202012Validator.check_schema(schema())
+    assert json.loads(json.dumps(schema())) == schema()
+
+
+def test_names_every_key_and_no_other() -> None:
+    definitions = schema()["$defs"]
+    assert set(definitions["patch"]["properties"]) == PATCH_KEYS | {"ribbon"}
+    assert set(definitions["single"]["properties"]) == PATCH_KEYS | {"let", "ribbon"}
+    assert set(definitions["model"]["properties"]) == MODEL_KEYS
+
+
+@pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.name)
+def test_good_specs_are_valid(path: Path) -> None:
+    VALIDATOR.validate(data(path))
+
+
+@pytest.mark.parametrize("case", STRUCTURAL, ids=lambda case: case.file)
+def test_structural_errors_are_invalid(case: Case) -> None:
+    assert not VALIDATOR.is_valid(data(BAD_SPECS / case.file))
+
+
+@pytest.mark.parametrize("case", OTHER, ids=lambda case: case.file)
+def test_the_list_of_what_it_cannot_say_is_true(case: Case) -> None:
+    assert VALIDATOR.is_valid(data(BAD_SPECS / case.file))
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        {"knots": [0, 1], "control_points": [[0, 0], [1, 1]]},
+        {"knots": ["1/2", 1], "control_points": [["pi", 0, 1], [1, 1, 1]], "edge_scale": ["sqrt(2)", 1]},
+        {"knots": [[0, 0], [1, 0], [0, 1]], "control_points": [[0, 0]] * 3, "coefficients": "partition-of-unity"},
+        {"name": "a", "patches": [{"name": "b", "knots": [0, 1], "control_points": [[0, 0], [1, 1]]}]},
+    ],
+)
+def test_small_specs_are_valid(spec: object) -> None:
+    VALIDATOR.validate(spec)
+
+
+def test_templates_name_a_schema_beside_them(tmp_path):
+    for name in TEMPLATES:
+        text = gtb("new", name, *([5] if name == "n-gon" else [])).text
+        line, how = text.splitlines()[:2]
+        assert line == "#:schema ./spec-schema.json"
+        assert "gtb schema -o spec-schema.json" in how
+    assert gtb("schema", "-o", tmp_path / "spec-schema.json").status == 0
+    assert json.loads((tmp_path / "spec-schema.json").read_text(encoding="utf-8")) == schema()
+
+
+def test_ribbons_belong_to_curves_of_a_loop() -> None:
+    curve = {"knots": [0, 1], "control_points": [[0, 0, 0], [1, 0, 0]], "ribbon": [[0, 1, 0], ["1/2", 1, 0]]}
+    VALIDATOR.validate({"patches": [curve]})
+    assert not VALIDATOR.is_valid({"patches": [{**curve, "ribbon": [[0], [1]]}]})
+    VALIDATOR.validate(curve)  # as a file that a loop includes
+
+
+def patterns(value: object) -> Iterator[str]:
+    """Each pattern in a schema."""
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+        if key == "pattern":
+            yield inner
+        elif isinstance(inner, dict | list):
+            yield from patterns(inner)
+
+
+def test_patterns_are_what_editors_of_toml_understand() -> None:
+    """Those of taplo are Rust's, without halves of surrogate pairs, looks around a match, and what matched before.
+
+    With one pattern that it does not understand it marks every line of every spec as wrong.
+    """
+    found = list(patterns(schema()))
+    assert len(found) >= 5
+    assert not [pattern for pattern in found if re.search(r"\\u[dD][89a-fA-F]|\(\?|\\[1-9]", pattern)]
