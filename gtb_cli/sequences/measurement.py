@@ -18,9 +18,10 @@ from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
 from gtb_cli.sequences.motion import Motion, has_wide_layers
 from gtb_cli.sequences.separation import Separation
-from gtb_cli.tessellation.complex import Complex, Sampler
+from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.lattice import MIN_SAMPLES
 from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.sampler import Sampler
 
 FILM_ACCURACY = 0.25
 """Error of the distance from a film, as a fraction of the meshes' chord error, in addition to it."""

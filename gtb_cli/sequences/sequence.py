@@ -21,7 +21,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
 from gtb_cli.sequences.knot_limit import knot_limit
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
-from gtb_cli.tessellation.complex import Complex, Sampler
+from gtb_cli.tessellation.complex import Complex
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.patch import Patch

@@ -11,7 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization

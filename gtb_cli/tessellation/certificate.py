@@ -17,7 +17,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, groups, joined,
 from gtb_cli.certificates.surface import SPENT_SHARE, WAY_OUT, SurfaceCertificate
 from gtb_cli.errors import ToleranceError
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
-from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch

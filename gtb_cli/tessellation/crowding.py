@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.knots.triangulation import Triangulation, triangulation
-from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 

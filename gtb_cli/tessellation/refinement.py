@@ -19,7 +19,7 @@ from gtb_cli.meshes.distance import to_segments
 from gtb_cli.moment.newton import dot as column_dot
 from gtb_cli.process.status import described
 from gtb_cli.tessellation.certificate import Certificates
-from gtb_cli.tessellation.complex import Complex, Sampler
+from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.forecast import Forecast
 from gtb_cli.tessellation.lattice import (
@@ -30,6 +30,7 @@ from gtb_cli.tessellation.lattice import (
     quadratic_heights,
     steps_for,
 )
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import Sampling
 from gtb_cli.tessellation.sharing import shared
 from gtb_cli.tessellation.splitting import Growth

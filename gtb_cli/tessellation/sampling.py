@@ -18,7 +18,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.moment.torus import block_length
 from gtb_cli.process.threads import in_threads
-from gtb_cli.tessellation.complex import Sampler
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sharing import BLOCK_ROWS
 from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision

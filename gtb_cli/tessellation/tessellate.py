@@ -14,7 +14,8 @@ from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch

@@ -8,7 +8,8 @@ import numpy as np
 
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization

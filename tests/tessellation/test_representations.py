@@ -12,7 +12,8 @@ from gtb_cli.assembly.seams import joints
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.checks.joints import joint_findings
 from gtb_cli.language.writer import save
-from gtb_cli.tessellation.complex import Complex, Sampler, joined_complex
+from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import refined, tessellate
 from gtb_cli.theory.edges import Curve, correspondence, edge_curve, edge_points_at
 from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints

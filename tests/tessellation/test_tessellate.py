@@ -9,7 +9,8 @@ import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.tessellation.complex import MAX_SHARED_LOCATIONS, Sampler, joined_complex
+from gtb_cli.tessellation.complex import joined_complex
+from gtb_cli.tessellation.sampler import MAX_SHARED_LOCATIONS, Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.joints import find_joints
