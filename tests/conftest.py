@@ -1,12 +1,14 @@
 """Settings for every test: hypothesis gives the same examples on every machine and has no clock."""
 
 import os
+from collections.abc import Iterator
 from functools import partial
 
 import pytest
 from hypothesis import settings
 
 from gtb_cli.__main__ import THREADS
+from tests.shell import unseen
 
 # Every process of gtb does so; two threads, which wait for each other, take three times as long for a fill as one.
 os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -18,6 +20,14 @@ settings.register_profile("quick", settings.get_profile("gtb"), max_examples=12)
 def pytest_configure(config: pytest.Config) -> None:
     """Try fewer examples where `make test` leaves out what is long."""
     settings.load_profile("quick" if config.option.markexpr == "not long" else "gtb")
+
+
+@pytest.fixture(autouse=True)
+def _failures_are_looked_at() -> Iterator[None]:
+    """Fail a test in which a command failed and nobody asked for its status."""
+    yield
+    left, unseen[:] = unseen[:], []
+    assert left == [], "these commands failed, and the test did not look at their status"
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from click.testing import CliRunner
 
@@ -25,24 +25,46 @@ CURVE = str(SPECS / "cubic-bezier.toml")
 TIMEOUT = 60
 """Seconds after which a process hangs; each takes less than three."""
 
+unseen: list[Result] = []
+"""Results of commands that failed, until a test looks at the status: what is left at its end fails it (conftest.py)."""
 
-class Result(NamedTuple):
+
+@dataclass(eq=False)
+class Result:
     """What a command did."""
 
-    status: int
+    _status: int
     out: bytes
     err: str
+    line: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        if self._status:
+            unseen.append(self)
+
+    @property
+    def status(self) -> int:
+        """The exit status, which has now been looked at."""
+        unseen[:] = [result for result in unseen if result is not self]
+        return self._status
 
     @property
     def text(self) -> str:
         return self.out.decode("utf-8")
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Result) and (self.status, self.out, self.err) == (other.status, other.out, other.err)
 
-def gtb(*arguments: object, stdin: bytes = b"") -> Result:
-    """Run a command in this process, with click's streams."""
+
+def gtb(*arguments: object, stdin: bytes = b"", status: int | None = None) -> Result:
+    """Run a command in this process, with click's streams; it must end with the status if there is one."""
+    words = [str(argument) for argument in arguments]
     with CliRunner().isolation(input=stdin) as streams:
-        status = run([str(argument) for argument in arguments])
-        return Result(status, streams[0].getvalue(), streams[1].getvalue().decode("utf-8"))
+        found = run(words)
+        out, err = streams[0].getvalue(), streams[1].getvalue().decode("utf-8")
+    result = Result(found, out, err, f"gtb {shlex.join(words)}")
+    assert status is None or result.status == status, result
+    return result
 
 
 def example_of(name: str) -> str:
@@ -60,10 +82,10 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "gtb_cli", *map(str, arguments)]
 
 
-def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, **variables: str) -> Result:
-    """Run a command in a process of its own."""
+def run_process(words: list[str], folder: Path | None = None, stdin: bytes = b"", **variables: str) -> Result:
+    """Run any program to its end."""
     done = subprocess.run(
-        command(*arguments),
+        words,
         input=stdin,
         cwd=folder,
         env=environment(**variables),
@@ -71,11 +93,16 @@ def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, 
         timeout=TIMEOUT,
         check=False,
     )
-    return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"))
+    return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"), shlex.join(words))
+
+
+def process(*arguments: object, stdin: bytes = b"", folder: Path | None = None, **variables: str) -> Result:
+    """Run a command in a process of its own."""
+    return run_process(command(*arguments), folder, stdin, **variables)
 
 
 def shell(line: str, folder: Path, **variables: str) -> Result:
-    """Run a line of a shell in which `gtb` is the command under test."""
+    """Run lines of a shell in which `gtb` is the command under test."""
     folder_of_command = folder / ".bin"
     if not folder_of_command.exists():
         folder_of_command.mkdir()
@@ -83,43 +110,49 @@ def shell(line: str, folder: Path, **variables: str) -> Result:
         script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m gtb_cli "$@"\n', encoding="utf-8")
         script.chmod(0o755)
     path = f"{folder_of_command}:{os.environ['PATH']}"
-    done = subprocess.run(
-        ["bash", "-c", f"set -o pipefail; {line}"],
-        cwd=folder,
-        env=environment(PATH=path, **variables),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        timeout=TIMEOUT,
-        check=False,
-    )
-    return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"))
+    return run_process(["bash", "-c", f"set -o pipefail; {line}"], folder, PATH=path, **variables)
 
 
 def script(text: str, folder: Path) -> Result:
-    """Run lines of a shell up to the first that fails, with `gtb` in this process, where all it takes is pipes.
-
-    It shows the same as `shell` in a fraction of the time; a line with a redirection is left to that.
-    """
+    """Run lines of a shell up to the first that fails."""
     result = Result(0, b"", "")
     for line in re.sub(r"\s# .*$", "", text, flags=re.MULTILINE).replace("&&", "\n").strip().splitlines():
-        done = shell(line, folder) if ">" in line else pipeline(line.split("|"), folder)
-        result = Result(done.status, result.out + done.out, result.err + done.err)
+        done = run_line(line, folder)
+        result = Result(done.status, result.out + done.out, result.err + done.err, line)
         if done.status:
             break
     return result
 
 
-def pipeline(stages: list[str], folder: Path) -> Result:
-    """One after the other; its status is the first that is not 0."""
+def run_line(line: str, folder: Path) -> Result:
+    """Run lines of a shell, with `gtb` in this process where pipes and files for streams are all that they take.
+
+    It shows the same as `shell` in a fraction of the time.
+    """
+    stages = line.split(" | ")
+    for stage in stages:
+        bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", stage)
+        if re.search(r"[$`;&()|\n\\]|<<|\d>|>>", bare) if bare.startswith("gtb ") else "gtb" in bare.split():
+            return shell(line, folder)
     status, out, err = 0, b"", ""
     with contextlib.chdir(folder):
         for stage in stages:
-            name, *words = shlex.split(stage)
-            if name == "gtb":
-                arguments = [path for word in words for path in (sorted(glob.glob(word)) or [word])]
-                done = gtb(*arguments, stdin=out)
-            else:
-                other = subprocess.run(["bash", "-c", stage], input=out, capture_output=True, check=False)
-                done = Result(other.returncode, other.stdout, other.stderr.decode("utf-8"))
-            status, out, err = status or done.status, done.out, err + done.err
-    return Result(status, out, err)
+            done = (
+                _here(shlex.split(stage), out)
+                if stage.startswith("gtb")
+                else run_process(["bash", "-c", stage], None, out)
+            )
+            status, out, err = done.status or status, done.out, err + done.err
+    return Result(status, out, err, line)
+
+
+def _here(words: list[str], stdin: bytes) -> Result:
+    """Run one command of a pipe in this process and the working folder."""
+    while words[-2] in ("<", ">"):
+        *words, sign, path = words
+        if sign == ">":
+            done = _here(words, stdin)
+            Path(path).write_bytes(done.out)
+            return Result(done.status, b"", done.err)
+        stdin = Path(path).read_bytes()
+    return gtb(*[path for word in words[1:] for path in (sorted(glob.glob(word)) or [word])], stdin=stdin)

@@ -116,7 +116,7 @@ def test_a_model_that_fails_lists_what_does(failing):
     first = lines.index("patch 0 (first): 9 hold, 3 fail, 4 measured, 3 not applicable")
     assert [line[:5] for line in lines[first + 1 : first + 4]] == ["fails"] * 3
     assert lines[first + 4].startswith("patch 1: ")
-    assert json.loads(gtb("check", "-", "--json", stdin=TWO).out)["holds"] is False
+    assert json.loads(gtb("check", "-", "--json", stdin=TWO, status=1).out)["holds"] is False
 
 
 def test_a_report_goes_to_a_file(tmp_path):
@@ -191,7 +191,7 @@ def test_errors_are_one_json_object_when_json_is_asked_for(arguments, errors):
 
 
 def test_all_errors_of_a_spec_are_in_the_object():
-    result = gtb("info", "-", "--json", stdin=b"knots = [[0, 0], [1, 0], [0, 1]]\nweights = [1, -1, 1]\n")
+    result = gtb("info", "-", "--json", stdin=b"knots = [[0, 0], [1, 0], [0, 1]]\nweights = [1, -1, 1]\n", status=2)
     first, second = json.loads(result.err)["errors"]
     assert first.startswith("<stdin>: control_points: is missing")
     assert second.startswith("<stdin>:2: weights[1]: must be positive")
@@ -200,12 +200,12 @@ def test_all_errors_of_a_spec_are_in_the_object():
 def test_unexpected_errors_are_an_object_too(monkeypatch):
     monkeypatch.setattr("gtb_cli.language.loading.load", lambda path: 1 / 0)
     monkeypatch.delenv("GTB_TRACEBACK", raising=False)
-    (error,) = json.loads(gtb("--json", "elevate", PENTAGON).err)["errors"]
+    (error,) = json.loads(gtb("--json", "elevate", PENTAGON, status=2).err)["errors"]
     assert error.startswith("internal error, please report it: ZeroDivisionError")
 
 
 def test_without_json_errors_are_lines():
-    assert gtb("info", "nothing.toml").err == "gtb: error: nothing.toml: No such file or directory\n"
+    assert gtb("info", "nothing.toml", status=2).err == "gtb: error: nothing.toml: No such file or directory\n"
 
 
 @pytest.mark.parametrize("arguments", [["--version", "--json"], ["--json", "--version"]])

@@ -152,6 +152,7 @@ def test_an_internal_error_in_the_middle_of_a_file_leaves_the_others(folder, mon
 
 def test_errors_are_json_where_standard_error_is_not_utf_8(folder):
     result = process("info", "--json", "größe.toml", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert result.status == 2
     assert json.loads(result.err)["errors"] == ["größe.toml: No such file or directory"]
 
 
@@ -193,7 +194,7 @@ def test_a_question_that_is_empty_is_none(monkeypatch):
 
 
 def test_the_beginning_of_an_option_suggests_it():
-    assert "--resolution" in gtb("mesh", PENTAGON, "--res", "4").err
+    assert "--resolution" in gtb("mesh", PENTAGON, "--res", "4", status=2).err
 
 
 def test_help_is_a_command_too():

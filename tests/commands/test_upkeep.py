@@ -44,7 +44,7 @@ SPECS = ("pentagon.toml", "broken.toml", "bicubic.toml", "cubic-bezier.toml")
 
 
 def resumed(*more, specs=SPECS, n=2):
-    return gtb("mesh", *specs, "-n", n, "-o", "out", "--manifest", "m.json", "--resume", *more)
+    return gtb("mesh", *specs, "-n", n, "-o", "out/", "--manifest", "m.json", "--resume", *more)
 
 
 def whole(folder: Path) -> dict[str, bytes]:
@@ -52,7 +52,7 @@ def whole(folder: Path) -> dict[str, bytes]:
 
 
 def test_what_is_up_to_date_is_not_made_again(place, made):
-    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json")
+    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json", status=2)
     assert len(made) == 3
     before = whole(place)
     result = resumed()
@@ -65,16 +65,17 @@ def test_what_is_up_to_date_is_not_made_again(place, made):
 
 @pytest.mark.parametrize("jobs", [1, 0])
 def test_what_differs_is_made_again_and_all_is_as_if_it_were_made_at_once(jobs, place, made):
-    resumed("-j", 1)
+    assert resumed("-j", 1).status == 2
     os.truncate("out/bicubic.obj", 10)
     text = Path("pentagon.toml").read_text()
     Path("pentagon.toml").write_text(text.replace("weights        = [2,", "weights = [3,"))
     made.clear()
     result = resumed("-j", jobs)
+    assert result.status == 2
     assert result.err.count("up to date") == 1
     assert made == (["pentagon", "bicubic"] if jobs else made)
     found = whole(place)
-    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json")
+    gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--manifest", "m.json", status=2)
     assert whole(place) == found
 
 
@@ -82,8 +83,10 @@ def test_what_differs_is_made_again_and_all_is_as_if_it_were_made_at_once(jobs, 
     "more", [["-n", "3"], ["--normals"], ["--max-faces", "99999"], ["--require", "watertight"], ["-f", "ply"]]
 )
 def test_other_options_make_everything_again(more, place):
-    resumed(specs=["pentagon.toml"])
-    result = gtb("mesh", "pentagon.toml", "-n", 2, "-o", "out/", "--manifest", "m.json", "--resume", *more)
+    assert resumed(specs=["pentagon.toml"]).status == 0
+    assert "up to date" in resumed(specs=["pentagon.toml"]).err
+    result = resumed(*more, specs=["pentagon.toml"])
+    assert result.status == ("--require" in more)
     assert "up to date" not in result.err
     assert ("is open" in result.err) == ("--require" in more)
 

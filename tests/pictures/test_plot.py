@@ -228,7 +228,7 @@ def test_a_wrong_record_is_refused(text, message, tmp_path):
 def test_a_record_names_files_of_its_folder_only(tmp_path):
     entry = '{"meshes": [{"x": 1, "file": "../x.obj", "distance_to_limit": 0}]}'
     (tmp_path / "sequence.json").write_text(entry, encoding="utf-8")
-    result = gtb("plot", tmp_path, "-f", "svg")
+    result = gtb("plot", tmp_path, "-f", "svg", status=2)
     assert "'../x.obj' is not the name of a file in its folder" in result.err
 
 

@@ -1,0 +1,56 @@
+"""Every session of `tests/transcripts`, and the runner itself: what differs must be seen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests import transcripts
+from tests.transcripts import TRANSCRIPTS, Session, Step, matches, sessions
+
+ALL = [session for path in sorted(TRANSCRIPTS.glob("*.txt")) for session in sessions(path.name)]
+
+
+@pytest.mark.parametrize("session", ALL, ids=str)
+def test_transcripts(session: Session, tmp_path: Path) -> None:
+    session.run(tmp_path)
+
+
+def test_titles_differ_and_every_session_runs_gtb() -> None:
+    assert len({str(session) for session in ALL}) == len(ALL)
+    assert all(any("gtb" in step.command.split() for step in session.steps) for session in ALL)
+
+
+@pytest.mark.parametrize(
+    ("step", "seen"),
+    [
+        (Step(1, "gtb --version", 0, ("gtb …",)), None),
+        (Step(1, "gtb --version", 0, ("…", "gtb …", "…")), None),
+        (Step(1, "gtb --version"), "does\ngtb "),
+        (Step(1, "gtb --version", 1, ("gtb …",)), "does\ngtb "),
+        (Step(1, "gtb frob", 0, (), ("gtb: error: No such command: frob.…",)), r"does\n\? 2\n! gtb: error: No such"),
+        (Step(1, "gtb frob", 2), "does\n"),
+        (Step(1, "gtb frob", 2, ("gtb: error: No such command: frob.…",)), "does\n"),
+        (Step(1, "gtb frob; false", 1, (), ("…",)), None),
+        (Step(1, "gtb frob | cat", 2, (), ("gtb: error: …",)), None),
+    ],
+)
+def test_the_runner_sees_what_differs(step: Step, seen: str | None, tmp_path: Path) -> None:
+    session = Session("x.txt", "x", [step])
+    if seen is None:
+        session.run(tmp_path)
+    else:
+        with pytest.raises(AssertionError, match=seen):
+            session.run(tmp_path)
+
+
+def test_the_parts_of_a_transcript(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transcripts, "TRANSCRIPTS", tmp_path)
+    text = "# words\n=== one\n# why\n$ cat <<E\n> a\n> E\n? 3\nx\n\n! y\n\n=== two\n$ true\n"
+    (tmp_path / "t.txt").write_text(text, encoding="utf-8")
+    one, two = sessions("t.txt")
+    assert one.steps == [Step(4, "cat <<E\na\nE", 3, ("x",), ("y",))]
+    assert two.steps == [Step(13, "true")]
+    assert [matches(("a", "…"), text) for text in ("a\n", "a\nb\nc\n", "b\na\n", "")] == [True, True, False, False]
+    assert [matches((), text) for text in ("", "\n", "a")] == [True, True, False]
