@@ -13,13 +13,9 @@ from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.theory.patch import Patch
 
 MAX_ELEVATED_KNOTS = 10_000
-"""Largest number of knots of an elevated patch."""
 
-MAX_SUMS = 2_000_000
-"""Largest number of sums of knots before equal ones are merged: their arrays need 100 MB."""
 
-MAX_PLAIN_WEIGHT = 1e150
-"""Largest weight, and inverse of the smallest, for plain arithmetic; other weights are handled as logarithms."""
+MAX_PLAIN_WEIGHT = 1e150  # and inverse of the smallest; other weights are handled as logarithms
 
 
 def elevate(patch: Patch, by: int = 1) -> Patch:
@@ -122,6 +118,7 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
     -----
     If an edge of the hull of d_k is not parallel to any edge of Δ, it becomes a collapsed edge of the result.
     """
+    max_sums = 2_000_000  # before equal ones are merged: their arrays need 100 MB
     places = finite("knots", knots)
     if places.ndim == 1 and patch.dimension == 1:
         places = places[:, None]
@@ -129,8 +126,8 @@ def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) ->
         raise DomainError(f"knots: expected shape (m, {patch.dimension}), got {places.shape}")
     factors = positive("weights", np.ones(len(places)) if weights is None else weights)
     one_for_each("weights", factors, len(places), "knot")
-    if len(patch.knots) * len(places) > MAX_SUMS:
-        raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {MAX_SUMS} are allowed")
+    if len(patch.knots) * len(places) > max_sums:
+        raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {max_sums} are allowed")
     sums = (patch.knots[:, None] + places).reshape(-1, patch.dimension)
     first, group = _equal(sums)
     if len(first) > MAX_ELEVATED_KNOTS:

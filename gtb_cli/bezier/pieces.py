@@ -21,11 +21,9 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-MAX_DEGREE = 25
-"""Default of the highest degree of a piece."""
+MAX_DEGREE = 25  # of a piece, by default
 
-MAX_SEARCHED_DEGREE = 2000
-"""Highest degree searched for, so that a message can name a degree above the allowed one."""
+MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
 
 
 @frozen

@@ -13,39 +13,12 @@ from gtb_cli.knots.hull import convex_hull
 from gtb_cli.moment.moment_map import RESIDUAL
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 
-FLAT_WIDTH = 1e-9
-"""Width, as a fraction of the extent, below which the control points count as flat, without a solid hull."""
-
-AFFINE_MAP = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
-"""Neither a rotation nor a scaling; its rows are no longer than 1.4, which `AFFINE_GAIN` allows for."""
-
-AFFINE_SHIFT = np.array([1.5, -0.7, 0.4])
-"""Translation after `AFFINE_MAP`, in extents."""
-
-AFFINE_GAIN = 4.0
-"""Roundings of a mapped point per rounding of a point: `AFFINE_MAP` sums three products and lengthens by 1.4."""
-
-EDGE_FACTORS = (1.5, 0.7, 1.2, 0.8, 1.1)
-"""Factors of edge functions, in turn."""
-
-INVERTED_POINTS = 300
-"""Largest number of points at which the moment map is inverted."""
-
-MAX_STEEPNESS = 1e6
-"""Largest change of a point, in extents, per change of its moments, in sizes of the hull, at which points are compared:
-steeper places would magnify the solver's error, `RESIDUAL`."""
-
-MAX_POWERS = 1_000_000
-"""Largest number of powers to compute."""
-
-MAX_SYSTEM_KNOTS = 300
-"""Largest number of knots for which the dense system (8) is solved."""
-
 
 def definition(probe: Probe) -> Outcome:
     """Compare points with the definition, by its powers and without logarithms."""
+    max_powers = 1_000_000  # for the time of long doubles
     patch, domain = probe.patch, probe.patch.domain
-    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // MAX_POWERS))
+    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // max_powers))
     heights = probe.heights[:, rows].astype(np.longdouble)
     with np.errstate(all="ignore"):
         products = np.exp(patch.log_products.astype(np.longdouble))
@@ -92,6 +65,7 @@ def corners(probe: Probe) -> Outcome:
 
 def hull(probe: Probe) -> Outcome:
     """Measure how far points are outside the convex hull of the control points."""
+    flat_width = 1e-9  # of the extent: narrower control points are flat, without a solid hull
     control = probe.patch.control_points
     middle = control.mean(axis=0)
     control, points = ((array - middle) / probe.extent for array in (control, probe.points))
@@ -101,7 +75,7 @@ def hull(probe: Probe) -> Outcome:
     control, points = control @ axes.T, points @ axes.T
     below, above = control.min(axis=0) - points, points - control.max(axis=0)
     outside = [float(below.max()), float(above.max())]
-    rank = int((np.ptp(control, axis=0) > FLAT_WIDTH).sum())
+    rank = int((np.ptp(control, axis=0) > flat_width).sum())
     if rank == 2:
         corners = control[convex_hull(control[:, :2]), :2]
         sides = np.roll(corners, -1, axis=0) - corners
@@ -119,12 +93,14 @@ def hull(probe: Probe) -> Outcome:
 
 def affine_invariance(probe: Probe) -> Outcome:
     """Compare the image of the patch under an affine map with the patch of the mapped control points."""
-    shift = AFFINE_SHIFT * probe.extent
-    mapped = probe.patch.replace(control_points=probe.patch.control_points @ AFFINE_MAP.T + shift)
-    value = probe.distance(mapped.evaluate(probe.u), probe.points @ AFFINE_MAP.T + shift)
-    return within_rounding(
-        value, AFFINE_GAIN * probe.distance_rounding, "largest distance after a sheared map, of the extent"
-    )
+    # Neither a rotation nor a scaling; its rows are no longer than 1.4
+    affine_map = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
+    affine_shift = np.array([1.5, -0.7, 0.4])  # in extents
+    gain = 4.0  # roundings of a mapped point per rounding of a point: sums of three products, and lengths of 1.4
+    shift = affine_shift * probe.extent
+    mapped = probe.patch.replace(control_points=probe.patch.control_points @ affine_map.T + shift)
+    value = probe.distance(mapped.evaluate(probe.u), probe.points @ affine_map.T + shift)
+    return within_rounding(value, gain * probe.distance_rounding, "largest distance after a sheared map, of the extent")
 
 
 def products(probe: Probe) -> Outcome:
@@ -147,15 +123,16 @@ def products(probe: Probe) -> Outcome:
 
 def edge_scale(probe: Probe) -> Outcome:
     """Compare points with the points of other edge scales that have the same moments μ = Σ T_i a_i."""
+    max_steepness = 1e6  # extents per size of the hull: steeper places would magnify the solver's error, `RESIDUAL`
     patch, domain = probe.patch, probe.patch.domain
-    factors = np.resize(EDGE_FACTORS, len(domain.vertices)) * np.asarray(patch.edge_scale)
+    factors = np.resize([1.5, 0.7, 1.2, 0.8, 1.1], len(domain.vertices)) * np.asarray(patch.edge_scale)
     scaled = patch.replace(edge_scale=factors)
     u = linear_samples(probe, probe.inside)
     shares = scaled.basis(u)
     moments = domain.center + shares @ (domain.knots - domain.center)
     depth = (domain.heights_of_columns(moments) / domain.normal_lengths[:, None]).min(axis=0)
     steepness = _steepness(probe, shares)
-    well = (steepness <= MAX_STEEPNESS) & (depth > probe.knot_rounding * domain.size)
+    well = (steepness <= max_steepness) & (depth > probe.knot_rounding * domain.size)
     if not well.any():
         return not_applicable("at each sample one knot has nearly all of T: moments do not tell points apart")
     moments = moments[well]
@@ -213,17 +190,18 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
 
 
 def linear_samples(probe: Probe, rows: IntArray) -> FloatArray:
-    """Return (m, d) parameters, at most `INVERTED_POINTS` of the given rows, spread over them."""
-    return np.asarray(probe.u[rows[:: -(-len(rows) // INVERTED_POINTS)]])
+    """Return (m, d) parameters, at most 300 of the given rows, spread over them."""
+    return np.asarray(probe.u[rows[:: -(-len(rows) // 300)]])
 
 
 def coefficients_of_unity(probe: Probe) -> Outcome:
     """Solve (8); nothing guarantees that the solution is positive."""
+    max_system_knots = 300  # largest number of knots for which the dense system (8) is solved
     domain = probe.patch.domain
     if probe.repetitions:
         return not_applicable("repeated knots make the system singular")
-    if len(domain.knots) > MAX_SYSTEM_KNOTS:
-        return not_applicable(f"solved for at most {MAX_SYSTEM_KNOTS} knots")
+    if len(domain.knots) > max_system_knots:
+        return not_applicable(f"solved for at most {max_system_knots} knots")
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             c = partition_of_unity_coefficients(domain)

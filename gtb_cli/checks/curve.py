@@ -18,55 +18,19 @@ from gtb_cli.theory.degeneration import degenerate
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 
-MAX_MINOR_ORDER = 4
-"""Largest number of rows of a sampled minor, which is then a sum of at most 24 products."""
+MAX_MINOR_ORDER = 4  # rows of a sampled minor, which is then a sum of at most 24 products
 
 UNDERFLOW_NOTE = "in each sampled minor there are values of the basis below the range of floats"
 
-MINORS_PER_ORDER = 400
-"""Number of sampled minors of each order."""
 
-SAMPLED_LINES = 100
-"""Number of lines, or planes, whose crossings are counted."""
+MIN_CHORD = 1e-3  # of the extent: a shorter chord is joined with the next, as its direction would be rounding
 
-CURVE_POINTS = 513
-"""Points of the curve between which crossings are counted: some may be missed, but none are added."""
+PLANE_WIDTH = 1e-12  # of the extent: control points in a slab as thin lie in a plane
 
-GRAZING_DISTANCE = 1e-6
-"""Distance of a line from a control point, as a fraction of the extent, below which the line is left out."""
 
-TURNING_POINTS = 129
-"""Points of the curve from which its turning is measured."""
+DEPTH_LOG = 600.0  # logarithm of the largest trusted ratio between values of the basis: floats reach 708
 
-MIN_CHORD = 1e-3
-"""Length, as a fraction of the extent, below which a chord is joined with the next: its direction would be rounding."""
-
-PLANE_WIDTH = 1e-12
-"""Width, as a fraction of the extent, up to which control points lie in a plane."""
-
-TURN_TOLERANCE = 1e-6
-"""Difference from 2π, in radians, up to which a polygon turns once."""
-
-LAYER_LOG = 32.0
-"""Natural logarithm of the factor by which knots beyond the next one have faded where the tangent is measured."""
-
-DEPTH_LOG = 600.0
-"""Natural logarithm of the largest trusted ratio between values of the basis: floats reach 708."""
-
-MAX_NEGLECTED = 0.1
-"""Largest neglected share: with a larger one, the limit is not reached within the range of floats."""
-
-QUOTIENT_STEPS = tuple(2.0**-k for k in range(8, 50, 3))
-"""Fractions of the length of Δ at which the difference quotient is tried; the smallest error counts."""
-
-INFINITE_WEIGHT_LOG = 120.0
-"""Natural logarithm of the ratio between one knot's share and all others for a weight that stands for infinity."""
-
-MAX_EIGENVALUE_KNOTS = 300
-"""Largest number of knots for which dense eigenvalues are computed."""
-
-WEIGHTS_TRIED = 16
-"""Largest number of weights that are made infinite, one at a time."""
+MAX_NEGLECTED = 0.1  # with a larger neglected share, the limit is not reached within the range of floats
 
 
 def total_positivity(probe: Probe) -> Outcome:
@@ -97,18 +61,19 @@ def strict_total_positivity(probe: Probe) -> Outcome:
 
 def _minors(probe: Probe) -> tuple[FloatArray, float]:
     """Return sampled minors, relative to the sums of their products' sizes, and what rounding may do to one."""
+    count = 400  # of each order
     n = len(probe.patch.knots)
     u = np.sort(probe.u[probe.inside, 0])
     basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
     ratios = [np.zeros(0)]
     orders = min(MAX_MINOR_ORDER, n, len(u))
     for order in range(1, orders + 1):
-        spread = evenly(MINORS_PER_ORDER, 2 * order)
-        rows, columns = (_subsets(part, count) for part, count in ((spread[:, :order], len(u)), (spread[:, order:], n)))
+        spread = evenly(count, 2 * order)
+        rows, columns = (_subsets(part, total) for part, total in ((spread[:, :order], len(u)), (spread[:, order:], n)))
         entries = basis[rows[:, :, None], columns[:, None, :]]
         for axis in (2, 1):  # rows, then columns, are scaled: the minor is scaled by the product of the factors
             entries = entries / np.maximum(np.abs(entries).max(axis=axis, keepdims=True), np.finfo(float).tiny)
-        minor, size = np.zeros(MINORS_PER_ORDER), np.zeros(MINORS_PER_ORDER)
+        minor, size = np.zeros(count), np.zeros(count)
         for permutation in permutations(range(order)):
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
             minor += _sign(permutation) * product
@@ -133,11 +98,12 @@ def _sign(permutation: tuple[int, ...]) -> int:
 
 def progressive_iteration(probe: Probe) -> Outcome:
     """Measure the spectral radius of I − C, where C is the collocation matrix at the knots: errors shrink by it."""
+    most = 300  # for the time of dense eigenvalues
     patch = probe.patch
     if probe.repetitions:
         return not_applicable("repeated knots make the collocation matrix singular")
-    if len(patch.knots) > MAX_EIGENVALUE_KNOTS:
-        return not_applicable(f"measured for at most {MAX_EIGENVALUE_KNOTS} knots")
+    if len(patch.knots) > most:
+        return not_applicable(f"measured for at most {most} knots")
     order = np.argsort(patch.knots[:, 0], kind="stable")
     matrix = patch.basis(patch.knots[order])[:, order]
     if not np.isfinite(matrix).all():
@@ -153,18 +119,20 @@ def progressive_iteration(probe: Probe) -> Outcome:
 
 def variation_diminishing(probe: Probe) -> Outcome:
     """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
+    count = 100  # lines, or planes
+    grazing_distance = 1e-6  # of the extent: lines as near to a control point are left out
     control = _polygon(probe) / probe.extent
-    points = _linear_points(probe, CURVE_POINTS) / probe.extent
+    points = _linear_points(probe, 513) / probe.extent  # between these, crossings may be missed, but none are added
     axes, flat = _plane(control)
-    spread = evenly(SAMPLED_LINES, 3)
-    angle, z = 2 * np.pi * spread[:, 0], np.zeros(SAMPLED_LINES) if flat else 2 * spread[:, 1] - 1
+    spread = evenly(count, 3)
+    angle, z = 2 * np.pi * spread[:, 0], np.zeros(count) if flat else 2 * spread[:, 1] - 1
     ring = np.sqrt(1 - z**2)
     normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1) @ axes
     sides, curve_sides = normals @ control.T, normals @ points.T
     low, high = sides.min(axis=1), sides.max(axis=1)
     offset = low + spread[:, 2] * (high - low)
     sides, curve_sides = sides - offset[:, None], curve_sides - offset[:, None]
-    clear = np.abs(sides).min(axis=1) > GRAZING_DISTANCE + probe.distance_rounding
+    clear = np.abs(sides).min(axis=1) > grazing_distance + probe.distance_rounding
     if not clear.any():
         return not_applicable("the control points all coincide")
     excess = _changes(curve_sides[clear], probe.distance_rounding) - _changes(sides[clear], 0.0)
@@ -183,6 +151,7 @@ def _changes(values: FloatArray, tolerance: float) -> IntArray:
 
 def convexity(probe: Probe) -> Outcome:
     """Check that a curve with a convex control polygon turns one way, and once around with its chord."""
+    turn_tolerance = 1e-6  # in radians, of the sum of a polygon's turns
     control = _polygon(probe)
     axes, flat = _plane(control / probe.extent)
     if not flat:
@@ -190,13 +159,13 @@ def convexity(probe: Probe) -> Outcome:
     sine, turning = _turning(control @ axes[:2].T, probe.extent)
     if sine is None:
         return not_applicable("the control points are on a line")
-    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > TURN_TOLERANCE:
+    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > turn_tolerance:
         return not_applicable("the control polygon, closed by its chord, is not convex")
-    points = _linear_points(probe, TURNING_POINTS) @ axes[:2].T
+    points = _linear_points(probe, 129) @ axes[:2].T
     sine, turning = _turning(points, probe.extent)
     if sine is None:
         return not_applicable("the curve is a segment to rounding")
-    if abs(abs(turning) - 2 * np.pi) > TURN_TOLERANCE:
+    if abs(abs(turning) - 2 * np.pi) > turn_tolerance:
         return at_most(abs(turning) / (2 * np.pi), 1.0, "turns of the curve, closed by its chord")
     bound = 2 * probe.distance_rounding / MIN_CHORD
     return within_rounding(sine, bound, "sine of the largest turn the wrong way; the control polygon is convex")
@@ -242,6 +211,7 @@ def _worst(outcomes: Iterable[Outcome]) -> Outcome:
 
 
 def _end_tangent(probe: Probe, end: _End) -> Outcome:
+    layer_log = 32.0  # logarithm of the factor by which knots beyond the next one have faded at the place
     lead = end.lead
     if lead is None:
         return not_applicable("all control points coincide")
@@ -249,7 +219,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     behind = slice(lead + 1, None)
     fading = end.logs[behind] - end.logs[lead] + end.log_lengths[behind] - end.log_lengths[lead]
     away = end.places[behind] - end.places[lead]
-    sigma = max(0.0, float(((fading + LAYER_LOG) / away).max(initial=0.0)))
+    sigma = max(0.0, float(((fading + layer_log) / away).max(initial=0.0)))
     sigma = min(sigma, (DEPTH_LOG + end.logs[lead] - end.logs[0]) / end.places[lead])
     neglected = float(np.exp(np.clip(fading - away * sigma, -DEPTH_LOG, DEPTH_LOG)).sum())
     if neglected > MAX_NEGLECTED:
@@ -301,11 +271,11 @@ def _end_tangent_length(probe: Probe, end: _End, near: float, far: float) -> Out
 
 
 def _smallest_error(end: _End, patch: Patch, near: float, far: float) -> tuple[float, float]:
-    """Return the least bound for the error of a difference quotient over the `QUOTIENT_STEPS`, and its fraction."""
+    """Return the least bound for the error of a difference quotient over steps of 2^-8 to 2^-47 of Δ, and its step."""
     length = end.places[-1]
-    best, step = np.inf, QUOTIENT_STEPS[0]
+    best = step = np.inf
     vectors = np.exp(end.log_lengths - end.log_lengths.max())
-    for fraction in QUOTIENT_STEPS:
+    for fraction in (2.0**-k for k in range(8, 50, 3)):
         u = end.at + end.sign * fraction * length
         delta = abs(float(u) - end.at)
         if delta < VALUE_ROUNDINGS * patch.domain.tolerance:
@@ -346,14 +316,15 @@ class _End:
 
 def one_weight(probe: Probe) -> Outcome:
     """Check that every point inside Δ goes to a knot's control point if its weight outgrows all others."""
+    infinite_weight_log = 120.0  # logarithm of the ratio between one knot's share and all others
     patch = probe.patch
     u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
     s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u))
     logs = exponents(patch.knots - patch.domain.center, patch.log_products, s)
     worst = 0.0
     n = len(patch.knots)
-    for k in choice(n, WEIGHTS_TRIED):
-        growth = INFINITE_WEIGHT_LOG + float((logs.max(axis=0) - logs[k]).max())
+    for k in choice(n, 16):
+        growth = infinite_weight_log + float((logs.max(axis=0) - logs[k]).max())
         heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
         worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
     return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")

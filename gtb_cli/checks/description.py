@@ -22,19 +22,6 @@ Kind: TypeAlias = Literal[
     "GT", "toric", "rational Bézier curve", "rational Bézier triangle", "rational Bézier tensor product"
 ]
 
-BEZIER_KINDS: dict[int, Kind] = {
-    2: "rational Bézier curve",
-    3: "rational Bézier triangle",
-    4: "rational Bézier tensor product",
-}
-"""Kinds of Bézier patches by the number of corners of Δ."""
-
-PRECISION_SEGMENTS = 64
-"""Segments of each hull edge in the sampling that measures linear precision."""
-
-MAX_PRECISION_POINTS = 20_000
-"""Largest number, roughly, of points of this sampling, for domains with many edges."""
-
 
 @frozen
 class Description:
@@ -106,10 +93,15 @@ def descriptions(patches: Iterable[Patch]) -> list[Description]:
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
+    bezier_kinds: dict[int, Kind] = {
+        2: "rational Bézier curve",
+        3: "rational Bézier triangle",
+        4: "rational Bézier tensor product",
+    }
     lattice = lattice_of(patch.domain)
     if lattice is None:
         return ("toric" if (patch.knots == np.rint(patch.knots)).all() else "GT"), ()
-    return BEZIER_KINDS[len(patch.domain.vertices)], tuple(direction.degree for direction in lattice)
+    return bezier_kinds[len(patch.domain.vertices)], tuple(direction.degree for direction in lattice)
 
 
 def _edge_normals(patch: Patch) -> EdgeNormals | None:
@@ -125,8 +117,9 @@ def _edge_normals(patch: Patch) -> EdgeNormals | None:
 
 
 def _linear_precision_error(patch: Patch) -> float:
+    most_segments, most_points = 64, 20_000  # roughly: domains with many edges are sampled at fewer segments of each
     shape = patch.domain
-    resolution = max(2, min(PRECISION_SEGMENTS, math.isqrt(2 * MAX_PRECISION_POINTS // cell_count(shape, 1))))
+    resolution = max(2, min(most_segments, math.isqrt(2 * most_points // cell_count(shape, 1))))
     u = triangulation(shape, resolution).parameters
     centred = patch.knots - shape.center
     images = patch.rational_basis.blend(centred, patch.rational_basis.locations(u), len(u))

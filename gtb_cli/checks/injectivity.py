@@ -11,8 +11,7 @@ from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Outcome, not_applicable, number
 from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
 
-MAX_TRIPLES = 1_000_000
-"""Largest number of triples of knots to compare, a tenth of a second: all triples of up to 182 knots, some of more."""
+MAX_TRIPLES = 1_000_000  # a tenth of a second: all triples of up to 182 knots, some of more
 
 SPATIAL_NOTE = "the control points are not in a plane"
 

@@ -14,13 +14,6 @@ from gtb_cli.theory.joints import FAR_ROUNDING
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-EDGE_THEOREM = "Thm 4.0"
-"""Theorem by which an edge is the curve of its own knots."""
-
-JOINT_TOLERANCE = 8 * CURVE_TOLERANCE
-"""Largest distance between points of joined edges, as a fraction of the model's size: their control points and knots
-differ by at most `CURVE_TOLERANCE`, and their weights by a factor as close to 1. `FAR_ROUNDING` is added."""
-
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
     """Check that joined edges are one curve, and count what a closed body would not have."""
@@ -37,7 +30,8 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
             gap, f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size"
         ),
     }
-    return tuple(outcome.of(name, EDGE_THEOREM) for name, outcome in {**outcomes, **_smoothness(model)}.items())
+    # By this theorem an edge is the curve of its own knots.
+    return tuple(outcome.of(name, "Thm 4.0") for name, outcome in {**outcomes, **_smoothness(model)}.items())
 
 
 def _smoothness(model: Model) -> dict[str, Outcome]:
@@ -67,6 +61,7 @@ def _welded(model: Model) -> dict[str, Outcome]:
 
 
 def _joined(model: Model) -> Outcome:
+    tolerance = 8 * CURVE_TOLERANCE  # to which control points, knots and weights of joined edges may differ
     shared = [joint for joint in model.joints.shared if not joint.distance]
     if not shared:
         return not_applicable("no two edges carry the same curve")
@@ -79,7 +74,7 @@ def _joined(model: Model) -> Outcome:
     reason = f"largest distance at {len(shared)} joints, of the model's size"
     size = _size(model)
     farthest = max(float(np.abs(patch.control_points).max()) for patch in model)
-    return at_most(worst / size, JOINT_TOLERANCE + FAR_ROUNDING * farthest / size, reason)
+    return at_most(worst / size, tolerance + FAR_ROUNDING * farthest / size, reason)
 
 
 def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

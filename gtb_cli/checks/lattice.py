@@ -12,16 +12,10 @@ from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 
-COMPARED_PARAMETERS = 200
-"""Number of parameters at which the two patches are compared; fewer for high degrees, as the cost of the recurrence is
-quadratic or cubic."""
-
-MAX_TABLE_NUMBERS = 2_000_000
-"""Largest number of floats in a table of the recurrence."""
-
 
 def classical_bezier(probe: Probe) -> Outcome:
     """Compare the patch with the rational Bézier curve, triangle or tensor product patch on the same lattice."""
+    most, max_numbers = 200, 2_000_000  # parameters, and floats in a table of the recurrence, for high degrees
     domain = probe.patch.domain
     try:
         binomials = binomial_coefficients(domain)
@@ -29,7 +23,7 @@ def classical_bezier(probe: Probe) -> Outcome:
         return not_applicable(str(error).removeprefix("coefficients: binomial ").replace("needs", "it needs", 1))
     lattice = lattice_of(domain) or ()
     size = math.prod((direction.degree + 1) ** len(direction.steps) for direction in lattice)
-    stride = -(-len(probe.inside) // max(4, min(COMPARED_PARAMETERS, MAX_TABLE_NUMBERS // size)))
+    stride = -(-len(probe.inside) // max(4, min(most, max_numbers // size)))
     s = probe.torus[:, ::stride]
     values = np.ones((s.shape[1], len(domain.knots)))
     for direction in lattice:

@@ -19,33 +19,8 @@ from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+# In units of `EPS`, of a value of the basis beside those of its exponent: logarithms, a sum, an exponential, a quotient
 VALUE_ROUNDINGS = 64
-"""Roundings, in units of `EPS`, of a value of the basis in addition to those of its exponent: logarithms, a sum, an
-exponential, a quotient."""
-
-EXPONENT_ROUNDINGS = 8
-"""Roundings, in units of `EPS`, of an exponent relative to its terms: a logarithm and two short sums of products."""
-
-MAX_PARAMETERS = 1500
-"""Largest number, roughly, of parameters at which a patch is sampled."""
-
-MAX_VALUES = 1_000_000
-"""Largest number of values of the basis in one table: large patches are sampled at fewer parameters."""
-
-SURFACE_SEGMENTS = 16
-"""Segments of each hull edge in the sampling of a surface."""
-
-CURVE_SEGMENTS = 128
-"""Segments in the sampling of a curve."""
-
-BOUNDARY_FRACTIONS = (2.0**-8, 2.0**-16, 2.0**-30)
-"""Fractions of the way to the middle of Δ for further samples: the basis is steepest near the boundary."""
-
-MIN_PARAMETERS = 16
-"""Number of parameters at which even the largest patches are sampled."""
-
-BASIS_DATA = {"u", "heights", "inside", "torus", "basis", "knot_rounding", "rounding", "repetitions", "outcomes"}
-"""Data of a probe that depend only on the rational basis."""
 
 
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
@@ -65,23 +40,28 @@ class Probe:
 
     def of(self, patch: Patch) -> Probe:
         """The probe of a patch with the same rational basis, with the data that depend only on this."""
+        shared = ["u", "heights", "inside", "torus", "basis", "knot_rounding", "rounding", "repetitions", "outcomes"]
         other = Probe(patch)
-        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in BASIS_DATA})
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in shared})
         return other
 
     @cached_property
     def u(self) -> FloatArray:
         """(m, d) parameters: a uniform triangulation with its boundary and corners, and points near the boundary."""
+        # Roughly the numbers of parameters; with many knots they are fewer, for a table of at most a million values.
+        min_parameters, max_parameters, max_values = 16, 1500, 1_000_000
+        curve_segments, surface_segments = 128, 16
+        boundary_fractions = (2.0**-8, 2.0**-16, 2.0**-30)  # of the way to the middle: the basis is steep there
         domain = self.patch.domain
-        most = max(MIN_PARAMETERS, min(MAX_PARAMETERS, MAX_VALUES // len(domain.knots)))
+        most = max(min_parameters, min(max_parameters, max_values // len(domain.knots)))
         if domain.dimension == 1:
-            uniform = triangulation(domain, min(CURVE_SEGMENTS, most)).parameters
+            uniform = triangulation(domain, min(curve_segments, most)).parameters
         else:
             finest = math.isqrt(2 * most // cell_count(domain, 1))
-            uniform = triangulation(domain, max(2, min(SURFACE_SEGMENTS, finest))).parameters
+            uniform = triangulation(domain, max(2, min(surface_segments, finest))).parameters
         heights = domain.heights_of_columns(uniform)
         outer = uniform[(heights == 0).any(axis=0)]
-        fractions = [fraction for fraction in BOUNDARY_FRACTIONS if fraction > self.knot_rounding]
+        fractions = [fraction for fraction in boundary_fractions if fraction > self.knot_rounding]
         near = [outer + fraction * (domain.center - outer) for fraction in fractions]
         return np.concatenate([uniform, *near])[: 4 * most]
 
@@ -139,11 +119,12 @@ class Probe:
         The exponents are Σ_j h_j(a_i) log h_j(u) + log(c_i ω_i). The knots are taken as exact, but products with knots
         far from the origin have their rounding errors.
         """
+        exponent_roundings = 8  # relative to its terms: a logarithm and two short sums of products
         domain = self.patch.domain
         logs = np.abs(np.log(np.where(self.heights > 0, self.heights, 1.0)))
         reach = float((domain.heights.max(axis=0) @ logs).max()) + float(np.abs(self.patch.log_products).max())
         shift = max(1.0, float(np.abs(domain.knots).max()) / domain.size)
-        return EPS * (EXPONENT_ROUNDINGS * reach * shift + VALUE_ROUNDINGS + len(domain.knots))
+        return EPS * (exponent_roundings * reach * shift + VALUE_ROUNDINGS + len(domain.knots))
 
     @cached_property
     def distance_rounding(self) -> float:

@@ -21,6 +21,7 @@ class Property(NamedTuple):
     of_basis: bool = False
 
 
+# Properties in the order in which they are reported
 PROPERTIES = (
     Property("definition", "Def. 3.1", "Def. 4.1", basis.definition),
     Property("nonnegativity", "Thm 2.1 (a)", "Thm 2.3 (a)", basis.nonnegativity, of_basis=True),
@@ -56,4 +57,3 @@ PROPERTIES = (
     ),
     Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity, of_basis=True),
 )
-"""Properties in the order in which they are reported."""

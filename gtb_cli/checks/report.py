@@ -9,9 +9,6 @@ from typing import Literal, TypeAlias
 
 Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 
-VACUOUS_BOUND = 0.01
-"""Size, as a fraction of what is compared, above which a bound for rounding proves nothing."""
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -50,7 +47,8 @@ def within_rounding(value: float, bound: float, reason: str) -> Outcome:
 
     If rounding may do too much to tell, it is not applicable.
     """
-    if value <= bound and bound > VACUOUS_BOUND:
+    vacuous_bound = 0.01  # size, as a fraction of what is compared, above which a bound for rounding proves nothing
+    if value <= bound and bound > vacuous_bound:
         return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")
     return at_most(value, bound, reason)
 

@@ -10,26 +10,15 @@ from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
 from gtb_cli.design.isocurve import isocurve
 from gtb_cli.theory.basis import torus_coordinates
 
-EDGE_PARAMETERS = 15
-"""Number of parameters inside each edge."""
-
-MAX_EDGES = 64
-"""Largest number of edges to examine; if there are more, an evenly spread choice is examined."""
-
-ISOLINE_PLACES = (0.125, 0.5, 0.8)
-"""Places of isoparametric curves, as fractions of the rectangle."""
-
-ISOLINE_PARAMETERS = 17
-"""Number of parameters on each isoparametric curve."""
-
 
 def boundaries(probe: Probe) -> Outcome:
     """Check that T of knots off an edge is 0 on it, and that the surface there is the curve of the knots on it."""
+    max_edges = 64  # of more, an evenly spread choice is examined
     patch, domain = probe.patch, probe.patch.domain
     r = len(domain.vertices)
     worst = 0.0
-    fractions = np.arange(1, EDGE_PARAMETERS + 1)[:, None] / (EDGE_PARAMETERS + 1)
-    for edge in choice(r, MAX_EDGES):
+    fractions = np.arange(1, 16)[:, None] / 16
+    for edge in choice(r, max_edges):
         start, end = domain.vertices[edge], domain.vertices[(edge + 1) % r]
         u = start + fractions * (end - start)
         worst = max(worst, largest(np.abs(patch.basis(u)[:, ~domain.incidence[:, edge]])))
@@ -49,7 +38,7 @@ def isoparametric_curves(probe: Probe) -> Outcome:
     domain = probe.patch.domain
     if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():
         return not_applicable("the domain is not a rectangle along the axes: isolines on it are not GT-Bézier curves")
-    worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in ISOLINE_PLACES)
+    worst = max(_isoline_distance(probe, axis, fraction) for axis in (0, 1) for fraction in (0.125, 0.5, 0.8))
     reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
     return within_rounding(worst, 4 * probe.distance_rounding, reason)
 
@@ -61,8 +50,8 @@ def _isoline_distance(probe: Probe, axis: int, fraction: float) -> float:
     place = low + fraction * (high - low)
     other = 1 - axis
     curve = isocurve(patch, axis, float(place[axis]))
-    v = np.linspace(low[other], high[other], ISOLINE_PARAMETERS)
+    v = np.linspace(low[other], high[other], 17)
     v[-1] = high[other]
-    u: FloatArray = np.empty((ISOLINE_PARAMETERS, 2))
+    u: FloatArray = np.empty((len(v), 2))
     u[:, axis], u[:, other] = place[axis], v
     return probe.distance(patch.evaluate(u), curve.evaluate(v))

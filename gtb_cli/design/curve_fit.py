@@ -10,29 +10,20 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-RESIDUAL_TOLERANCE = 1e-12
-"""Largest distance of the curve from a point at which the iteration ends, as a fraction of the largest coordinate."""
+RESIDUAL_TOLERANCE = 1e-12  # of the largest coordinate: the iteration ends as near to the points
 
-CONCENTRATION = 2.0
-"""Distance of the torus coordinates of neighbouring points times that of their knots: at a point, its own knot has e
-times the weight of each neighbour, and errors shrink to 5/6 in a round."""
 
-MAX_LOG_RANGE = 1300.0
-"""Range of logarithms of weights that are ordinary floats; it is kept if the basis is local nevertheless."""
+MAX_LOG_RANGE = 1300.0  # of weights that are ordinary floats; it is kept if the basis is local nevertheless
 
+# Rounds after which the equations behind the iteration are solved directly: if knots are so uneven that neighbours have
+# nearly the same basis, the iteration would take tens of thousands of rounds
 PLAIN_ROUNDS = 1000
-"""Rounds after which the equations behind the iteration are solved directly: if knots are so uneven that neighbours
-have nearly the same basis, the iteration would take tens of thousands of rounds."""
 
+# Largest number of points: with more, weights in `MAX_LOG_RANGE` concentrate too little for the iteration to converge
+# in time
 MAX_POINTS = 100
-"""Largest number of points: with more, weights in `MAX_LOG_RANGE` concentrate too little for the iteration to converge
-in time."""
 
 MAX_ROUNDS = PLAIN_ROUNDS + 10
-
-MIN_STEP = 1e-3
-"""Shortest step between default knots, as a fraction of the longest. Ranges of logarithms of weights grow with the
-ratio of the steps; beyond about 1e5 their rounding is too large for the parametrisation of meshes."""
 
 
 @frozen
@@ -76,8 +67,8 @@ def curve_through(points: ArrayLike, knots: ArrayLike | None = None) -> Fit:
     points : (n, 3) or (n, 2) float
         Points in the order in which the curve passes them; it begins at the first and ends at the last.
     knots : (n,) float, optional
-        Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least `MIN_STEP`
-        times the longest.
+        Ascending. Default: the lengths of the polygon up to each point, from 0, with steps of at least a
+        thousandth of the longest.
 
     Raises
     ------
@@ -155,10 +146,12 @@ def passed(patch: Patch, parameters: FloatArray, matrix: FloatArray, points: Flo
 
 def _chord_lengths(points: FloatArray) -> FloatArray:
     """Return (n,) lengths along the polygon."""
+    # Logarithms of weights grow with the ratio of steps; beyond 1e5 their rounding is too large for meshes.
+    min_step = 1e-3
     chords = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
     if not (chords > EPS * np.abs(points).max()).all():
         raise DomainError(f"points: {int(chords.argmin())} and {int(chords.argmin()) + 1} coincide and have no chord")
-    return np.concatenate([[0.0], np.cumsum(np.maximum(chords, MIN_STEP * chords.max()))])
+    return np.concatenate([[0.0], np.cumsum(np.maximum(chords, min_step * chords.max()))])
 
 
 def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -167,7 +160,8 @@ def _local_weights(steps: FloatArray) -> tuple[FloatArray, FloatArray]:
     If ``s_{i+1} − s_i = κ/(a_{i+1} − a_i)`` and ``log ω_{i+1} − log ω_i = −(a_{i+1} − a_i)(s_i + s_{i+1})/2``, then for
     equally spaced knots, knot j has exp(−κ (i − j)²/2) times the weight of knot i at s_i.
     """
-    for kappa in (CONCENTRATION, CONCENTRATION / 2, CONCENTRATION / 4):
+    concentration = 2.0  # at a point, its own knot has e times the weight of each neighbour: errors shrink to 5/6
+    for kappa in (concentration, concentration / 2, concentration / 4):
         s = np.concatenate([[0.0], np.cumsum(kappa / steps)])
         s -= s[-1] / 2
         logs = np.concatenate([[0.0], -np.cumsum(steps * (s[1:] + s[:-1]) / 2)])

@@ -40,23 +40,6 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-MAX_SIDES = 24
-"""Largest number of sides of a hole: with more, there are too few inner knots for the corners."""
-
-FOLD_STEPS = 128
-"""Steps of the way across a side of the mesh of `FOLD_RINGS`, where it turns by more than a right angle: a surface that
-only turns fast turns by less in one of them."""
-
-FOLD_DISTANCE = 1e-6
-"""Largest distance of its vertices from their places, as a fraction of the mean side."""
-
-MAX_TURNING_DEGREES = 90.0
-"""Angle in degrees by which planes along a side may turn before they are named as a cause of folds and sharp turns:
-a patch that follows them further faces the other way, and then back."""
-
-CORNER_WIDTH = 0.02
-"""Parameters closer than this to the ends of an edge are left out when angles are measured: they belong to corners."""
-
 
 @frozen
 class Filling:
@@ -125,6 +108,7 @@ def fill(
     DomainError
         The sides do not close, are too few or too many, or have no tangent planes.
     """
+    max_sides = 24  # with more, there are too few inner knots for the corners
     if inner not in ("fair", "flat"):
         raise DomainError(f"inner: expected fair or flat, got {inner!r}")
     if not (math.isfinite(fullness) and fullness > 0):
@@ -132,8 +116,8 @@ def fill(
     if raises is not None and (isinstance(raises, bool) or raises < 0):
         raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     ordered, remarks = loop(sides)
-    if len(ordered) > MAX_SIDES:
-        raise DomainError(f"loop: has {len(ordered)} sides, at most {MAX_SIDES} are filled with one patch")
+    if len(ordered) > max_sides:
+        raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
     middle, size = _frame(ordered)
     unit = [_moved(side, middle, size) for side in ordered]
     kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
@@ -288,21 +272,23 @@ def _folds(patch: Patch) -> tuple[int, int]:
 
 def _shares_at(patch: Patch, p: FloatArray) -> FloatArray:
     """Return (n, m) values T of a patch's basis at (m, 2) linear parameters inside Δ."""
-    s = torus_of(patch.knots, patch.log_products, p, starts(patch.knots, p), FOLD_DISTANCE)
+    s = torus_of(patch.knots, patch.log_products, p, starts(patch.knots, p), 1e-6)
     return shares(exponents(patch.knots, patch.log_products, s))
 
 
 def _turns_over(patch: Patch, start: FloatArray, end: FloatArray) -> bool:
     """Whether normals on the way between two places in Δ turn by more than a right angle in one small step."""
-    t = _shares_at(patch, start + np.linspace(0, 1, FOLD_STEPS + 1)[:, None] * (end - start))
+    fold_steps = 128  # a surface that only turns fast turns by less than a right angle in one of them
+    t = _shares_at(patch, start + np.linspace(0, 1, fold_steps + 1)[:, None] * (end - start))
     normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ patch.control_points for axis in patch.knots.T))
     return bool(((normals[1:] * normals[:-1]).sum(axis=1) <= 0).any())
 
 
 def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
     """Return the largest angle in degrees between the patch's and the given normals along a side, without its ends."""
+    corner_width = 0.02  # parameters as near to the ends belong to corners
     t = stations()
-    away = (t > CORNER_WIDTH) & (t < 1 - CORNER_WIDTH)
+    away = (t > corner_width) & (t < 1 - corner_width)
     # The Bézier parameter t has the torus coordinate log(t / (1 − t)), divided by the step.
     shape = patch.domain
     edge = _edge_from(patch, side)
@@ -338,11 +324,12 @@ def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) 
 
 def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> list[str]:
     """Name the sides whose planes turn so far that the patch can hardly follow."""
+    max_turn = 90.0  # a patch that follows planes further faces the other way, and then back
     turns = [0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in normals]
     return [
         f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply there"
         for side, turn in zip(sides, turns, strict=True)
-        if turn > MAX_TURNING_DEGREES
+        if turn > max_turn
     ]
 
 

@@ -17,11 +17,9 @@ from gtb_cli.theory.patch import Patch
 
 SUFFIXES = (".gbp", ".lop")
 
-MAX_LOOP_BYTES = 1_000_000
-"""Largest size of a `.gbp` or `.lop` file: a loop of 24 sides of degree 20 needs a tenth of it."""
+MAX_LOOP_BYTES = 1_000_000  # a loop of 24 sides of degree 20 needs a tenth of it
 
-MAX_CURVES = 100
-"""Largest number of curves of a loop that are read; a loop with too many sides to fill is refused later."""
+MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
 def loop_from_text(data: bytes, source: str) -> list[Side]:

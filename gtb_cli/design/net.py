@@ -16,39 +16,7 @@ from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
 
-MIN_SIDE_RATIO = 0.4
-"""Shortest side of the domain, as a fraction of the mean: the inner knots of a more elongated domain would crowd."""
-
-MAX_SIDE_RATIO = 0.7
-"""Longest side of the domain, as a fraction of the sum of the others: corners stay convex by tens of degrees."""
-
-SECOND_LAYER = 2.0
-"""Distance of the second layer of knots from an edge, relative to the row's: curvature would be infinite with less."""
-
-ROW_SPACING = 0.98
-"""Distance of rows from edges, as a fraction of that at which they would be in each other's second layer."""
-
-GAP_GROWTH = 0.5
-"""Increase from each gap between rings to the next, as a fraction of the first gap."""
-
-FIRST_RING_STEPS = 24
-"""Approximate number of steps of the first ring: with fewer, few knots remain to make the inside fair."""
-
-INNER_KNOTS = 320
-"""Approximate largest number of inner knots: if there would be many more, rings have fewer steps."""
-
-LAST_RING_SIZE = 0.18
-"""Size of the last ring, as a fraction of the domain's: only the centre is inside it."""
-
-KNOT_SHARE = 0.15
-"""T of an inner knot or a knot of a row at its own place: most of the rest belongs to its neighbours, whose bumps
-overlap so much that no ripple is left."""
-
-WEIGHT_ROUNDS = 15
-"""Rounds of the iteration for weights; the remaining error is a few per cent of a share."""
-
-DAMPING = 0.6
-"""Fraction of the step, in each round, to the weight that would be right if the others stayed."""
+SECOND_LAYER = 2.0  # distance from an edge, relative to the row's: curvature would be infinite with less
 
 
 @frozen
@@ -101,9 +69,11 @@ def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Se
 
 def polygon(lengths: FloatArray) -> FloatArray:
     """Return (r, 2) corners, counter-clockwise, of a polygon in a circle with sides like `lengths` and mean side 1."""
-    sides = np.maximum(lengths / lengths.mean(), MIN_SIDE_RATIO)
+    shortest = 0.4  # of the mean side: the inner knots of a more elongated domain would crowd
+    longest_share = 0.7  # of the sum of the other sides: corners stay convex by tens of degrees
+    sides = np.maximum(lengths / lengths.mean(), shortest)
     for _ in range(3):
-        sides = np.minimum(sides, MAX_SIDE_RATIO * (sides.sum() - sides))
+        sides = np.minimum(sides, longest_share * (sides.sum() - sides))
     sides = sides / sides.mean()
     longest = int(sides.argmax())
 
@@ -142,12 +112,13 @@ def _frames(corners: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
     """Return the distance of rows from their edges: the largest that the ends of neighbouring rows allow."""
+    row_spacing = 0.98  # at 1, rows would be in each other's second layer
     lengths, along, _ = _frames(corners)
     steps = lengths / degrees
     cosine = -(np.roll(along, 1, axis=0) * along).sum(axis=1)  # of the angle inside corner k, between k − 1 and k
     sine = np.sqrt(1 - cosine**2)
     step = np.minimum(np.roll(steps, 1), steps)
-    return float(ROW_SPACING * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
+    return float(row_spacing * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
 
 
 def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
@@ -170,21 +141,24 @@ def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, .
 
 def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArray:
     """Return the knots inside, ring by ring, then the centre."""
+    gap_growth, last_size = 0.5, 0.18  # of the first gap between rings, and of the domain
+    first_ring_steps = 24  # with fewer, few knots remain to make the inside fair
+    inner_knots = 320  # about: if there would be many more, rings have fewer steps
     lengths, _, inward = _frames(corners)
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
     gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
-    while (size := sizes[-1] - gaps[-1] / depth) > LAST_RING_SIZE:
+    while (size := sizes[-1] - gaps[-1] / depth) > last_size:
         sizes.append(size)
-        gaps.append(gaps[-1] + GAP_GROWTH * distance)
+        gaps.append(gaps[-1] + gap_growth * distance)
     coarser = 1.0
     while True:
-        steps = coarser * np.minimum(lengths / degrees, lengths.sum() / FIRST_RING_STEPS)
+        steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)
         counts = [
             np.maximum(1, np.rint(size * lengths / np.maximum(gap, steps)).astype(np.int64))
             for size, gap in zip(sizes, gaps, strict=True)
         ]
-        if coarser > 100 or sum(int(count.sum()) for count in counts) <= INNER_KNOTS:
+        if coarser > 100 or sum(int(count.sum()) for count in counts) <= inner_knots:
             break
         coarser *= 1.1
     knots = []
@@ -197,13 +171,15 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
 
 
 def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: IntArray) -> FloatArray:
-    """Return log weights with which inner knots, and rows on average, have `KNOT_SHARE` of T at their own places."""
+    """Return log weights with which inner knots, and rows on average, have a share of 0.15 at their own places."""
+    share = 0.15  # most of the rest belongs to its neighbours, whose bumps overlap so much that no ripple is left
+    rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
     logs = logs.copy()
     free = np.concatenate([np.flatnonzero(group >= 0), inner])
     columns = np.arange(len(free))
     s = starts(knots, knots[free])
-    wanted = np.log(KNOT_SHARE / (1 - KNOT_SHARE))
-    for _ in range(WEIGHT_ROUNDS):
+    wanted = np.log(share / (1 - share))
+    for _ in range(rounds):
         s = torus_of(knots, logs, knots[free], s, 1e-5)
         t = shares(exponents(knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):
@@ -211,5 +187,5 @@ def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: I
         for side in range(int(group.max()) + 1):
             here = group[free] == side
             change[here] = change[here].mean()
-        logs[free] += DAMPING * np.clip(change, -3, 3)
+        logs[free] += damping * np.clip(change, -3, 3)
     return logs

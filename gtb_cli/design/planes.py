@@ -11,20 +11,10 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.design.sides import Side, bernstein, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError
 
-EXACT_RESIDUAL = 1e-13
-"""Largest normal component of a field relative to the field: the rounding of sums of some dozen terms."""
+MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
 
-FITTED_RESIDUAL = 3e-3
-"""The same if no field of the allowed degrees is exact: 0.2 degrees, and a message gives the angle."""
-
-MAX_RAISES = 6
-"""Largest number of times that the degree of an edge is raised to find a field that crosses it and is exact."""
-
-MIN_CROSSING = 1e-3
-"""Component across an edge, as a fraction of the mean length of a field, from which the field crosses the edge."""
-
+# Rows (m, 3) of weight 0 in homogeneous coordinates, which may be added with any factors; None: the row is free
 Field: TypeAlias = "list[FloatArray] | None"
-"""Rows (m, 3) of weight 0 in homogeneous coordinates, which may be added with any factors; None: the row is free."""
 
 
 def row_fields(
@@ -49,13 +39,17 @@ def row_fields(
 
 def _multiplications(side: Side, least: int) -> range:
     """Return how often a side may be multiplied, so that its degree is raised by at least `least`."""
+    max_raises = 6  # to find a field that crosses the edge and is exact
     step = len(side.multiplier) - 1
     first = -(-max(least, 2 - side.degree) // step)
-    return range(first, max(first, (least + MAX_RAISES) // step) + 1)
+    return range(first, max(first, (least + max_raises) // step) + 1)
 
 
 def _touching(side: Side, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
     """Return fields tangent to the planes: exact ones with the fewest raises, or approximate ones if none is exact."""
+    # Normal component relative to the field: the rounding of sums of some dozen terms; or, if no field is exact, 0.2
+    # degrees, and a message gives the angle.
+    exact_residual, fitted_residual = 1e-13, 3e-3
     t = stations()
     _, tangents = points_and_tangents(side.curve, t)
     inward = np.cross(normals, tangents)
@@ -68,11 +62,11 @@ def _touching(side: Side, normals: FloatArray, counts: range) -> tuple[FloatArra
         matrix = (values[:, :, None] * normals[:, None]).reshape(len(t), -1)
         _, singular, basis = np.linalg.svd(matrix, full_matrices=True)
         singular = np.concatenate([singular, np.zeros(len(basis) - len(singular))]) / singular[0]
-        inexact = np.unique(singular[(singular > EXACT_RESIDUAL) & (singular <= FITTED_RESIDUAL)])
-        for bound in (EXACT_RESIDUAL, *inexact.tolist()):
+        inexact = np.unique(singular[(singular > exact_residual) & (singular <= fitted_residual)])
+        for bound in (exact_residual, *inexact.tolist()):
             field = [row.reshape(-1, 3) for row in basis[singular <= bound]]
             if _crosses(field, values, inward):
-                if bound == EXACT_RESIDUAL:
+                if bound == exact_residual:
                     return edge, field
                 if nearly is None or bound < nearly[0] / 2:
                     nearly = bound, edge, field

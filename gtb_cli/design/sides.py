@@ -14,27 +14,14 @@ from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-STATIONS = 96
-"""Number of places along a side at which the field across it is known: more than the degree of any product of
-polynomials that is set to zero there (that of a normal, up to 30, and a row)."""
+MAX_DEGREE = 20  # of a side after gaps between its knots are filled: its coefficients span six digits
 
-MAX_DEGREE = 20
-"""Largest degree of a side after gaps between its knots are filled: its coefficients span six digits."""
+STEP_TOLERANCE = 1e-9  # of a curve's length: knots typed or computed rounded are off equal steps
 
-STEP_TOLERANCE = 1e-9
-"""Fraction of a curve's length by which its knots may be off equal steps: numbers are typed or computed rounded."""
+MAX_GAP = 1e-5  # between neighbouring sides, of the loop's size: files with six decimals count as closed
 
-MAX_GAP = 1e-5
-"""Largest gap between neighbouring sides, as a fraction of the loop's size: files with six decimals count as closed."""
 
-POLYNOMIAL_SPREAD = 1e-12
-"""Spread of a side's weights, as a fraction of the largest, up to which it is polynomial: rounding."""
-
-POINT_SIZE = 1e-9
-"""Extent of a side, as a fraction of the loop's size, up to which it is a point."""
-
-PARALLEL_SINE = 1e-10
-"""Sine of the angle between a side's tangent and the field across it, below which these do not span a plane."""
+POINT_SIZE = 1e-9  # of the loop's size: a side as small is a point
 
 
 @frozen
@@ -47,7 +34,7 @@ class Side:
         For messages.
     curve : (m + 1, 4) float
         Bézier points in homogeneous coordinates (ω x, ω y, ω z, ω), all ω positive, 1 at both ends.
-    across : (STATIONS, 3) float or None
+    across : (96, 3) float or None
         Directions across the side into the hole, at the parameters `stations`; they and the tangent span the planes
         that the patch is to touch. None: it only has to meet the curve.
     """
@@ -73,8 +60,9 @@ class Side:
         A rational curve is multiplied by its own weights: its points stay at the same fractions of the linear
         parametrisation, so that it is joined with the edges of patches that have it. Others keep these anyway.
         """
+        polynomial_spread = 1e-12  # rounding of the weights of a polynomial side
         weights = self.curve[:, 3]
-        return weights if np.ptp(weights) > POLYNOMIAL_SPREAD * weights.max() else np.ones(2)
+        return weights if np.ptp(weights) > polynomial_spread * weights.max() else np.ones(2)
 
     def reversed(self) -> Side:
         """Run through the side from its other end; the hole stays on the same side of it."""
@@ -82,8 +70,12 @@ class Side:
 
 
 def stations() -> FloatArray:
-    """Return (STATIONS,) parameters inside (0, 1), symmetric and dense near the ends."""
-    return np.asarray((1 - np.cos(np.pi * (np.arange(STATIONS) + 0.5) / STATIONS)) / 2)
+    """Return (96,) parameters inside (0, 1), symmetric and dense near the ends.
+
+    These are more than the degree of any product of polynomials that is set to zero there: that of a normal, up to 30,
+    and a row.
+    """
+    return np.asarray((1 - np.cos(np.pi * (np.arange(96) + 0.5) / 96)) / 2)
 
 
 def bernstein(degree: int, t: FloatArray) -> FloatArray:
@@ -121,13 +113,14 @@ def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, F
 
 
 def side_normals(side: Side) -> FloatArray:
-    """Return (STATIONS, 3) unit normals tangent × across.
+    """Return (96, 3) unit normals tangent × across.
 
     Raises
     ------
     DomainError
         The side has no normals: its tangent vanishes, or the field across is parallel to it.
     """
+    parallel_sine = 1e-10  # tangent and field do not span a plane below this
     if side.across is None:
         raise DomainError(f"{side.name}: has no ribbon, and no normals")
     _, tangents = points_and_tangents(side.curve, stations())
@@ -137,7 +130,7 @@ def side_normals(side: Side) -> FloatArray:
             raise DomainError(f"{side.name}: {what} vanishes on it, near t = {stations()[int(length.argmin())]:.3f}")
     cross = np.cross(tangents / lengths[0], side.across / lengths[1])
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
-    if not (sine > PARALLEL_SINE).all():
+    if not (sine > parallel_sine).all():
         place = stations()[int(sine.argmin())]
         raise DomainError(f"{side.name}: the ribbon is parallel to the curve near t = {place:.3f}, and spans no plane")
     return np.asarray(cross / sine)
@@ -219,7 +212,7 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
 
 
 def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
-    """Return (STATIONS, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
+    """Return (96, 3) directions from a curve to a second row, both homogeneous Bézier points of one degree."""
     values = bernstein(len(curve) - 1, stations())
     first, other = values @ curve, values @ second
     return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])

@@ -14,27 +14,6 @@ from gtb_cli.fairing.energy import energy_matrix
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.theory.patch import Patch
 
-MAX_POINTS = 100_000
-"""Largest number of points: the table of T has a number for each point and knot."""
-
-SMOOTHING_WEIGHT = 1e-6
-"""Weight of the thin-plate energy relative to the points, each by its mean: it decides where there are no points."""
-
-CORRECTION_ROUNDS = 8
-"""Number of rounds in which parameters are corrected and control points found anew."""
-
-SEARCH_RINGS = 24
-"""Rings of the mesh whose nearest vertex gives the first parameter of a point."""
-
-DIFFERENCE_STEP = 1e-4
-"""Step of differences for tangents, as a fraction of Δ's size: corrections need two of their digits."""
-
-MAX_CORRECTION = 0.1
-"""Longest correction of a parameter in a round, as a fraction of Δ's size."""
-
-BOUNDARY_MARGIN = 1e-9
-"""Fraction of the way to the middle of Δ by which corrected parameters keep off the boundary."""
-
 
 def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None) -> Fit:
     """Find the surface through points, one for each knot, by progressive iterative approximation.
@@ -69,9 +48,7 @@ def surface_through(points: ArrayLike, patch: Patch, parameters: ArrayLike | Non
     return passed(patch, p, patch.basis(p, "linear"), places)
 
 
-def surface_near(
-    points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = SMOOTHING_WEIGHT
-) -> Fit:
+def surface_near(points: ArrayLike, patch: Patch, parameters: ArrayLike | None = None, smoothing: float = 1e-6) -> Fit:
     """Find control points with which a patch is near points.
 
     Parameters
@@ -82,7 +59,8 @@ def surface_near(
     parameters : (m, 2) float, optional
         Fixed parameters of the points, in the linear parametrisation. Default: by projection, corrected in rounds.
     smoothing : float
-        Weight of the thin-plate energy; 0 for none.
+        Weight of the thin-plate energy relative to the points, each by its mean: it decides where there are no points.
+        0 for none.
 
     Raises
     ------
@@ -99,7 +77,7 @@ def surface_near(
         return _measured(fitted, places, p, 0)
     p = _nearest(patch, places)
     best = _measured(_solved(patch, places, p, plate, smoothing), places, p, 0)
-    for rounds in range(1, CORRECTION_ROUNDS + 1):
+    for rounds in range(1, 9):
         p = _corrected(best.patch, places, best.parameters)
         found = _measured(_solved(patch, places, p, plate, smoothing), places, p, rounds)
         if not found.mean < best.mean:
@@ -109,11 +87,12 @@ def surface_near(
 
 
 def _checked(points: ArrayLike, patch: Patch) -> FloatArray:
+    most = 100_000  # the table of T has a number for each point and knot
     if patch.dimension == 1:
         raise DomainError("patch: expected a surface, this is a curve (which gtb fit finds without --patch)")
     places = finite("points", points)
-    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= MAX_POINTS:
-        raise DomainError(f"points: expected shape (m, 3) with m up to {MAX_POINTS}, got {places.shape}")
+    if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= most:
+        raise DomainError(f"points: expected shape (m, 3) with m up to {most}, got {places.shape}")
     return places
 
 
@@ -143,16 +122,17 @@ def _nearest(patch: Patch, points: FloatArray) -> FloatArray:
     """Return (m, 2) parameters of the nearest vertices of a mesh, moved slightly inside."""
     from scipy.spatial import cKDTree
 
-    part = central_triangulation(patch.domain, SEARCH_RINGS)
+    part = central_triangulation(patch.domain, 24)
     _, index = cKDTree(patch.evaluate(part.parameters, "linear")).query(points)
     return _corrected(patch, points, _inside(patch, part.parameters[index]))
 
 
 def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
     """Take one Gauss-Newton step to the projections of the points, within Δ."""
+    difference_step, longest = 1e-4, 0.1  # of Δ's size: tangents to two digits, and a bound for corrections
     size = patch.domain.size
-    h = DIFFERENCE_STEP * size
-    base = _inside(patch, p, DIFFERENCE_STEP * 4)
+    h = difference_step * size
+    base = _inside(patch, p, difference_step * 4)
     at = patch.evaluate(base, "linear")
     tangents = [
         (patch.evaluate(base + step, "linear") - patch.evaluate(base - step, "linear")) / (2 * h)
@@ -164,11 +144,11 @@ def _corrected(patch: Patch, points: FloatArray, p: FloatArray) -> FloatArray:
     det = np.maximum(a * c - b * b, 1e-12 * np.maximum(a * c, np.finfo(float).tiny))
     step = np.column_stack([c * x - b * y, a * y - b * x]) / det[:, None]
     length = np.linalg.norm(step, axis=1, keepdims=True)
-    step *= np.minimum(1, MAX_CORRECTION * size / np.maximum(length, np.finfo(float).tiny))
+    step *= np.minimum(1, longest * size / np.maximum(length, np.finfo(float).tiny))
     return _inside(patch, base + step)
 
 
-def _inside(patch: Patch, p: FloatArray, margin: float = BOUNDARY_MARGIN) -> FloatArray:
+def _inside(patch: Patch, p: FloatArray, margin: float = 1e-9) -> FloatArray:
     """Move points towards the middle of Δ until they are inside by a fraction of its size."""
     shape = patch.domain
     centre = shape.vertices.mean(axis=0)

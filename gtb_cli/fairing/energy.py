@@ -20,19 +20,6 @@ from gtb_cli.theory.patch import Patch
 
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
 
-SAMPLE_RINGS = 14
-"""Rings of triangles in each sector of Δ over which energies are summed, one sample in each triangle."""
-
-RING_GRADING = 2.0
-"""Exponent that draws the rings to the boundary, where derivatives change within the next layer of knots."""
-
-SAMPLE_DISTANCE = 1e-10
-"""Largest distance of samples from their places, in units of the square root of the area of Δ."""
-
-SAMPLES_PER_KNOT = 4
-"""Smallest number of samples for each knot: a sample gives three equations of the thin-plate energy, so that no control
-point is left free."""
-
 
 def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
     """Return the energy of a surface over Δ, scaled to area 1, in the linear parametrisation.
@@ -61,20 +48,22 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> Floa
     p, areas = energy_samples(domain, len(domain.knots))
     unit = np.sqrt(areas.sum())
     knots, middles = (domain.knots - domain.center) / unit, (p - domain.center) / unit
-    s = torus_of(knots, log_weights, middles, starts(knots, middles), SAMPLE_DISTANCE)
+    s = torus_of(knots, log_weights, middles, starts(knots, middles), 1e-10)
     return moments_energy(knots, log_weights, s, areas / unit**2, kind)
 
 
 def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
     """Return (m, 2) middles and (m,) areas of triangles that cover Δ and are narrower near its boundary."""
+    grading = 2.0  # draws rings to the boundary, where derivatives change within the next layer of knots
+    samples_per_knot = 4  # with three equations each of the thin-plate energy: no control point is left free
     r = len(domain.vertices)
-    rings = max(SAMPLE_RINGS, int(np.ceil(np.sqrt(SAMPLES_PER_KNOT * knots / r))))
+    rings = max(14, int(np.ceil(np.sqrt(samples_per_knot * knots / r))))
     part = central_triangulation(domain, rings)
     centre = domain.vertices.mean(axis=0)
     depth = domain.heights_of_columns(part.parameters)
     share = (depth / domain.heights_of_columns(centre[None])).min(axis=0)
     # `share` is 1 in the middle, 0 on the boundary.
-    stretch = (1 - share**RING_GRADING) / np.where(share < 1, 1 - share, 1.0)
+    stretch = (1 - share**grading) / np.where(share < 1, 1 - share, 1.0)
     corners = (centre + (part.parameters - centre) * stretch[:, None])[part.cells]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return corners.mean(axis=1), np.abs(planar_cross(first, second)) / 2

@@ -18,11 +18,9 @@ from gtb_cli.values import frozen
 
 Keep: TypeAlias = Literal["boundary", "tangents"]
 
-RIDGE_FRACTION = 1e-12
-"""Fraction of the mean energy that is added, so that a control point without influence on it stays where it is."""
+RIDGE_FRACTION = 1e-12  # of the mean energy is added: a control point without influence on it stays where it is
 
-FOLD_RINGS = 16
-"""Rings of the mesh of Δ that is searched for folds."""
+FOLD_RINGS = 16  # of the mesh of Δ that is searched for folds
 
 
 @frozen

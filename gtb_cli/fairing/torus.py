@@ -9,21 +9,6 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents
 
-NEWTON_STEPS = 60
-"""Steps after which points are left to the slower moment map, which always converges."""
-
-MAX_HALVINGS = 30
-"""Largest number of halvings of a step."""
-
-DESCENT_FRACTION = 1e-4
-"""Fraction of the descent predicted by the slope that a step must reach."""
-
-FINISHED_SHARE = 1e-6
-"""Residual, as a multiple of the one that is asked for, from which on a point is left where it is."""
-
-REGULARISATION = 1e-3
-"""Regularisation of the Hessian, as a multiple of the residual."""
-
 
 def starts(knots: FloatArray, p: FloatArray) -> FloatArray:
     """Return (2, m) torus coordinates to start from for points inside: as if only their nearest layers counted."""
@@ -38,28 +23,34 @@ def torus_of(knots: FloatArray, logs: FloatArray, p: FloatArray, s: FloatArray, 
 
     They minimise log Σ c ω e^<a, s> − <p, s>, by damped Newton steps for many points of one net together.
     """
+    newton_steps = 60  # steps after which points are left to the slower moment map, which always converges
+    max_halvings = 30  # largest number of halvings of a step
+    descent_fraction = 1e-4  # fraction of the descent predicted by the slope that a step must reach
+    # Residual, as a multiple of the one that is asked for, from which on a point is left where it is
+    finished_share = 1e-6
+    regularisation = 1e-3  # regularisation of the Hessian, as a multiple of the residual
     s, left = np.array(s), np.arange(len(p))
     features = np.vstack([knots.T, knots[:, 0] ** 2, knots[:, 0] * knots[:, 1], knots[:, 1] ** 2])
     value, t = _objective(knots, logs, p.T, s)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(newton_steps):
         moments = features @ t
         gradient = moments[:2] - p.T[:, left]
         residual = np.abs(gradient).max(axis=0)
         if residual.max() <= within:
             return s
-        xx = moments[2] - moments[0] ** 2 + REGULARISATION * residual
-        yy = moments[4] - moments[1] ** 2 + REGULARISATION * residual
+        xx = moments[2] - moments[0] ** 2 + regularisation * residual
+        yy = moments[4] - moments[1] ** 2 + regularisation * residual
         xy = moments[3] - moments[0] * moments[1]
         step = -np.array([yy * gradient[0] - xy * gradient[1], xx * gradient[1] - xy * gradient[0]]) / (xx * yy - xy**2)
         slope = (gradient * step).sum(axis=0)
-        coarse = residual > max(FINISHED_SHARE * within, 16 * EPS)
+        coarse = residual > max(finished_share * within, 16 * EPS)
         left, value, step, slope = left[coarse], value[coarse], step[:, coarse], slope[coarse]
         limit, length = value + 1e-13 * (1 + np.abs(value)), np.ones(len(left))
         high, t = np.arange(len(left)), t[:, coarse]
-        for _ in range(MAX_HALVINGS):
+        for _ in range(max_halvings):
             new = s[:, left[high]] + length[high] * step[:, high]
             value[high], t[:, high] = _objective(knots, logs, p.T[:, left[high]], new)
-            high = high[~(value[high] <= limit[high] + DESCENT_FRACTION * length[high] * slope[high])]
+            high = high[~(value[high] <= limit[high] + descent_fraction * length[high] * slope[high])]
             if not len(high):
                 break
             length[high] /= 2

@@ -25,12 +25,6 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
 
-PLANE_ROUNDINGS = 8
-"""Number of roundings of its distance from the point within which a control point counts as in the tangent plane."""
-
-WORK_ARRAYS = 12
-"""Number of arrays as large as T that are alive at once."""
-
 
 class Curvature(NamedTuple):
     """Curvatures of a surface at points; NaN without a finite limit.
@@ -134,6 +128,7 @@ class _CurvatureField:
 
     def at(self, location: Location) -> Curvature:
         """(q, m) curvatures at the m parameters of a location."""
+        work_arrays = 12  # as large as T, alive at once
         shape, face = self.domain, location.face
         n = len(shape.knots)
         if face.is_interior:
@@ -148,7 +143,7 @@ class _CurvatureField:
             knots = shape.along(face.index, shape.knots)[:, None]
         count = location.s.shape[1]
         gaussian, mean = np.empty((len(self.points), count)), np.empty((len(self.points), count))
-        step = max(64, block_length(n) // WORK_ARRAYS)
+        step = max(64, block_length(n) // work_arrays)
         for begin in range(0, count, step):
             block = slice(begin, begin + step)
             e = exponents(knots, self.log_weights, location.s[:, block])
@@ -219,7 +214,7 @@ class _CurvatureField:
         """(q, n, m) distances of control points from the tangent planes, with 0 in place of possible rounding."""
         d = deltas @ normal - (normal * p).sum(axis=1, keepdims=True)
         # The control points of the leading knot, and those equal to it, are as near as p is.
-        near = PLANE_ROUNDINGS * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
+        near = 8 * EPS * np.sqrt((p**2).sum(axis=1, keepdims=True))
         moved = (deltas != 0).any(axis=2, keepdims=True)
         d[np.abs(d) <= np.where(moved, self.rounding[:, :, None] + near, near)] = 0.0
         return np.asarray(d)

@@ -13,9 +13,7 @@ from gtb_cli.knots.decomposition import RegularDecomposition, regular_decomposit
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MAX_WEIGHT_LOG = 700.0
-"""Largest absolute value of a weight's natural logarithm: exp(±700), and its products with knots and points, are
-ordinary floats."""
+MAX_WEIGHT_LOG = 700.0  # exp(±700), and its products with knots and points, are ordinary floats
 
 
 def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patch:

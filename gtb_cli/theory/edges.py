@@ -14,25 +14,13 @@ from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-EdgeRef = tuple[int, int]
-"""(patch, edge): edge j of the hull of a patch's knots; for a curve, end j."""
+EdgeRef = tuple[int, int]  # (patch, edge): edge j of the hull of a patch's knots; for a curve, end j
 
+# Of points relative to the model's size, of knots to the edge's length, and of logarithms of weights: edges whose data
+# were typed or computed twice carry one curve, and nothing visible is lost.
 CURVE_TOLERANCE = 1e-9
-"""Largest difference between edges that carry the same curve: of points, relative to the model's size; of knots,
-relative to the edge's length; and of logarithms of weights. It allows for data typed or computed twice, and is far
-below anything visible."""
 
-EDGE_SAMPLES = 33
-"""Number of points on each of two curves for measuring their distance."""
-
-FINE_SAMPLES = 129
-"""Number of points of a polygon on which points nearest to others are looked for first."""
-
-INVERSION_ROUNDINGS = 16
-"""Roundings of the largest coordinate, or of a fraction, below which steps towards a point's fraction are not taken."""
-
-MAX_INVERSION_STEPS = 100
-"""Largest number of steps towards a point's fraction; halving alone needs 53."""
+EDGE_SAMPLES = 33  # points on each of two curves for measuring their distance
 
 
 def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
@@ -91,13 +79,14 @@ class Curve:
         the perpendicular narrows the bounds, which are halved where a step leaves them. Steps are taken in torus
         coordinates, as if log(t / (1 − t)) were affine in these, which it is near the ends.
         """
+        roundings, most_steps = 16, 100  # of the largest coordinate, or of a fraction; halving alone needs 53 steps
         s = self._moments.inverse(np.clip(start, EPS, 1 - EPS)[:, None])
-        rounding = INVERSION_ROUNDINGS * EPS * float(np.abs(self.points).max())
-        for _ in range(MAX_INVERSION_STEPS):
+        rounding = roundings * EPS * float(np.abs(self.points).max())
+        for _ in range(most_steps):
             t, place, rate, spread = self._at(s)
             ahead, square = dot(points - place, rate), dot(rate, rate)
             step = ahead / np.maximum(square, np.finfo(float).tiny)
-            going = (np.abs(step) > INVERSION_ROUNDINGS * EPS) & (np.abs(step) * np.sqrt(square) > rounding)
+            going = (np.abs(step) > roundings * EPS) & (np.abs(step) * np.sqrt(square) > rounding)
             if not going.any():
                 break
             strayed = going & ((t < low) | (t > high))
@@ -195,7 +184,7 @@ def correspondence(one: Curve, other: Curve, turned: bool, reach: float) -> tupl
     Returns the largest distance, and fractions of the other one at `EDGE_SAMPLES` equal fractions of this one; None if
     they are farther apart than `reach`, or one of them runs to and fro beside the other.
     """
-    even, fine = np.linspace(0.0, 1.0, EDGE_SAMPLES), np.linspace(0.0, 1.0, FINE_SAMPLES)
+    even, fine = np.linspace(0.0, 1.0, EDGE_SAMPLES), np.linspace(0.0, 1.0, 129)
     points = one.samples[1:-1]
     way = np.concatenate([other.ends[:1], other.points_at(fine[1:-1]), other.ends[1:]])
     steps, offsets = np.diff(way, axis=0), points[:, None] - way[:-1]

@@ -20,15 +20,10 @@ from gtb_cli.theory.edges import (
 )
 from gtb_cli.theory.patch import Patch
 
-FAR_ROUNDING = 16 * EPS
-"""The same of points, relative to the largest coordinate: far away, control points that were computed in two ways are
-rounded in each, and so are the points of their curves."""
+FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
 
-SEAM_GAP = 1e-2
-"""Different edges are reported if their ends and curves are nearer than this fraction of the smaller edge's size."""
 
-SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])
-"""A direction along which different places hardly ever have the same coordinate."""
+SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])  # different places hardly ever tie along it
 
 _Comparison = tuple[float, bool, tuple[float, ...]]
 
@@ -87,7 +82,8 @@ class Joints:
     crowded : tuple of tuple of EdgeRef
         Curves shared by more than two edges: there the model is not a manifold.
     almost : tuple of (EdgeRef, EdgeRef, float)
-        Open edges that nearly coincide (see `SEAM_GAP`), with the largest distance of their curves, in model units.
+        Open edges nearer than a hundredth of the smaller one's size, with the largest distance of their curves, in
+        model units.
     flipped : tuple of bool
         Whether the orientation of each patch must be reversed to agree with its neighbours.
     one_sided : tuple of Joint
@@ -219,9 +215,9 @@ def _same_data(
 def _near_curves(
     curves: Sequence[Curve], followers: Mapping[int, Sequence[object]], reach: float
 ) -> dict[tuple[int, int], _Comparison]:
-    """Comparisons of pairs of curves, one of them open, within `SEAM_GAP` or `reach`."""
+    """Comparisons of pairs of curves, one of them open, within a hundredth of their size or `reach`."""
     heads, found = list(followers), {}
-    reaches = np.maximum(SEAM_GAP * np.array([curves[i].size for i in heads]), reach)
+    reaches = np.maximum(1e-2 * np.array([curves[i].size for i in heads]), reach)
     for one, other in touching([curves[i] for i in heads], reaches):
         i, j, most = heads[one], heads[other], min(reaches[one], reaches[other])
         if not (followers[i] and followers[j]) and (near := _compared(curves[i], curves[j], reach, most))[0] <= most:

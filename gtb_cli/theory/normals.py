@@ -22,22 +22,6 @@ from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.values import frozen
 
-CANCELLATION_FRACTION = 1e-3
-"""Ratio of a derivative to its summands, or of the angle between two derivatives to its own, below which three digits
-are lost. Coordinates about the two leading knots are used then: they keep all digits, in four times the time."""
-
-DIRECTION_TOLERANCE = 1e-6
-"""Distance of unit vectors below which two paths to a corner have the same limit."""
-
-NEAREST_KNOTS = 1024
-"""Number of knots nearest to a collapsed edge whose pairs decide its normals: half a million pairs take 60 MB."""
-
-PAIR_BLOCK = 1 << 20
-"""Number of pairs of knots times places on the edge summed together, which bounds the memory."""
-
-CUT_OFF_SUM = 1e-280
-"""Sums below this may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`."""
-
 
 @frozen
 class NormalField:
@@ -98,6 +82,8 @@ class NormalField:
 
     def _about_corners(self, t: FloatArray, heights: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
+        cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
+        cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
         shape = self.domain
         r, columns = len(shape.vertices), np.arange(heights.shape[1])
         distance = heights / shape.normal_lengths[:, None]
@@ -114,9 +100,9 @@ class NormalField:
             mean, middle = points.T @ part, eta.T @ part
             first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
             result[here], sine = _unit_cross(first, second)
-            doubtful[here] = ~((sine > CANCELLATION_FRACTION) & (middle > CUT_OFF_SUM).all(axis=0))
+            doubtful[here] = ~((sine > cancelled) & (middle > cut_off_sum).all(axis=0))
             for derivative, summed in zip((first, second), middle, strict=True):
-                doubtful[here] |= np.abs(derivative).max(axis=0) < CANCELLATION_FRACTION * extent * summed
+                doubtful[here] |= np.abs(derivative).max(axis=0) < cancelled * extent * summed
         return result, doubtful
 
     def _about_leaders(self, e: FloatArray) -> FloatArray:
@@ -150,6 +136,7 @@ class NormalField:
         Areas are affine in the place of the knot on the edge, so that it can be averaged; the sum is over pairs of the
         others.
         """
+        block = 1 << 20  # pairs of knots times places on the edge, which bounds the memory
         along, height = self.domain.along(edge, self.domain.knots), self.domain.heights[:, edge]
         on_edge = np.flatnonzero(self.domain.incidence[:, edge])
         place = along[on_edge] @ shares(exponents(along[on_edge, None], self.log_weights[on_edge], s[None]))
@@ -159,7 +146,7 @@ class NormalField:
         todo = np.arange(len(s))
         for group in layers(sums) if len(sums) else ():
             b, c = j[group, None], k[group, None]
-            for rows in np.array_split(todo, 1 + len(group) * len(todo) // PAIR_BLOCK):
+            for rows in np.array_split(todo, 1 + len(group) * len(todo) // block):
                 logarithms = (along[b] + along[c]) * s[rows] + (self.log_weights[b] + self.log_weights[c])
                 first, second = ((along[x] - place[rows]) * height[y] for x, y in ((b, c), (c, b)))
                 weights = shares(logarithms)
@@ -177,7 +164,8 @@ class NormalField:
         i lies on a collapsed edge, whose control points are equal, so that pairs of other knots remain: they lead
         unless T cancels. Products that are zero to rounding are left out, however large their T.
         """
-        near = np.sort(np.argsort(distance, kind="stable")[:NEAREST_KNOTS])
+        nearest = 1024  # to the collapsed edge: half a million pairs of knots take 60 MB
+        near = np.sort(np.argsort(distance, kind="stable")[:nearest])
         deltas = self._deltas(int(at_point[0]))
         near = near[deltas[near].any(axis=1)]
         j, k = near[np.array(np.triu_indices(len(near), 1))]
@@ -211,6 +199,7 @@ class NormalField:
         The T of each triple is a product of powers of the distances from both edges. Each triple (or sum of triples
         with the same powers) leads on some path to the corner, unless no power of another triple is larger.
         """
+        direction_tolerance = 1e-6  # distance of unit vectors below which two paths to a corner have the same limit
         heights, at = self.domain.heights, self.domain.incidence
         j, k, crosses = self._pairs(np.flatnonzero(at[:, points[0]]), heights[:, before] + heights[:, after])
         along, height = self.domain.along(points[0], self.domain.knots) / self.domain.size, heights[:, points[0]]
@@ -246,7 +235,7 @@ class NormalField:
             each = (terms[group] * shares(self.log_weights[triples[:, group]].sum(axis=0)[:, None])).T
             size = np.sqrt((each**2).sum(axis=0)).sum(keepdims=True)
             limits.append(_direction(each.sum(axis=1, keepdims=True), size))
-        return limits[0] if np.ptp(limits, axis=0).max() < DIRECTION_TOLERANCE else nothing
+        return limits[0] if np.ptp(limits, axis=0).max() < direction_tolerance else nothing
 
 
 def on_edge(fields: Sequence[NormalField], location: Location) -> FloatArray:

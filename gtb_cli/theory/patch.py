@@ -20,8 +20,8 @@ from gtb_cli.theory.basis import Location, partition_of_unity_coefficients
 from gtb_cli.theory.parametrization import Parametrization, RationalBasis
 from gtb_cli.values import by_value, frozen
 
+# By their names in specs.
 COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
-"""Rules for the coefficients of a domain, by their names in specs."""
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
