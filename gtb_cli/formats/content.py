@@ -14,9 +14,6 @@ from gtb_cli.values import frozen
 STL_HEADER_BYTES = 84
 """Bytes before the facets of a binary STL file; the last four are the number of facets."""
 
-BINARY_ROWS = 1 << 18
-"""Rows of a binary table that are written at once: 3 MB of faces, beside which an exporter's header costs nothing."""
-
 SINGLE_FLOAT = np.dtype("<f4")
 """Numbers of binary files."""
 

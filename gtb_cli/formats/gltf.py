@@ -1,223 +1,166 @@
-"""GLB (binary glTF 2.0) that is written: trimesh's exporter describes triangles; their numbers are made by blocks."""
+"""GLB (binary glTF 2.0) that is written: surfaces by trimesh's exporter, curves as indexed lines."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property, reduce
-from hashlib import sha256
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.content import BINARY_ROWS, SINGLE_FLOAT
+from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import compacted
-from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up
 
-HEADER_BYTES = 12
-"""Bytes before the chunks; each chunk has 8 bytes before its content."""
-
-MAX_GLB_BYTES = 2**32 - 1
-"""Largest size of a file in bytes, as its header holds the size in 32 bits."""
-
-FLOAT, UNSIGNED = 5126, 5125
-"""glTF's numbers for the types of components."""
-
-VERTICES, INDICES = 34962, 34963
-"""glTF's numbers for the content of a view of the buffer."""
+HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
+VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
 
 
-@frozen
-class _Numbers:
-    """Numbers of 32 bits, made block by block: once to be described, and once to be written.
+class Part(NamedTuple):
+    """A node of the file: a group of cells with the vertices that they use, and values at these."""
 
-    Attributes
-    ----------
-    values : (m, k)
-    rows : (r,) int or None
-        Those of the values that are meant; None for all.
-    single : function
-        Of some rows of the values: (s, w) elements of glTF.
-    """
-
-    values: FloatArray | IntArray
-    rows: IntArray | None
-    single: Callable[[NDArray[Any]], NDArray[Any]]
-
-    def blocks(self) -> Iterator[NDArray[Any]]:
-        """The elements."""
-        for start in range(0, len(self.values if self.rows is None else self.rows), BINARY_ROWS):
-            some = slice(start, start + BINARY_ROWS)
-            yield self.single(self.values[some if self.rows is None else self.rows[some]])
-
-    @cached_property
-    def known(self) -> tuple[dict[str, Any], int, bytes]:
-        """Their description in glTF, the number of their bytes, and a key that other numbers do not have."""
-        count, low, high, key = 0, [], [], sha256()
-        for block in self.blocks():
-            count += len(block)
-            low.append(block.min(axis=0))
-            high.append(block.max(axis=0))
-            key.update(block.tobytes())
-        least, most = reduce(np.minimum, low), reduce(np.maximum, high)
-        return {"count": count, "max": most.tolist(), "min": least.tolist()}, count * least.nbytes, key.digest()
-
-
-Parts: TypeAlias = Mapping[str, Mapping[str, _Numbers]]
-"""What each named part has, under its name in glTF, in the order of the file."""
+    name: str
+    vertices: FloatArray
+    cells: IntArray
+    normals: FloatArray | None
+    uv: FloatArray | None
 
 
 def glb_blocks(
     mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
-) -> Iterator[bytes]:
-    """Yield a GLB file with a node for each group. `up` is the vertical axis."""
-    parts = {name: _numbers(mesh, slice(start, stop), len(groups) == 1, normals, uv) for name, start, stop in groups}
-    stored: dict[int, _Numbers] = {}
+) -> Iterable[bytes]:
+    """Return a GLB file with a node for each group. `up` is the vertical axis.
 
-    def finish(tree: dict[str, Any]) -> None:
-        """Describe the numbers in a tree that has only the places of their descriptions."""
-        for mesh, part in zip(tree["meshes"], parts.values(), strict=True):
-            (primitive,) = mesh["primitives"]
-            places = {"indices": primitive["indices"], **primitive["attributes"]}
-            for name, numbers in part.items():
-                accessor = tree["accessors"][places[name]]
-                accessor |= {key: value for key, value in numbers.known[0].items() if key in accessor}
-                stored.setdefault(accessor["bufferView"], numbers)
-        length = 0
-        for number, view in enumerate(tree["bufferViews"]):
-            view |= {"byteOffset": length, "byteLength": stored[number].known[1]}
-            length += view["byteLength"]
-        tree["buffers"][0]["byteLength"] = length
-        mark_views(tree)
-        tree["asset"] |= {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
-
-    text = (_text_of_lines if mesh.is_curve else _text_of_triangles)(parts, finish)
-    yield _header(text, sum(numbers.known[1] for numbers in stored.values()))
-    for number in sorted(stored):
-        yield from (block.tobytes() for block in stored[number].blocks())
+    Raises
+    ------
+    ExportError
+        The file would be larger than 4 GB.
+    """
+    parts = []
+    for name, start, stop in groups:
+        whole = len(groups) == 1  # then vertices without cells stay
+        used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
+        parts.append(Part(name, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
+    _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
+    extras = {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
+    return _lines(parts, extras) if mesh.is_curve else [_triangles(parts, extras)]
 
 
-def _numbers(
-    mesh: Mesh, group: slice, is_whole: bool, normals: FloatArray | None, uv: FloatArray | None
-) -> dict[str, _Numbers]:
-    """What a group has, with the vertices that its cells use; a whole mesh has all its vertices."""
-    used, cells = (None, mesh.cells) if is_whole else compacted(mesh.cells[group])
-    indices = _Numbers(cells, None, lambda rows: rows.astype("<u4").reshape(-1, 1))
-    found = {"POSITION": _Numbers(mesh.vertices, used, lambda rows: rows.astype(SINGLE_FLOAT))}
-    if uv is not None:
-        found["TEXCOORD_0"] = _Numbers(uv, used, _downwards)
-    if normals is not None:
-        from trimesh.util import unitize
-
-        found["NORMAL"] = _Numbers(normals, used, lambda rows: unitize(rows).astype(SINGLE_FLOAT))
-    return {**found, "indices": indices} if mesh.is_curve else {"indices": indices, **found}
-
-
-def _downwards(uv: FloatArray) -> NDArray[Any]:
-    return np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]).astype(SINGLE_FLOAT)
-
-
-def _text_of_triangles(parts: Parts, finish: Callable[[dict[str, Any]], None]) -> bytes:
-    """The description that trimesh's exporter makes of stand-ins for the parts: equal where their numbers are equal."""
-    import trimesh
+def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
+    from trimesh import Scene, Trimesh
     from trimesh.exchange.gltf import export_glb
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     root = "world"
-    while root in parts:
+    while root in (part.name for part in parts):
         root += "_"
-    scene = trimesh.Scene(base_frame=root)
+    scene = Scene(base_frame=root)
     # A patch is open, and viewers leave out its back with the default material.
     material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    keys: dict[bytes, int] = {}
-    for name, part in parts.items():
-        tables = {key: keys.setdefault(each.known[2], len(keys) + 1) * np.eye(3) for key, each in part.items()}
-        geometry = trimesh.Trimesh(
-            vertices=tables["POSITION"],
-            faces=tables["indices"].astype(np.int64),
-            vertex_normals=tables.get("NORMAL"),
-            visual=TextureVisuals(uv=tables.get("TEXCOORD_0"), material=material),
-            process=False,
-            validate=False,
-        )
-        scene.add_geometry(geometry, node_name=name, geom_name=name)
+    for name, vertices, cells, normals, uv in parts:
+        visual = TextureVisuals(uv=uv, material=material)
+        surface = Trimesh(vertices, cells, vertex_normals=normals, visual=visual, process=False, validate=False)
+        scene.add_geometry(surface, node_name=name, geom_name=name)
+
+    def finish(tree: dict[str, Any]) -> None:
+        """Say which views hold vertices or indices, for viewers that pass them to the graphics card."""
+        tree["asset"] |= extras
+        for mesh in tree["meshes"]:
+            for primitive in mesh["primitives"]:
+                for number in primitive["attributes"].values():
+                    tree["bufferViews"][tree["accessors"][number]["bufferView"]]["target"] = VERTICES
+                tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
+
     data: bytes = export_glb(
         scene,
-        include_normals="NORMAL" in part,
-        unitize_normals=False,
+        include_normals=parts[0].normals is not None,
+        unitize_normals=True,
         tree_postprocessor=finish,
         extension_webp=False,
         extension_draco=False,
     )
-    begin = HEADER_BYTES + 8
-    return data[begin : begin + int.from_bytes(data[HEADER_BYTES : HEADER_BYTES + 4], "little")]
+    return data
 
 
-def _text_of_lines(parts: Parts, finish: Callable[[dict[str, Any]], None]) -> bytes:
-    """The description of indexed lines.
+def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
+    """Return indexed lines.
 
     trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
     their order, and reads these files correctly.
     """
-    meshes: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
-    kinds = {"POSITION": (FLOAT, "VEC3"), "TEXCOORD_0": (FLOAT, "VEC2"), "indices": (UNSIGNED, "SCALAR")}
-    for name, part in parts.items():
-        attributes = {}
-        for key in part:
-            attributes[key] = len(accessors)
-            component, kind = kinds[key]
-            bounds: dict[str, Any] = {"min": [], "max": []} if key == "POSITION" else {}
-            described = {"bufferView": len(accessors), "componentType": component, "count": 0, "type": kind}
-            accessors.append({**described, **bounds})
-        indices = attributes.pop("indices")
-        meshes.append({"name": name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
-    tree: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": list(range(len(parts)))}],
-        "nodes": [{"name": name, "mesh": number} for number, name in enumerate(parts)],
-        "meshes": meshes,
-        "accessors": accessors,
-        "bufferViews": [{"buffer": 0} for _ in accessors],
-        "buffers": [{}],
-    }
-    finish(tree)
-    return _text(tree)
+    file = GlbFile(
+        {
+            "asset": {"version": "2.0", **extras},
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(parts)))}],
+            "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
+            "meshes": [],
+            "accessors": [],
+            "bufferViews": [],
+            "buffers": [{}],
+        }
+    )
+    for part in parts:
+        attributes = {"POSITION": file.add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
+        if part.uv is not None:
+            upwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])  # glTF counts from the top
+            attributes["TEXCOORD_0"] = file.add(upwards.astype(SINGLE_FLOAT), VERTICES)
+        indices = file.add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
+        primitive = {"attributes": attributes, "indices": indices, "mode": 1}
+        file.tree["meshes"].append({"name": part.name, "primitives": [primitive]})
+    return file.blocks()
 
 
-def mark_views(tree: dict[str, Any]) -> None:
-    """Mark in a glTF tree which views hold vertices or indices, for viewers that pass them to the graphics card."""
-    views, accessors = tree["bufferViews"], tree["accessors"]
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            for attributes in (primitive["attributes"], *primitive.get("targets", ())):
-                for number in attributes.values():
-                    views[accessors[number]["bufferView"]]["target"] = VERTICES
-            views[accessors[primitive["indices"]]["bufferView"]]["target"] = INDICES
+class GlbFile:
+    """A glTF tree and its buffer, to which arrays of 32-bit numbers are added.
+
+    Parameters
+    ----------
+    tree : dict
+    body : bytes
+        What the buffer has already.
+    """
+
+    def __init__(self, tree: dict[str, Any], body: bytes = b"") -> None:
+        self.tree = tree
+        self._chunks = [body]
+        self._length = len(body)
+
+    def add(self, values: NDArray[Any], target: int | None = None) -> int:
+        """Append (m, w) numbers, say what they are for (`VERTICES` or `INDICES`), and return their accessor."""
+        chunk = values.tobytes()
+        view = {"buffer": 0, "byteOffset": self._length, "byteLength": len(chunk)}
+        self.tree["bufferViews"].append(view if target is None else view | {"target": target})
+        self.tree["accessors"].append(
+            {
+                "bufferView": len(self.tree["bufferViews"]) - 1,
+                "componentType": 5126 if values.dtype.kind == "f" else 5125,
+                "count": len(values),
+                "type": ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1],
+                "min": values.min(axis=0).tolist(),
+                "max": values.max(axis=0).tolist(),
+            }
+        )
+        self._chunks.append(chunk)
+        self._length += len(chunk)
+        return len(self.tree["accessors"]) - 1
+
+    def blocks(self) -> list[bytes]:
+        """Return the whole file."""
+        self.tree["buffers"][0]["byteLength"] = self._length
+        text = json.dumps(self.tree, separators=(",", ":")).encode("ascii")
+        text += b" " * (-len(text) % 4)
+        total = HEADER_BYTES + 8 + len(text) + 8 + self._length
+        _check_size(total)
+        whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), self._length))
+        return [b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0", *self._chunks]
 
 
-def glb_file(tree: dict[str, Any], chunks: Sequence[bytes]) -> list[bytes]:
-    """Return the blocks of a file: a description, with the length of the chunks for its buffer, and these chunks."""
-    length = tree["buffers"][0]["byteLength"] = sum(map(len, chunks))
-    return [_header(_text(tree), length), *chunks]
-
-
-def _text(tree: dict[str, Any]) -> bytes:
-    text = json.dumps(tree, separators=(",", ":")).encode("ascii")
-    return text + b" " * (-len(text) % 4)
-
-
-def _header(text: bytes, length: int) -> bytes:
-    """The beginning of a file, up to the buffer of the given length."""
-    total = HEADER_BYTES + 8 + len(text) + 8 + length
-    if total > MAX_GLB_BYTES:
-        raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
-    whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
-    return b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0"
+def _check_size(length: int) -> None:
+    if length > 2**32 - 1:  # the header has 32 bits for it
+        raise ExportError(f"GLB: holds no more than 4 GB, and this has {length / 1e9:.1f}")

@@ -19,7 +19,7 @@ from gtb_cli.errors import ExportError
 from gtb_cli.formats.content import SINGLE_FLOAT
 from gtb_cli.formats.export import encode_mesh, standing
 from gtb_cli.formats.glb import glb_chunks
-from gtb_cli.formats.gltf import FLOAT, glb_file, mark_views
+from gtb_cli.formats.gltf import VERTICES, GlbFile
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import Up
 
@@ -78,27 +78,27 @@ def animated_glb(
     check_count(len(meshes))
     if any(not np.array_equal(mesh.cells, first.cells) for mesh in others):
         raise ExportError("GLB: the meshes of an animation must have the same cells")
-    file = _File(b"".join(encode_mesh(replace(first, groups=()), "glb", normals=normals, uv=uv, up=up)))
+    tree, body = glb_chunks(b"".join(encode_mesh(replace(first, groups=()), "glb", normals=normals, uv=uv, up=up)))
+    file = GlbFile(tree, body)
     (mesh,) = file.tree["meshes"]
     (primitive,) = mesh["primitives"]
     mesh["extras"] = {**extras} if extras else {}
     if others:
-        stored = {name: file.vectors(primitive["attributes"][name]) for name in _morphed(first, normals)}
+        stored = {name: _vectors(file.tree, body, primitive["attributes"][name]) for name in _morphed(first, normals)}
         primitive["targets"] = [
             {
                 name: file.add(
-                    _single(_morphed(standing(other, "glb", up), normals)[name] - base, f"{label}: {name}"), "VEC3"
+                    _single(_morphed(standing(other, "glb", up), normals)[name] - base, f"{label}: {name}"), VERTICES
                 )
                 for name, base in stored.items()
             }
             for other, label in zip(others, labels[1:], strict=True)
         ]
-        mark_views(file.tree)
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {
-            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE_FLOAT), "SCALAR"),
-            "output": file.add(np.eye(len(meshes), dtype=SINGLE_FLOAT)[:, 1:].ravel(), "SCALAR"),
+            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE_FLOAT)[:, None]),
+            "output": file.add(np.eye(len(meshes), dtype=SINGLE_FLOAT)[:, 1:].reshape(-1, 1)),
             "interpolation": "LINEAR",
         }
         node = next(number for number, node in enumerate(file.tree["nodes"]) if "mesh" in node)
@@ -115,43 +115,11 @@ def check_count(meshes: int) -> None:
         )
 
 
-class _File:
-    """A GLB file to which arrays of 32-bit numbers are added."""
-
-    def __init__(self, data: bytes) -> None:
-        self.tree, self._body = glb_chunks(data)
-        self._added: list[bytes] = []
-        self._length = len(self._body)
-
-    def vectors(self, accessor: int) -> FloatArray:
-        """The vectors of an accessor of the original file, as they are stored."""
-        described = self.tree["accessors"][accessor]
-        start = self.tree["bufferViews"][described["bufferView"]]["byteOffset"]
-        values = np.frombuffer(self._body, SINGLE_FLOAT, 3 * described["count"], start)
-        return values.reshape(-1, 3).astype(np.float64)
-
-    def add(self, values: NDArray[np.float32], kind: str) -> int:
-        """Append an array, and return the number of its accessor."""
-        chunk = values.tobytes()
-        rows = values.reshape(len(values), -1)
-        self.tree["bufferViews"].append({"buffer": 0, "byteOffset": self._length, "byteLength": len(chunk)})
-        self.tree["accessors"].append(
-            {
-                "bufferView": len(self.tree["bufferViews"]) - 1,
-                "componentType": FLOAT,
-                "count": len(values),
-                "type": kind,
-                "min": rows.min(axis=0).tolist(),
-                "max": rows.max(axis=0).tolist(),
-            }
-        )
-        self._added.append(chunk)
-        self._length += len(chunk)
-        return len(self.tree["accessors"]) - 1
-
-    def blocks(self) -> list[bytes]:
-        """Return the whole file."""
-        return glb_file(self.tree, [self._body, *self._added])
+def _vectors(tree: Mapping[str, Any], body: bytes, accessor: int) -> FloatArray:
+    """Return the vectors of an accessor, as they are stored."""
+    described = tree["accessors"][accessor]
+    start = tree["bufferViews"][described["bufferView"]]["byteOffset"]
+    return np.frombuffer(body, SINGLE_FLOAT, 3 * described["count"], start).reshape(-1, 3).astype(np.float64)
 
 
 def _morphed(mesh: Mesh, normals: bool) -> dict[str, FloatArray]:

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from types import SimpleNamespace
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import BINARY_ROWS, SINGLE_FLOAT, Content, joined, single_half_steps, triangles
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.process.forks import in_forks
 from gtb_cli.vocabulary import plain_name
-
-RESERVED_PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "s", "t")
-"""Properties with a meaning of their own, whose names attributes cannot have."""
-
-HEADER_END = b"end_header\n"
 
 
 def ply_blocks(
@@ -31,17 +24,25 @@ def ply_blocks(
     attributes: Mapping[str, FloatArray],
     *,
     ascii: bool,
-) -> Iterator[bytes]:
-    """Yield a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers."""
+) -> Iterable[bytes]:
+    """Return a PLY file: text with numbers that read back exactly, or binary with 32-bit numbers."""
+    scalars = ({} if uv is None else dict(zip("st", uv.T, strict=True))) | dict(attributes)
+    if ascii or mesh.is_curve:
+        return _table(mesh, normals, scalars, ascii)
+    from trimesh import Trimesh
+    from trimesh.exchange.ply import export_ply
+
+    surface = Trimesh(mesh.vertices, mesh.cells, vertex_normals=normals, process=False, validate=False)
+    surface.vertex_attributes |= {name: values.astype(SINGLE_FLOAT) for name, values in scalars.items()}
+    return [export_ply(surface, encoding="binary", vertex_normal=normals is not None, include_attributes=True)]
+
+
+def _table(mesh: Mesh, normals: FloatArray | None, scalars: Mapping[str, FloatArray], ascii: bool) -> Iterator[bytes]:
+    """Yield what trimesh does not write: all digits, and paths with properties and each vertex once."""
     columns = dict(zip("xyz", mesh.vertices.T, strict=True))
     if normals is not None:
         columns |= zip(("nx", "ny", "nz"), normals.T, strict=True)
-    if uv is not None:
-        columns |= zip("st", uv.T, strict=True)
-    columns |= attributes
-    if not ascii and not mesh.is_curve:
-        yield from _ply_of_trimesh(mesh, normals, columns)
-        return
+    columns |= scalars
     table = np.column_stack(list(columns.values()))
     encoding, number = ("ascii", "double") if ascii else ("binary_little_endian", "float")
     lines = ["ply", f"format {encoding} 1.0", f"element vertex {len(table)}"]
@@ -54,48 +55,16 @@ def ply_blocks(
     if ascii:
         yield from _text_rows(" ".join(["%r"] * len(columns)) + "\n", table)
         yield from _text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
-    else:  # trimesh writes a path without properties, and repeats the vertices for each of its entities
+    else:
         yield table.astype(SINGLE_FLOAT).tobytes()
         yield mesh.cells.astype("<i4").tobytes()
 
 
 def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
-    def text(start: int) -> bytes:
+    for start in range(0, len(values), BLOCK_ROWS):
         block = values[start : start + BLOCK_ROWS]
         lines: str = line * len(block) % tuple(block.ravel().tolist())
-        return lines.encode("ascii")
-
-    return in_forks(text, range(0, len(values), BLOCK_ROWS))
-
-
-def _ply_of_trimesh(mesh: Mesh, normals: FloatArray | None, columns: Mapping[str, FloatArray]) -> Iterator[bytes]:
-    """Yield a binary PLY file by blocks, since trimesh's exporter holds its tables and their bytes at once."""
-    from trimesh.exchange.ply import export_ply
-
-    scalars = list(columns)[3 if normals is None else 6 :]
-
-    def exported(**tables: object) -> bytes:
-        # A Trimesh would copy its arrays; the exporter needs only these attributes, and leaves out what is missing.
-        part = SimpleNamespace(visual=SimpleNamespace(kind=None), **tables)
-        data: bytes = export_ply(part, encoding="binary", vertex_normal=normals is not None, include_attributes=True)
-        return data
-
-    def vertices(rows: slice) -> dict[str, object]:
-        attributes = {name: columns[name][rows].astype(SINGLE_FLOAT) for name in scalars}
-        return {
-            "vertices": mesh.vertices[rows],
-            "vertex_normals": None if normals is None else normals[rows],
-            "vertex_attributes": attributes,
-        }
-
-    header = exported(**vertices(slice(0)), faces=mesh.cells[:0])
-    for element, count in ((b"vertex", len(mesh.vertices)), (b"face", len(mesh.cells))):
-        header = header.replace(b"element %b 0\n" % element, b"element %b %d\n" % (element, count))
-    yield header
-    for start in range(0, len(mesh.vertices), BINARY_ROWS):
-        yield exported(**vertices(slice(start, start + BINARY_ROWS))).partition(HEADER_END)[2]
-    for start in range(0, len(mesh.cells), BINARY_ROWS):
-        yield exported(faces=mesh.cells[start : start + BINARY_ROWS]).partition(HEADER_END)[2]
+        yield lines.encode("ascii")
 
 
 def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -106,10 +75,11 @@ def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray
     ExportError
         A name is reserved or taken, or an attribute does not have one number for each vertex.
     """
+    reserved = ("x", "y", "z", "nx", "ny", "nz", "s", "t")  # properties with a meaning of their own
     named: dict[str, FloatArray] = {}
     for name, values in attributes.items():
         plain = plain_name(name).encode("ascii", "replace").decode().replace("?", "_")
-        if plain in RESERVED_PROPERTIES or plain in named:
+        if plain in reserved or plain in named:
             raise ExportError(f"attributes: PLY has a property {plain!r} already, as which {name!r} would be written")
         if values.ndim != 1:
             raise ExportError(f"attributes: {name!r}: expected one number for each vertex, got shape {values.shape}")
