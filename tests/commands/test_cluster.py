@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from gtb_cli.errors import GtbError
+from gtb_cli.shell.cluster import _check_workers
 from tests.marks import long
 from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
 
@@ -40,6 +42,39 @@ def test_a_cluster_says_how_many_workers_there_are(tmp_path):
     result = gtb("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", "127.0.0.1:8786", "-j", 2)
     assert result.status == 2
     assert "--cluster and -j exclude each other" in result.err
+
+
+class Workers:
+    """A client of Dask whose one worker answers from a table what it is asked."""
+
+    def __init__(self, **answers: object) -> None:
+        self.answers = {package: importlib.metadata.version(package) for package in PACKAGES}
+        self.answers |= {"OPENBLAS_NUM_THREADS": "1"} | answers
+
+    def wait_for_workers(self, count: int, timeout: float) -> None:
+        pass
+
+    def run(self, function: object, name: str, **options: object) -> dict[str, object]:
+        return {"tcp://there": self.answers[name]}
+
+
+PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
+
+
+@pytest.mark.parametrize(
+    ("name", "answer", "words"),
+    [
+        *((package, "0.1", f"tcp://there has {package} 0.1, and this process has ") for package in PACKAGES),
+        ("scipy", importlib.metadata.PackageNotFoundError("scipy"), "tcp://there has no scipy, and this process has "),
+        ("numpy", OSError("gone"), "tcp://there does not answer: gone"),
+        ("OPENBLAS_NUM_THREADS", None, "tcp://there was started without OPENBLAS_NUM_THREADS=1"),
+        ("OPENBLAS_NUM_THREADS", "2", "tcp://there was started without OPENBLAS_NUM_THREADS=1"),
+    ],
+)
+def test_workers_that_would_make_other_bytes_are_refused(name, answer, words):
+    _check_workers(Workers(), "here")
+    with pytest.raises(GtbError, match=f"--cluster here: {words}"):
+        _check_workers(Workers(**{name: answer}), "here")
 
 
 def test_nobody_listens(tmp_path):

@@ -29,6 +29,7 @@ from tests.shell import (
     example_of,
     gtb,
     process,
+    run_process,
     script,
     shell,
 )
@@ -150,6 +151,23 @@ def test_the_entry_point_is_the_module():
 
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["scripts"] == {"gtb": "gtb_cli.__main__:main"}
+
+
+THREADS_SEEN = """
+import os
+from gtb_cli.__main__ import THREADS, main
+os.environ.pop(THREADS[-1], None)
+try:
+    main()
+finally:
+    print([os.environ[name] for name in THREADS])
+"""
+
+
+def test_libraries_of_sums_get_one_thread_whatever_the_environment_says():
+    line = [sys.executable, "-c", THREADS_SEEN, "--version"]
+    result = run_process(line, OPENBLAS_NUM_THREADS="8", OMP_NUM_THREADS="2")
+    assert result.text.endswith(f"\n{['1'] * 5}\n")
 
 
 # --- streams

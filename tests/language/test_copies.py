@@ -319,6 +319,15 @@ def test_wide_and_deep_includes_are_bounded(tmp_path):
     assert refusal(path) == ["f99.toml:1: include[0]: f100.toml: at most 100 files can be included"]
 
 
+def test_large_includes_are_bounded_together(tmp_path):
+    """Each file is below what one may have, two are within what all may have, and three are not."""
+    parts = {f"f{i}": f"{PATCH.replace('wall', f'wall-{i}')}#{'x' * 4_000_000}\n" for i in range(3)}
+    assert len(load(folder(tmp_path, main='include = ["f0.toml", "f1.toml"]\n', **parts))) == 2
+    assert refusal(folder(tmp_path, main='include = ["f0.toml", "f1.toml", "f2.toml"]\n')) == [
+        "main.toml:1: include[2]: f2.toml: is too large, files of a spec have at most 10 MB together"
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
