@@ -3,6 +3,7 @@
 The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
 """
 
+from gtb_cli.display import register
 from gtb_cli.version import __version__
 
 # While typing, or annotations from __future__, are imported, Ctrl-C would show a traceback.
@@ -111,6 +112,9 @@ def __getattr__(name: str) -> object:
     value = getattr(import_module(f"{__name__}.{_ROOMS[name]}"), name)
     globals()[name] = value
     return value
+
+
+register(__getattr__)
 
 
 def __dir__() -> list[str]:

@@ -15,7 +15,7 @@ from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
-    from gtb_cli.pictures.sight import Sight
+    from gtb_cli.pictures.content import Content
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 
@@ -85,12 +85,12 @@ def view(
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
         from gtb_cli.shell.watching import serve
 
-        serve(paths, lambda: sight_of_paths(paths, resolution, spec_format, limit), port, console, opens=not no_open)
+        serve(paths, lambda: content_of_paths(paths, resolution, spec_format, limit), port, console, opens=not no_open)
         return
-    sight = sight_of_paths(paths, resolution, spec_format, limit)
+    content = content_of_paths(paths, resolution, spec_format, limit)
     from gtb_cli.pictures.page import page_of
 
-    page = page_of(sight)
+    page = page_of(content)
     if output is not None:
         write_text(output, page)
         if output != STANDARD:
@@ -99,18 +99,18 @@ def view(
     _show(page, console, opens=not no_open)
 
 
-def sight_of_paths(
+def content_of_paths(
     paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest | None = None
-) -> Sight:
+) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
-    from gtb_cli.pictures.sight import joined
+    from gtb_cli.pictures.content import joined
 
     limit = limit if limit is not None and limit.given() else None
-    return joined([_sight(path, resolution, spec_format, limit) for path in paths])
+    return joined([_content(path, resolution, spec_format, limit) for path in paths])
 
 
-def _sight(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest | None) -> Sight:
-    from gtb_cli.pictures.sight import sight_of, sight_of_frames, sight_of_mesh
+def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest | None) -> Content:
+    from gtb_cli.pictures.content import content_of, content_of_frames, content_of_mesh
 
     stem, suffix = os.path.splitext(os.path.basename(os.path.abspath(path)))
     is_sequence = os.path.isdir(path) or os.path.basename(path) == "sequence.json"
@@ -121,14 +121,14 @@ def _sight(path: str, resolution: int | None, spec_format: str | None, limit: Li
 
         frames = read_frames(path)
         with about(path):
-            return sight_of_frames(frames, stem if os.path.isdir(path) else "sequence")
+            return content_of_frames(frames, stem if os.path.isdir(path) else "sequence")
     if suffix.lower() in MESH_SUFFIXES:
         from gtb_cli.formats.meshfiles import read_mesh
 
         mesh = read_mesh(path)
         with about(path):
             _refuse_too_many(len(mesh.cells))
-            return sight_of_mesh(mesh, stem)
+            return content_of_mesh(mesh, stem)
     spec = read_spec(path, spec_format)
     with about(shown_input(path)):
         if resolution is not None:
@@ -138,8 +138,8 @@ def _sight(path: str, resolution: int | None, spec_format: str | None, limit: Li
             fine = resolution or SEQUENCE_RESOLUTION
             frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
-            return sight_of_frames(frames, name)
-        return sight_of(spec, resolution, name)
+            return content_of_frames(frames, name)
+        return content_of(spec, resolution, name)
 
 
 def _refuse_too_many(faces: int) -> None:

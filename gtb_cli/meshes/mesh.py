@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
+from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
     import trimesh
-    from matplotlib.axes import Axes
 
 
 @by_value
@@ -174,17 +174,8 @@ class Mesh:
         """(2, 3) lowest and highest coordinates."""
         return bounds_of(self.vertices)
 
-    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the mesh on matplotlib axes, and return these; see `gtb_cli.plot`."""
-        import gtb_cli
-
-        return gtb_cli.plot(self, ax, **options)
-
-    def _repr_html_(self) -> str:
-        """A frame for notebooks in which the mesh can be turned."""
-        import gtb_cli
-
-        return gtb_cli.frame(self)
+    plot = plot
+    _repr_html_ = frame
 
     def to_trimesh(self) -> trimesh.Trimesh | trimesh.path.Path3D:
         """Return the same vertices and faces, in the same order, as a trimesh object (a `Path3D` for a curve)."""

@@ -13,7 +13,7 @@ from gtb_cli.theory.patch import Patch
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from gtb_cli.pictures.sight import Sight
+    from gtb_cli.pictures.content import Content
 
 
 def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
@@ -47,6 +47,8 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
     look = Look(**options)
     with settings():
         if isinstance(thing, Mesh):
+            if what is not None:
+                raise DomainError(f"what: a mesh has one picture, and none is called {what!r}")
             return _plot_mesh(thing, ax, look)
         from gtb_cli.pictures.figures import axes_for, default_picture, draw_on
 
@@ -76,17 +78,17 @@ def page(thing: Patch | Model | Mesh) -> str:
     """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`."""
     from gtb_cli.pictures.page import page_of
 
-    return page_of(_sight(thing))
+    return page_of(_content(thing))
 
 
 def frame(thing: Patch | Model | Mesh) -> str:
     """Return HTML of a frame with such a page, for a notebook."""
     from gtb_cli.pictures.page import frame_of
 
-    return frame_of(_sight(thing))
+    return frame_of(_content(thing))
 
 
-def _sight(thing: Patch | Model | Mesh) -> Sight:
-    from gtb_cli.pictures.sight import sight_of, sight_of_mesh
+def _content(thing: Patch | Model | Mesh) -> Content:
+    from gtb_cli.pictures.content import content_of, content_of_mesh
 
-    return sight_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else sight_of(thing)
+    return content_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else content_of(thing)

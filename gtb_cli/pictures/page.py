@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.pictures.colours import scale_of
-from gtb_cli.pictures.sight import Sight
+from gtb_cli.pictures.content import Content
 
 FRAME = '<iframe srcdoc="{page}" style="width:100%;height:420px;border:1px solid #8884;border-radius:6px"></iframe>'
 """Frame of a page within another page."""
@@ -24,12 +24,12 @@ BOX_DIGITS = 4
 """Digits, relative to a box's size, to which its corners are given."""
 
 
-def page_of(sight: Sight, **more: Any) -> str:
+def page_of(content: Content, **more: Any) -> str:
     """Return the text of a page that shows something.
 
     Parameters
     ----------
-    sight : Sight
+    content : Content
     **more
         Further entries of the page's data: ``watch``, the number of this state, makes it ask for newer ones, and
         ``error`` is a text that it shows.
@@ -37,9 +37,9 @@ def page_of(sight: Sight, **more: Any) -> str:
     Returns
     -------
     str
-        HTML that contains script and data, always the same for the same sight.
+        HTML that contains script and data, always the same for the same content.
     """
-    return page_with({**page_data(sight), **more}, sight.name)
+    return page_with({**page_data(content), **more}, content.name)
 
 
 def page_with(data: dict[str, Any], title: str) -> str:
@@ -55,12 +55,12 @@ def page_with(data: dict[str, Any], title: str) -> str:
     return page
 
 
-def frame_of(sight: Sight) -> str:
+def frame_of(content: Content) -> str:
     """Return HTML of a frame that shows something within another page, such as a notebook."""
-    return FRAME.format(page=html.escape(page_of(sight), quote=True))
+    return FRAME.format(page=html.escape(page_of(content), quote=True))
 
 
-def page_data(sight: Sight) -> dict[str, Any]:
+def page_data(content: Content) -> dict[str, Any]:
     """Return the data for the script of a page: coordinates between -1/2 and 1/2, in single precision, as base 64.
 
     Raises
@@ -68,7 +68,9 @@ def page_data(sight: Sight) -> dict[str, Any]:
     DomainError
         There is nothing to show, or it is too large.
     """
-    clouds = [cloud for moment in sight.moments for cloud in (moment.vertices, moment.net_points) if len(cloud)]
+    clouds = [
+        cloud for keyframe in content.keyframes for cloud in (keyframe.vertices, keyframe.net_points) if len(cloud)
+    ]
     low, high = bounds_of(np.concatenate(clouds))
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
     if not math.isfinite(size):
@@ -80,47 +82,48 @@ def page_data(sight: Sight) -> dict[str, Any]:
         return _text(((points - middle) / size).astype("<f4"))
 
     frames = []
-    for moment in sight.moments:
-        frame = {"label": moment.label, "positions": placed(moment.vertices)}
-        if len(moment.normals):
-            frame["normals"] = _text(moment.normals.astype("<f4"))
-        if len(moment.net_points):
-            frame["net"] = placed(moment.net_points)
+    for keyframe in content.keyframes:
+        frame = {"label": keyframe.label, "positions": placed(keyframe.vertices)}
+        if len(keyframe.normals):
+            frame["normals"] = _text(keyframe.normals.astype("<f4"))
+        if len(keyframe.net_points):
+            frame["net"] = placed(keyframe.net_points)
         frames.append(frame)
     scalars = {}
-    for name, values in sight.scalars.items():
+    for name, values in content.scalars.items():
         ends = scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             scalars[name] = {"values": _text(values.clip(*ends).astype("<f4")), "low": ends[0], "high": ends[1]}
-    start, end = bounds_of(np.concatenate([moment.vertices for moment in sight.moments]))
-    lines = {name: _text(getattr(sight, name).astype("<u4")) for name in ("border", "open", "folds", "net")}
+    start, end = bounds_of(np.concatenate([keyframe.vertices for keyframe in content.keyframes]))
+    lines = {name: _text(pairs.astype("<u4")) for name, pairs in content.lines.items()}
     return {
-        "name": sight.name,
-        "facts": _facts(sight),
-        "curve": sight.is_curve,
-        "plane": bool(sight.is_curve and low[2] == high[2]),
+        "name": content.name,
+        "facts": _facts(content),
+        "curve": content.is_curve,
+        "plane": bool(content.is_curve and low[2] == high[2]),
         "box": {
             "low": ((start - middle) / size).tolist(),
             "high": ((end - middle) / size).tolist(),
             "texts": _corner_texts(start.tolist(), end.tolist(), size),
         },
         "frames": frames,
-        "cells": _text(sight.cells.astype("<u4")),
-        "groups": [list(group) for group in sight.groups],
+        "cells": _text(content.cells.astype("<u4")),
+        "groups": [list(group) for group in content.groups],
         "lines": lines,
-        "netNames": list(sight.net_names),
-        "knots": {"points": placed(sight.knots), "names": list(sight.knot_names)},
+        "netNames": list(content.net_names),
+        "knots": {"points": placed(content.knots), "names": list(content.knot_names)},
         "scalars": scalars,
     }
 
 
-def _facts(sight: Sight) -> str:
-    count = len(sight.moments[0].vertices)
-    if sight.is_curve:
-        return f"{count} vertices, {len(sight.cells)} segments"
-    normals = "exact at vertices" if sight.exact else "means of the triangles'"
-    open_sides = f", {len(sight.open)} open sides" if len(sight.open) else ""
-    return f"{count} vertices, {len(sight.cells)} triangles{open_sides}; normals {normals}"
+def _facts(content: Content) -> str:
+    count = len(content.keyframes[0].vertices)
+    if content.is_curve:
+        return f"{count} vertices, {len(content.cells)} segments"
+    normals = "exact at vertices" if content.exact else "means of the triangles'"
+    count_open = len(content.lines["open"])
+    open_sides = f", {count_open} open sides" if count_open else ""
+    return f"{count} vertices, {len(content.cells)} triangles{open_sides}; normals {normals}"
 
 
 def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:

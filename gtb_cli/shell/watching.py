@@ -14,7 +14,7 @@ from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.shell.console import Console
 
 if TYPE_CHECKING:
-    from gtb_cli.pictures.sight import Sight
+    from gtb_cli.pictures.content import Content
 
 HOST = "127.0.0.1"
 
@@ -31,7 +31,7 @@ class Watch:
         Reads the files; its errors are shown.
     """
 
-    def __init__(self, paths: Sequence[str], see: Callable[[], Sight]) -> None:
+    def __init__(self, paths: Sequence[str], see: Callable[[], Content]) -> None:
         self._paths, self._see, self._lock = paths, see, Lock()
         self._stamp: object = None
         self.version = 0
@@ -122,7 +122,7 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
     return Handler
 
 
-def serve(paths: Sequence[str], see: Callable[[], Sight], port: int, console: Console, *, opens: bool) -> None:
+def serve(paths: Sequence[str], see: Callable[[], Content], port: int, console: Console, *, opens: bool) -> None:
     """Serve a page on the loopback address until Ctrl-C.
 
     Raises

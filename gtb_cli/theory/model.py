@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from gtb_cli.theory.joints import Joints
 
 
@@ -83,14 +82,5 @@ class Model:
 
         return find_joints(self.patches, self.weld)
 
-    def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-        """Draw the model on matplotlib axes, and return these; see `gtb_cli.plot`."""
-        import gtb_cli
-
-        return gtb_cli.plot(self, ax, what, **options)
-
-    def _repr_html_(self) -> str:
-        """A frame for notebooks in which the model can be turned."""
-        import gtb_cli
-
-        return gtb_cli.frame(self)
+    plot = plot
+    _repr_html_ = frame

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive, read_only
+from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, EdgeNormals, domain
 from gtb_cli.knots.lattice import binomial_coefficients
@@ -24,8 +25,6 @@ from gtb_cli.values import by_value, frozen
 COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partition_of_unity_coefficients}
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from gtb_cli.theory.normals import NormalField
 
 
@@ -323,17 +322,8 @@ class Patch:
         knots = self.domain.along(edge, self.knots)[members]
         return self.part(members, knots=knots, edge_normals="auto", name=f"{self.name or 'patch'}-edge{edge}")
 
-    def plot(self, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
-        """Draw the patch on matplotlib axes, and return these; see `gtb_cli.plot`."""
-        import gtb_cli
-
-        return gtb_cli.plot(self, ax, what, **options)
-
-    def _repr_html_(self) -> str:
-        """A frame for notebooks in which the patch can be turned."""
-        import gtb_cli
-
-        return gtb_cli.frame(self)
+    plot = plot
+    _repr_html_ = frame
 
     @cached_property
     def _middle(self) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gtb_cli
-from gtb_cli.pictures.sight import sides, sight_of
+from gtb_cli.pictures.content import content_of, sides
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 
@@ -66,19 +66,19 @@ def test_size_and_place_change_nothing(scale, shift):
 
 def test_open_sides_and_patches_of_a_model():
     model = gtb_cli.load(SPECS / "box-corner.toml")
-    assert len(sight_of(model, 4).open) == 4 * len(model.joints.open) > 0
-    closed = sight_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), 2)
-    assert len(closed.open) == 0
-    assert len(closed.border) > 0
-    assert len(closed.folds) == 0
+    assert len(content_of(model, 4).lines["open"]) == 4 * len(model.joints.open) > 0
+    closed = content_of(gtb_cli.load(SPECS / "hebesphenorotunda.toml"), 2).lines
+    assert len(closed["open"]) == 0
+    assert len(closed["border"]) > 0
+    assert len(closed["folds"]) == 0
 
 
 def test_a_fold_within_a_patch_is_marked():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.7, 0.01]])
     mesh = gtb_cli.Mesh(vertices, np.array([[0, 1, 2], [2, 1, 3]]))
-    assert sides(mesh, [("all", 0, 2)])[2].tolist() == [[1, 2]]
-    border, _, folds = sides(mesh, [("one", 0, 1), ("other", 1, 2)])
-    assert (border.tolist(), len(folds)) == ([[1, 2]], 0)
+    assert sides(mesh, [("all", 0, 2)])["folds"].tolist() == [[1, 2]]
+    lines = sides(mesh, [("one", 0, 1), ("other", 1, 2)])
+    assert (lines["border"].tolist(), len(lines["folds"])) == ([[1, 2]], 0)
 
 
 def test_no_text_of_a_spec_ends_the_script(tmp_path):
@@ -156,3 +156,5 @@ def test_python_draws_and_shows_itself():
     assert len(mesh.plot(dpi=40).images) == 1
     with pytest.raises(gtb_cli.DomainError, match="got 'colour'"):
         patch.plot(colour="red")
+    with pytest.raises(gtb_cli.DomainError, match="none is called 'domain'"):
+        mesh.plot(what="domain")

@@ -8,9 +8,9 @@ from http.server import ThreadingHTTPServer
 
 import pytest
 
-from gtb_cli.commands.view import sight_of_paths
+from gtb_cli.commands.view import content_of_paths
 from gtb_cli.errors import SpecError
-from gtb_cli.pictures.sight import Sight
+from gtb_cli.pictures.content import Content
 from gtb_cli.shell.watching import HOST, Watch, handler
 
 GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
@@ -24,8 +24,8 @@ def spec(tmp_path):
 
 
 def watch_of(path) -> Watch:
-    def see() -> Sight:
-        return sight_of_paths((str(path),), 3, None)
+    def see() -> Content:
+        return content_of_paths((str(path),), 3, None)
 
     return Watch([str(path)], see)
 
@@ -63,7 +63,7 @@ def test_a_file_that_is_wrong_at_first_is_followed(spec):
 
 
 def test_errors_that_are_not_ours_are_not_hidden(spec):
-    def see() -> Sight:
+    def see() -> Content:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):

@@ -1,0 +1,208 @@
+"""The contents of a page: triangles or segments, with the points and lines that belong to them, in model units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted
+from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import adjacent
+from gtb_cli.pictures.look import subscript
+from gtb_cli.pictures.nets import net_of
+from gtb_cli.pictures.sequences import Frames, with_normals
+from gtb_cli.tessellation.attributes import with_attributes
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+
+NO_POINTS = np.empty((0, 3))
+
+
+@frozen
+class Keyframe:
+    """One state of a moving shape: positions, normals (none for curves) and control points."""
+
+    label: str
+    vertices: FloatArray
+    normals: FloatArray
+    net_points: FloatArray
+
+
+@frozen
+class Content:
+    """The contents of a page.
+
+    Attributes
+    ----------
+    name : str
+    keyframes : tuple of Keyframe
+        One, or those of a sequence.
+    cells : (k, 3) or (k, 2) int
+    groups : tuple of (name, start, stop)
+        Ranges of `cells` with names of their own.
+    lines : mapping of name to (m, 2) int
+        Pairs of vertices: ``border`` between groups, ``open`` without a neighbour, and ``folds`` within a group, where
+        the normals of both triangles are more than 90 degrees apart; pairs of control points: ``net``.
+    net_names, knot_names : tuple of str
+    knots : (n, 3) float
+        Points of the surface at the knots.
+    scalars : mapping of name to (m,) float
+        "mean" and "gaussian" curvature.
+    exact : bool
+        Whether the normals are the surface's own at the vertices, not means of the triangles'.
+    """
+
+    name: str
+    keyframes: tuple[Keyframe, ...]
+    cells: IntArray
+    groups: tuple[tuple[str, int, int], ...]
+    lines: Mapping[str, IntArray]
+    net_names: tuple[str, ...] = ()
+    knots: FloatArray = field(default_factory=lambda: NO_POINTS)
+    knot_names: tuple[str, ...] = ()
+    scalars: Mapping[str, FloatArray] = field(default_factory=dict)
+    exact: bool = True
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether the cells are segments."""
+        return bool(self.cells.shape[1] == 2)
+
+
+def content_of(shape: Patch | Model, resolution: int | None = None, name: str | None = None) -> Content:
+    """Return the contents for a spec: its mesh with exact normals, control net, knots and curvature."""
+    patches = shape.patches
+    surface = shape.dimension == 2
+    fine = 256 if not surface else 40 if len(patches) <= 4 else 14  # looks smooth; many patches are small
+    mesh = tessellate(shape, resolution or fine, parametrization="linear")
+    scalars = {}
+    if surface:
+        kinds = ("mean", "gaussian")
+        found = with_attributes(shape, mesh, [f"{kind}_curvature" for kind in kinds], "linear")[0].attributes
+        scalars = {kind: found[f"{kind}_curvature"] for kind in kinds}
+    net: list[IntArray] = []
+    net_names: list[str] = []
+    knot_names: list[str] = []
+    for k, patch in enumerate(patches):
+        net.append(np.array(net_of(patch)) + len(net_names))
+        before = f"{patch.name or f'patch{k}'} " if len(patches) > 1 else ""
+        for i, (knot, weight, point) in enumerate(zip(patch.knots, patch.weights, patch.control_points, strict=True)):
+            net_names.append(f"{before}{subscript('b', i)} = {_tuple(point)}")
+            knot_names.append(f"{before}{subscript('a', i)} = {_tuple(knot)}, ω = {weight:.6g}")
+    title = name or shape.name or patches[0].name or "patch0"
+    groups = mesh.groups or ((title, 0, len(mesh.cells)),)
+    lines = sides(mesh, groups)
+    if isinstance(shape, Patch):  # its edges are not left open by mistake
+        lines |= {"border": lines["open"], "open": lines["border"]}
+    return Content(
+        title,
+        (_keyframe(mesh, "", np.concatenate([patch.control_points for patch in patches])),),
+        mesh.cells,
+        groups,
+        lines | {"net": np.concatenate(net)},
+        tuple(net_names),
+        np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
+        tuple(knot_names),
+        scalars,
+    )
+
+
+def content_of_mesh(mesh: Mesh, name: str) -> Content:
+    """Return the contents for a mesh; if it has no normals, with the means of the triangles' normals."""
+    groups = mesh.groups or ((name, 0, len(mesh.cells)),)
+    return Content(name, (_keyframe(mesh),), mesh.cells, groups, sides(mesh, groups), exact=mesh.normals is not None)
+
+
+def content_of_frames(frames: Frames, name: str) -> Content:
+    """Return the contents for a sequence."""
+    first = frames.meshes[0]
+    if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
+        raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
+    points = NO_POINTS if frames.net_points is None else frames.net_points
+    none = np.empty((0, 2), dtype=np.int64)
+    return Content(
+        name,
+        tuple(_keyframe(mesh, label, points) for label, mesh in zip(frames.titles, frames.meshes, strict=True)),
+        first.cells,
+        ((name, 0, len(first.cells)),),
+        {
+            "border": none if first.is_curve else first.open_sides,
+            "open": none,
+            "folds": none,
+            "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
+        },
+        tuple(subscript("b", i) for i in range(len(points))),
+        exact=first.normals is not None,
+    )
+
+
+def joined(contents: Sequence[Content]) -> Content:
+    """Return the contents of one page for several things together."""
+    if len(contents) == 1:
+        return contents[0]
+    if len({content.is_curve for content in contents}) > 1:
+        raise DomainError("curves and surfaces are not shown on one page")
+    if any(len(content.keyframes) > 1 for content in contents):
+        raise DomainError("a sequence is shown on a page of its own")
+    shown = [content.keyframes[0] for content in contents]
+    vertices, normals, points = (
+        [getattr(keyframe, name) for keyframe in shown] for name in ("vertices", "normals", "net_points")
+    )
+    cells = [content.cells for content in contents]
+    first_vertex, first_point, first_cell = (np.cumsum([0, *map(len, rows)]) for rows in (vertices, points, cells))
+
+    def behind(pairs: Sequence[IntArray], starts: IntArray) -> IntArray:
+        return np.concatenate([shifted(rows, start) for rows, start in zip(pairs, starts.tolist(), strict=False)])
+
+    return Content(
+        ", ".join(content.name for content in contents),
+        (Keyframe("", np.concatenate(vertices), np.concatenate(normals), np.concatenate(points)),),
+        behind(cells, first_vertex),
+        tuple(
+            (name if len(content.groups) == 1 else f"{content.name}: {name}", start + first, stop + first)
+            for content, first in zip(contents, first_cell.tolist(), strict=False)
+            for name, start, stop in content.groups
+        ),
+        {
+            name: behind([content.lines[name] for content in contents], first_point if name == "net" else first_vertex)
+            for name in contents[0].lines
+        },
+        tuple(name for content in contents for name in content.net_names),
+        np.concatenate([content.knots for content in contents]),
+        tuple(name for content in contents for name in content.knot_names),
+        {
+            name: np.concatenate([content.scalars[name] for content in contents])
+            for name in sorted(set.intersection(*(set(content.scalars) for content in contents)))
+        },
+        all(content.exact for content in contents),
+    )
+
+
+def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> dict[str, IntArray]:
+    """Return the lines of a mesh, each side once: the borders between groups, open sides, and folds within a group."""
+    if mesh.is_curve:
+        return dict.fromkeys(("border", "open", "folds", "net"), np.empty((0, 2), dtype=np.int64))
+    group = np.repeat(np.arange(len(groups)), [stop - start for _, start, stop in groups])
+    pairs, ends = adjacent(mesh.faces)
+    first, second = pairs.T
+    between = group[first] != group[second]
+    size = float(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max()) or 1.0
+    corners = mesh.vertices[mesh.faces] / size
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    back = dot(normals[first], normals[second]) < 0
+    return {"border": ends[between], "open": mesh.open_sides, "folds": ends[back & ~between], "net": ends[:0]}
+
+
+def _keyframe(mesh: Mesh, label: str = "", points: FloatArray = NO_POINTS) -> Keyframe:
+    normals = with_normals(mesh).normals
+    return Keyframe(label, mesh.vertices, NO_POINTS if normals is None else normals, points)
+
+
+def _tuple(numbers: ArrayLike) -> str:
+    return f"({', '.join(f'{x:.6g}' for x in np.asarray(numbers).tolist())})"
