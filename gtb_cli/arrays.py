@@ -143,7 +143,10 @@ def distinct(values: NDArray[Any]) -> NDArray[Any]:
 
 def rows_of(table: Table, rows: IntArray | BoolArray | slice) -> Table:
     """Some rows of a named tuple of arrays."""
-    return tuple.__new__(type(table), [column[rows] for column in table])
+    if isinstance(rows, slice):
+        return tuple.__new__(type(table), [column[rows] for column in table])
+    rows = np.flatnonzero(rows) if rows.dtype == bool else rows
+    return tuple.__new__(type(table), [column.take(rows, axis=0) for column in table])
 
 
 def joined(tables: Sequence[Table]) -> Table:

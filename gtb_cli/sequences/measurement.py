@@ -18,8 +18,8 @@ from gtb_cli.sequences.continuation import Places
 from gtb_cli.sequences.family import Family
 from gtb_cli.sequences.motion import Motion, has_wide_layers
 from gtb_cli.sequences.separation import Separation
+from gtb_cli.tessellation.barycentric import MIN_SAMPLES
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.tessellation.lattice import MIN_SAMPLES
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
 

@@ -184,8 +184,6 @@ class Progress:
     def _draw(self) -> None:
         import time
 
-        from gtb_cli.process.status import status
-
         start = time.monotonic()
         if self._over.wait(PROGRESS_DELAY):
             return
@@ -195,8 +193,7 @@ class Progress:
                 seconds = int(time.monotonic() - start)
                 bar = "#" * int(share * BAR_CHARACTERS)
                 clock = f"{seconds // 60}:{seconds % 60:02d}"
-                words = f"{status()} {printable(self.label)}".strip()
-                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {words}"
+                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {printable(self.label)}".rstrip()
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 with self._lock:
                     # The last column is left free: writing there makes some terminals start a new line.

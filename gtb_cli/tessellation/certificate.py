@@ -18,7 +18,6 @@ from gtb_cli.certificates.surface import SPENT_SHARE, WAY_OUT, SurfaceCertificat
 from gtb_cli.errors import ToleranceError
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT, block_length
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch
 
@@ -55,7 +54,6 @@ class Certificates:
 
     def __init__(self, sampler: Sampler) -> None:
         self.sampler = sampler
-        self.growth = Growth()
         self.rounds = 0
         self.torus = np.empty(0)  # of the vertices
         self.curves: dict[int, CurveCertificate] = {}
@@ -66,8 +64,8 @@ class Certificates:
         if mesh.is_surface:
             return self._failing_triangles(mesh, rows, tolerance)
         new = np.arange(len(self.torus), len(mesh.points))
-        s = _torus_coordinates(self.sampler, mesh.patch[new], mesh.parameters[new], mesh.face[new])
-        self.torus = self.growth.append("torus", self.torus, s)
+        s = _torus_coordinates(self.sampler, *rows_of(mesh.vertices, new)[:3])
+        self.torus = np.append(self.torus, s)
         result = [rows[:0]]
         for index, where in groups(mesh.cells.patch[rows]):
             own = rows[where]
@@ -77,7 +75,7 @@ class Certificates:
             for vertex, u in zip(mesh.cells.cells[own].T, mesh.cells.corners[own].swapaxes(0, 1), strict=True):
                 s = self.torus.take(vertex)
                 # A vertex shared with another curve has other coordinates on this one.
-                other = np.flatnonzero(mesh.patch[vertex] != index)
+                other = np.flatnonzero(mesh.vertices.patch[vertex] != index)
                 patch = np.full(len(other), index)
                 s[other] = _torus_coordinates(self.sampler, patch, u[other], np.zeros_like(patch))
                 ends.append(s)

@@ -6,7 +6,7 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.tessellation.lattice import inner_points
+from gtb_cli.tessellation.barycentric import inner_points
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch

@@ -12,61 +12,22 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_columns, dot
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_columns, dot, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
 from gtb_cli.moment.newton import dot as column_dot
-from gtb_cli.process.status import described
+from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
 from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
-from gtb_cli.tessellation.forecast import Forecast
-from gtb_cli.tessellation.lattice import (
-    BULGE_FACTORS,
-    MIN_SAMPLES,
-    SIDE_STEPS,
-    inner_points,
-    quadratic_heights,
-    steps_for,
-)
+from gtb_cli.tessellation.peaks import Peaks
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import Sampling
-from gtb_cli.tessellation.sharing import shared
-from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
-MIN_TOLERANCE_ROUNDINGS = 64
-"""A tolerance of fewer roundings of the largest coordinate cannot be verified and is refused."""
-
-MIN_EDGE = 1e-13
-"""Fraction of the domain's size below which edges are not split: their ends are too few roundings apart."""
-
-SAMPLE_SHARE = 0.9
-"""Part of the tolerance that samples may use up: between samples near creases, distances up to 6 % larger were seen."""
-
-THIN_HEIGHT = 0.01
-"""Height of a triangle in Δ over its longest side, in units of the smallest such ratio at the start, that is thin."""
-
-QUADRATIC_SHARE = 0.1
-"""Part of the tolerance by which samples may differ from a quadratic surface before a finer lattice is used."""
-
-QUARTER_SHARE = 0.02
-"""The same at one quarter of an edge, before the other quarter is sampled, too."""
-
-MAX_SLIDE = 0.1
-"""Part of an edge by which its curve may run ahead along it; one that runs farther may overshoot the other end."""
-
-BUMP_FACTOR = 5.0
-"""How many times the difference from a quadratic surface a bump between samples may be: 4 was seen, across creases."""
-
 FINE_LATTICE_STEPS = 12
-
-PLACE_SHARE = 0.01
-"""Part of the tolerance by which a sample may be off along the surface: it is found sooner."""
-
-MAX_FOLD_SPLITS = 256
-"""Cells of a flat patch, turned over or leaving samples out, that are split before all its edges count."""
+"""Steps of the lattice on which triangles are sampled over which the surface is not quadratic."""
 
 
 def refine(
@@ -111,144 +72,98 @@ def refine(
     at their centroids, and at and between knots; if the samples differ from a quadratic surface, on a lattice of
     `FINE_LATTICE_STEPS` steps.
     """
-    work = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify)
-    with described(work.status):
-        while (marked := work.marks()).any():
-            work.advance(marked)
-    return work.mesh.result(), work.mesh.points
+    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify).finished()
+    return mesh.result(), mesh.points
 
 
 class _Refinement:
-    """A subdivision with what is known of its edges and cells."""
+    """A subdivision, and what decides which of its edges are split."""
 
     def __init__(
         self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int, certify: bool
     ) -> None:
+        is_surface = start.cells.shape[1] == 3
+        sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
+        thin_height = 0.01  # over the longest side, in units of the smallest such ratio at the start
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
-        self.tolerance = SAMPLE_SHARE * tolerance if start.cells.shape[1] == 3 else tolerance
+        self.tolerance = sample_share * tolerance if is_surface else tolerance
         points = sampler.points(start.patch, start.parameters, start.face)
-        scale = float(np.abs(points).max())
-        least = MIN_TOLERANCE_ROUNDINGS * EPS * scale
-        if not tolerance > least:
-            below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
-            raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
-        self.start = start
-        self.mesh = Subdivision(start, points, sampler.patches, THIN_HEIGHT)
-        self.samples, self.growth = Sampling(self.mesh, sampler), Growth()
-        self.sizes = np.array([patch.domain.size for patch in sampler.patches])
+        refuse_rounding(tolerance, points)
+        self.mesh = Subdivision(start, points, sampler.patches, thin_height)
+        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler)
+        self.certify = certify or not is_surface
+        self.peaks = Peaks(self.mesh.domains) if is_surface else None
+        self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
-        self.flat = np.array([not certify and patch.dimension == 2 and is_flat(patch, tolerance)
-                              for patch in sampler.evaluated])  # fmt: skip
+        self.flat = np.array([is_surface and not certify and is_flat(patch, tolerance) for patch in sampler.evaluated])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
-        self.nearby, self.forecast = 0.0, Forecast(max_cells, self.count)
-        self.certificates = Certificates(sampler)
-        self.verified = np.zeros(len(start.cells), dtype=bool)
-        self.certify, self.certified = certify, np.full(len(start.cells), not certify)
-        # For each edge the middle of its curve, the distance of this from the edge and that of the farthest sample (0
-        # for edges that were split), and how far samples are from a parabola.
-        self.middle = np.empty((0, 3))
-        self.bend, self.error, self.roughness = np.empty(0), np.empty(0), np.empty(0)
-        self.measure()
-        self.bulging = self.bulge(np.arange(len(start.cells))) > self.tolerance
+        self.nearby = 0.0  # part of Δ's size by which a sample may be off along the surface
+        self.foreseen_at = 0  # cells when their final number was last foreseen
 
-    def measure(self) -> None:
+    def finished(self) -> Subdivision:
+        """Split edges until all cells are within the tolerance."""
+        changed = np.arange(len(self.mesh))
+        while True:
+            self.sample_middles()
+            marked = self.far()
+            self.mark_worst(marked, changed[self.bulge(changed) > self.tolerance])
+            for further_marks in (self.marks_of_samples, self.marks_of_certificates):
+                marked = marked if marked.any() else further_marks()
+            if not marked.any():
+                return self.mesh
+            changed = self.split(marked)
+
+    def far(self) -> BoolArray:
+        """(e,) which edges are known to be too far from their curves."""
+        return self.mesh.edges.error > self.tolerance
+
+    def sample_middles(self) -> None:
         """Sample the middle of the edges that were not sampled yet."""
         edges = self.mesh.edges
-        new = np.arange(len(self.error), len(edges.ends))
-        middle, distance = self.samples.middles(new)
+        new = np.flatnonzero(np.isnan(edges.error))
+        edges.middle[new], edges.bend[new] = self.samples.middles(new)
         inside = self.flat.take(edges.patch[new]) & (edges.face[new] == INTERIOR)
-        self.middle = self.growth.append("middle", self.middle, middle)
-        self.bend = self.growth.append("bend", self.bend, distance)
-        self.error = self.growth.append("error", self.error, np.where(inside, 0.0, distance))
-        self.roughness = self.growth.append("roughness", self.roughness, np.full(len(new), np.nan))
+        edges.error[new] = np.where(inside, 0.0, edges.bend[new])
 
-    def advance(self, marked: BoolArray) -> None:
-        """Split edges and sample what is new."""
-        self.mesh.mark_thin(marked)
-        chosen, touched = np.flatnonzero(marked), np.flatnonzero(self.mesh.has_mark(marked))
+    def split(self, marked: BoolArray) -> IntArray:
+        """Split edges, and return the cells that changed."""
+        mesh = self.mesh
+        mesh.mark_thin(marked)
+        chosen, touched = np.flatnonzero(marked), np.flatnonzero(mesh.has_mark(marked))
         # Each split side adds one cell.
-        before = len(self.mesh)
-        self.refuse_hopeless(chosen, before + int(np.count_nonzero(marked.take(self.mesh.cells.sides[touched]))))
-        changed = self.mesh.split(chosen, self.middle.take(chosen, axis=0), touched)
+        self.refuse_hopeless(chosen, len(mesh) + int(np.count_nonzero(marked.take(mesh.cells.sides[touched]))))
+        changed = mesh.split(chosen, touched)
         self.samples.follow(chosen)
-        self.error[chosen] = 0.0
-        unknown, old = np.zeros(len(self.mesh) - before, dtype=bool), changed[changed < before]
-        self.certified[old] = not self.certify
-        self.certified = self.growth.append("certified", self.certified, unknown | (not self.certify))
-        self.verified[old] = False
-        self.verified = self.growth.append("verified", self.verified, unknown)
-        self.bulging = self.growth.append("bulging", self.bulging, unknown)
-        self.measure()
-        self.bulging[changed] = shared(self.bulge, changed) > self.tolerance
+        return changed
 
     def refuse_hopeless(self, chosen: IntArray, count: int) -> None:
         """Raise `ToleranceError` if splitting some edges, into `count` cells, cannot help, or leads to too many."""
-        kind, why, excess = "faces" if self.mesh.is_surface else "segments", "", ""
-        if count <= self.max_cells and self.forecast.is_due(len(self.mesh)):
-            excess = self.forecast.excess(self.error.take(self.mesh.cells.sides.T) / self.tolerance)
-        widths = np.abs(np.subtract(*np.moveaxis(self.mesh.edges.parameters.take(chosen, axis=0), 1, 0)))
-        least = MIN_EDGE * self.sizes.take(self.mesh.edges.patch.take(chosen))
+        first_cells = 1000  # from which on estimates on eight specs were 0.6 to 1.0 times the final number
+        min_edge = 1e-13  # part of Δ's size below which the ends of an edge are too few roundings apart
+        edges, cells, now = self.mesh.edges, self.mesh.cells, len(self.mesh)
+        kind, why = "faces" if self.mesh.is_surface else "segments", ""
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
-        elif excess:
-            why = f"needs about {excess} {kind}, more than {self.max_cells}"
-        elif (np.maximum(widths[:, 0], widths[:, -1]) < least).any():
+        elif now > max(first_cells, 2 * self.foreseen_at):
+            self.foreseen_at = now
+            needed = cells_needed(edges.error.take(cells.sides.T) / self.tolerance)
+            # Until a sixteenth of the cells are there, spikes may be taken for what is usual.
+            if needed > (2.0 if now < needed / 16 else 1.0) * self.max_cells:
+                why = f"needs about {needed:.1g} {kind}, more than {self.max_cells}"
+        halved = rows_of(edges, chosen)
+        if not why and (halved.widths < min_edge * self.sizes.take(halved.patch)).any():
             why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(
-                f"tolerance: {self.asked:g} {why}; with {len(self.mesh)} the distance is still {self.error.max():.3g}"
+                f"tolerance: {self.asked:g} {why}; with {now} the distance is still {edges.error.max():.3g}"
             )
-
-    def status(self) -> str:
-        """How far this is, in words."""
-        kind = "faces" if self.mesh.is_surface else "segments"
-        return f"{len(self.mesh)} {kind}, distance {self.error.max():.2g}, asked for {self.asked:.2g}"
-
-    def count(self, factor: int) -> int:
-        """How many cells a tolerance takes that is larger by a factor."""
-        tried, _ = refine(self.start, self.sampler, factor * self.asked, self.max_cells, self.points_in_all)
-        return len(tried.cells)
-
-    def marks(self) -> BoolArray:
-        """(e,) which edges must be split: by what is known of them, or else after sampling cells not verified yet."""
-        while True:
-            marked = self.error > self.tolerance
-            self.mark_worst(marked, np.flatnonzero(self.bulging))
-            todo = np.flatnonzero(~self.verified)
-            if marked.any() or not len(todo):
-                return self.mark_uncertified(marked)
-            if not self.mesh.is_surface:
-                self.verified[todo] = True
-                marked[self.mesh.cells.sides[self.certificates.failing(self.mesh, todo, self.asked), 0]] = True
-                return marked
-            self.sample_peaks(self.mesh.sides_of(todo))
-            is_flat, steps_at = self.flat.take(self.mesh.cells.patch[todo]), self.steps_at(todo)
-            bent, flat = todo[~is_flat], todo[is_flat]
-            failing, doubtful = self.sampled(bent, steps_at[~is_flat])
-            marked = self.error > self.tolerance
-            self.mark_worst(marked, failing)
-            self.verified[bent] = True
-            self.verified[failing] = self.verified[doubtful] = False
-            # Flat patches wait until all others hold.
-            if len(flat) and not marked.any():
-                marked = self.flat_marks(flat)
-            if marked.any():
-                return marked
-
-    def mark_uncertified(self, marked: BoolArray) -> BoolArray:
-        """If nothing is marked, mark the worst edge of triangles that must be certified and cannot be."""
-        todo = np.flatnonzero(~self.certified & (not marked.any()))
-        failing = self.certificates.failing(self.mesh, todo, self.asked) if len(todo) else todo
-        self.certified[todo] = ~np.isin(todo, failing)
-        self.mark_worst(marked, failing)
-        return marked
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
         """Mark the edge that is farthest from the surface in each cell that fails and has no marked edge yet."""
         sides = self.mesh.cells.sides.take(failing[~self.mesh.has_mark(marked, failing)], axis=0)
-        length = self.mesh.lengths(sides)
+        length, error = self.mesh.lengths(sides), self.mesh.edges.error[sides]
         # If all edges hold, the longest: errors are then rounding.
-        rank = np.where(self.error[sides] > 0.05 * self.tolerance, self.error[sides], 0.0) + 1e-6 * self.tolerance * (
+        rank = np.where(error > 0.05 * self.tolerance, error, 0.0) + 1e-6 * self.tolerance * (
             length / np.maximum(length.max(axis=1, keepdims=True), np.finfo(float).tiny)
         )
         marked[sides[np.arange(len(sides)), rank.argmax(axis=1)]] = True
@@ -259,17 +174,66 @@ class _Refinement:
         normal = cross_of_columns(corners[1] - corners[0], corners[2] - corners[0])
         length = np.sqrt(column_dot(normal, normal))
         scale = 1 / np.where(length > 0, length, np.inf)
-        middles = [np.ascontiguousarray(self.middle.take(side, axis=0).T) for side in sides.T]
+        middles = [np.ascontiguousarray(self.mesh.edges.middle.take(side, axis=0).T) for side in sides.T]
         return np.stack([column_dot(middles[k] - (corners[k] + corners[k - 2]) / 2, normal) * scale for k in range(3)])
 
     def bulge(self, rows: IntArray) -> FloatArray:
-        """Largest heights over some cells of the quadratic surfaces through their corners and the middles of sides."""
+        """Largest heights over some cells of the quadratic surfaces through their corners and the middles of sides.
+
+        They are measured at the middles of the sides, at the centroid, and between middles.
+        """
         if not self.mesh.is_surface:
             return np.zeros(len(rows))
-        return np.asarray(np.abs(BULGE_FACTORS @ self.heights(rows)).max(axis=0))
+        quarters = np.array([[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]])
+        return np.asarray(np.abs(quadratic_heights(quarters / 4) @ self.heights(rows)).max(axis=0))
 
-    def sampled(self, rows: IntArray, steps_at: IntArray) -> tuple[IntArray, IntArray]:
-        """Sample cells on lattices of the given steps: which of them fail, and which are doubtful.
+    def marks_of_certificates(self) -> BoolArray:
+        """(e,) the worst edge of each cell that must be certified and cannot be."""
+        mesh, marked = self.mesh, np.zeros(len(self.mesh.edges.ends), dtype=bool)
+        todo = np.flatnonzero(~mesh.cells.certified) if self.certify else np.empty(0, dtype=np.int64)
+        if len(todo):
+            failing = self.certificates.failing(mesh, todo, self.asked)
+            mesh.cells.certified[todo] = ~np.isin(todo, failing)
+            self.mark_worst(marked, failing)
+        return marked
+
+    def marks_of_samples(self) -> BoolArray:
+        """(e,) which edges must be split by what samples of the triangles that were not sampled yet tell of them."""
+        mesh, marked = self.mesh, self.far()
+        while self.peaks and not marked.any() and len(todo := np.flatnonzero(~mesh.cells.sampled)):
+            self.sample_peaks(mesh.sides_of(todo), self.peaks)
+            is_flat, steps_at = self.flat.take(mesh.cells.patch[todo]), self.steps_at(todo)
+            bent, flat = todo[~is_flat], todo[is_flat]
+            failing, doubtful = self.sample_on_lattices(bent, steps_at[~is_flat], self.peaks)
+            marked = self.far()
+            self.mark_worst(marked, failing)
+            mesh.cells.sampled[bent] = True
+            mesh.cells.sampled[failing] = mesh.cells.sampled[doubtful] = False
+            # Flat patches wait until all others hold.
+            if len(flat) and not marked.any():
+                marked = self.flat_marks(flat)
+        return marked
+
+    def sample_peaks(self, sides: IntArray, peaks: Peaks) -> None:
+        """Note how far the curves of edges are from them at possible peaks, and how near samples must be."""
+        place_share = 0.01  # part of the tolerance by which a sample may be off along the surface: it is found sooner
+        mesh = self.mesh
+        edges = rows_of(mesh.edges, sides)
+        speed = float((mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
+        self.nearby = place_share * self.tolerance / speed if speed > 0 else 0.0
+        row, u = peaks.along(edges)
+        sample = self.sampler.points(edges.patch[row], u, edges.face[row])
+        np.maximum.at(mesh.edges.error, sides[row], to_segments(sample, *mesh.ends(sides[row])))
+
+    def steps_at(self, rows: IntArray) -> IntArray:
+        """(k,) steps of the lattices on which some cells are sampled."""
+        columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
+        extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
+        width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
+        return steps_for(width, self.points_in_all)
+
+    def sample_on_lattices(self, rows: IntArray, steps_at: IntArray, peaks: Peaks) -> tuple[IntArray, IntArray]:
+        """Sample cells at peaks, and on lattices of the given steps: which of them fail, and which are doubtful.
 
         Doubtful cells hold, but the surface is not quadratic there. If nothing else is left to split, they are sampled
         on a finer lattice.
@@ -279,103 +243,112 @@ class _Refinement:
             at = steps_at == steps
             fails[at], doubts[at] = self.sample(rows[at], steps)
             doubts[at] &= steps < FINE_LATTICE_STEPS
-        if doubts.any() and not fails.any() and not (self.error > self.tolerance).any():
+        if doubts.any() and not fails.any() and not self.far().any():
             fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE_STEPS)
             doubts[:] = False
-        cell, u = self.mesh.peaks_inside(rows)
-        fails |= np.isin(rows, cell[self.samples.at(cell, u, self.nearby) > self.tolerance])
+        row, u = peaks.inside(rows_of(self.mesh.cells, rows))
+        fails[row[self.samples.at(rows[row], u, self.nearby) > self.tolerance]] = True
         return rows[fails], rows[doubts]
 
-    def steps_at(self, rows: IntArray) -> IntArray:
-        """(k,) steps of the lattices on which some cells are sampled."""
-        columns = self.mesh.cells.corners.take(rows, axis=0).reshape(-1, 6).T
-        extents = (reduce(np.maximum, columns[axis::2]) - reduce(np.minimum, columns[axis::2]) for axis in (0, 1))
-        width = np.maximum(*extents) / self.sizes.take(self.mesh.cells.patch[rows])
-        return steps_for(width, self.points_in_all)
+    def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
+        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are doubtful."""
+        quadratic_share = 0.1  # part of the tolerance by which samples of a quadratic surface may differ from it
+        bump_factor = 5.0  # of that difference: a bump between samples was 4 times as high, across creases
+        quarter_share = 0.02  # part of the tolerance by which one quarter may differ before the other is sampled
+        block_samples = 200_000
+        edges, cells = self.mesh.edges, rows_of(self.mesh.cells, rows)
+        sides = self.mesh.sides_of(rows)
+        if steps <= SIDE_STEPS:
+            sides = sides[np.isnan(edges.roughness[sides])]
+            quarter = self.sample_sides(sides, np.array([0.25]))
+            slides = self.slides(sides, quarter[:, 0])
+            sides = sides[(edges.roughness[sides] > quarter_share * self.tolerance) | slides]
+            self.sample_sides(sides, np.array([0.75]))
+        else:
+            self.sample_sides(sides, np.arange(1, steps) / steps)
+        fails = np.zeros(len(rows), dtype=bool)
+        rough = reduce(np.maximum, [edges.roughness.take(side) for side in cells.sides.T])
+        seen = reduce(np.maximum, [edges.error.take(side) for side in cells.sides.T])
+        weights = inner_points(steps)
+        expected_of = quadratic_heights(weights)
+        length = max(1, block_samples // len(weights))
+        for begin in range(0, len(rows), length):
+            block = slice(begin, begin + length)
+            distance = self.samples.inside(rows[block], weights, self.nearby)
+            fails[block] = (distance > self.tolerance).any(axis=1)
+            expected = np.abs(expected_of @ self.heights(rows[block])).T
+            rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
+            seen[block] = np.maximum(seen[block], distance.max(axis=1))
+        return fails, (rough > quadratic_share * self.tolerance) & (seen + bump_factor * rough > self.tolerance)
+
+    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
+        """(e, f, 3) points of edges at fractions, quarters among them; notes how far and how rough they are."""
+        if not len(rows):
+            return np.empty((0, len(fractions), 3))
+        edges = self.mesh.edges
+        samples, distance = self.samples.along(rows, fractions, self.nearby)
+        # At its quarters a parabola is three quarters as far from its chord as in the middle.
+        off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * edges.bend[rows, None]).max(axis=1)
+        edges.roughness[rows] = np.fmax(edges.roughness[rows], off)
+        edges.error[rows] = np.maximum(edges.error[rows], distance.max(axis=1))
+        return samples
+
+    def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
+        """(e,) whether quarters or middles of curves are far from those of their edges, along these."""
+        max_slide = 0.1  # part of an edge: a curve that runs farther ahead along it may overshoot the other end
+        start, end = self.mesh.ends(rows)
+        chord = end - start
+        square = dot(chord, chord)
+        points = ((quarter, 0.25), (self.mesh.edges.middle.take(rows, axis=0), 0.5))
+        slides = [np.abs(dot(point - start, chord) - at * square) for point, at in points]
+        return np.asarray(np.maximum(*slides) > max_slide * square)
 
     def flat_marks(self, todo: IntArray) -> BoolArray:
         """(e,) which edges of flat patches must be split: on boundaries first, then where the mesh folds or has gaps.
 
         A patch on which that happens again and again is refined like others.
         """
+        max_fold_splits = 256  # cells, turned over or leaving samples out, that are split before all edges count
+        edges, cells = self.mesh.edges, self.mesh.cells
         sides = self.mesh.sides_of(todo)
-        self.sample_sides(sides[self.mesh.edges.face[sides] > 0], np.arange(1, FINE_LATTICE_STEPS) / FINE_LATTICE_STEPS)
-        marked = self.error > self.tolerance
-        self.verified[todo] = not marked.any()
+        self.sample_sides(sides[edges.face[sides] > 0], np.arange(1, FINE_LATTICE_STEPS) / FINE_LATTICE_STEPS)
+        marked = self.far()
+        cells.sampled[todo] = not marked.any()
         if marked.any():
             return marked
-        for index in np.unique(self.mesh.cells.patch[todo]).tolist():
-            rows = np.flatnonzero(self.mesh.cells.patch == index)
+        for index in np.unique(cells.patch[todo]).tolist():
+            rows = np.flatnonzero(cells.patch == index)
             failing = folded_or_uncovered(
                 self.mesh, rows, self.steps_at(rows), self.sampler, self.nearby, self.tolerance
             )
             if not failing.any():
                 continue
-            self.verified[rows] = False
+            cells.sampled[rows] = False
             self.folds[index] += int(failing.sum())
-            if self.folds[index] <= MAX_FOLD_SPLITS:
+            if self.folds[index] <= max_fold_splits:
                 self.mark_worst(marked, rows[failing])
                 continue
             self.flat[index] = False
             sides = self.mesh.sides_of(rows)
-            inner = sides[(self.mesh.edges.patch[sides] == index) & (self.mesh.edges.face[sides] == 0)]
-            self.error[inner] = self.bend[inner]
+            inner = sides[(edges.patch[sides] == index) & (edges.face[sides] == INTERIOR)]
+            edges.error[inner] = edges.bend[inner]
         return marked
 
-    def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
-        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are doubtful."""
-        cells = self.mesh.cells.at(rows)
-        sides = self.mesh.sides_of(rows)
-        if steps <= SIDE_STEPS:
-            sides = sides[np.isnan(self.roughness[sides])]
-            quarter = self.sample_sides(sides, np.array([0.25]))
-            slides = shared(lambda some: self.slides(sides[some], quarter[some, 0]), len(sides))
-            sides = sides[(self.roughness[sides] > QUARTER_SHARE * self.tolerance) | slides]
-            self.sample_sides(sides, np.array([0.75]))
-        else:
-            self.sample_sides(sides, np.arange(1, steps) / steps)
-        fails = np.zeros(len(rows), dtype=bool)
-        rough = reduce(np.maximum, [self.roughness.take(side) for side in cells.sides.T])
-        seen = reduce(np.maximum, [self.error.take(side) for side in cells.sides.T])
-        weights = inner_points(steps)
-        expected_of = quadratic_heights(weights)
-        length = max(1, 200_000 // len(weights))
-        for begin in range(0, len(rows), length):
-            block = slice(begin, begin + length)
-            part = rows[block]
-            distance = self.samples.inside(part, weights, self.nearby)
-            fails[block] = (distance > self.tolerance).any(axis=1)
-            expected = np.abs(expected_of @ shared(self.heights, part)).T
-            rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
-            seen[block] = np.maximum(seen[block], distance.max(axis=1))
-        return fails, (rough > QUADRATIC_SHARE * self.tolerance) & (seen + BUMP_FACTOR * rough > self.tolerance)
 
-    def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
-        """Whether the quarters or middles of the curves of edges are far from those of the edges, along these."""
-        start, end = self.mesh.ends(rows)
-        chord = end - start
-        square = dot(chord, chord)
-        points = ((quarter, 0.25), (self.middle.take(rows, axis=0), 0.5))
-        slides = [np.abs(dot(point - start, chord) - at * square) for point, at in points]
-        return np.asarray(np.maximum(*slides) > MAX_SLIDE * square)
+def refuse_rounding(tolerance: float, points: FloatArray) -> None:
+    """Raise `ToleranceError` if a tolerance is too near the rounding of points to be verified."""
+    scale = float(np.abs(points).max())
+    least = 64 * EPS * scale  # fewer roundings cannot be told from errors
+    if not tolerance > least:
+        below = f"{tolerance:g} is below the rounding of coordinates of size {scale:.3g}"
+        raise ToleranceError(f"tolerance: {below}, at least {least:.2g} can be verified")
 
-    def sample_sides(self, rows: IntArray, fractions: FloatArray) -> FloatArray:
-        """(e, f, 3) points of edges at fractions, quarters among them; notes how far and how rough they are."""
-        if not len(rows):
-            return np.empty((0, len(fractions), 3))
-        samples, distance = self.samples.along(rows, fractions, self.nearby)
-        # At its quarters a parabola is three quarters as far from its chord as in the middle.
-        off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * self.bend[rows, None]).max(axis=1)
-        self.roughness[rows] = np.fmax(self.roughness[rows], off)
-        self.error[rows] = np.maximum(self.error[rows], distance.max(axis=1))
-        return samples
 
-    def sample_peaks(self, sides: IntArray) -> None:
-        """Note how far the curves of edges are from them at possible peaks, and how near samples must be."""
-        edges = self.mesh.edges.at(sides)
-        speed = float((self.mesh.lengths(sides) * self.sizes.take(edges.patch) / edges.widths).max())
-        self.nearby = PLACE_SHARE * self.tolerance / speed if speed > 0 else 0.0
-        rows, u = self.mesh.peaks_along(sides)
-        edges = self.mesh.edges.at(rows)
-        sample = self.sampler.points(edges.patch, u, edges.face)
-        np.maximum.at(self.error, rows, to_segments(sample, *self.mesh.ends(rows)))
+def cells_needed(errors: FloatArray) -> float:
+    """Estimate how many cells there will be if halving the width divides errors by four.
+
+    Given are (1 or 3, k) errors of the sides, in units of the tolerance. A triangle is taken to bend in a second
+    direction only as much as its straightest side does.
+    """
+    parts = np.exp2(np.ceil(np.log2(np.maximum(errors, 1.0)) / 2))
+    return float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())

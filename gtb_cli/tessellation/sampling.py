@@ -17,10 +17,7 @@ from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.moment.torus import block_length
-from gtb_cli.process.threads import in_threads
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.sharing import BLOCK_ROWS
-from gtb_cli.tessellation.splitting import Growth
 from gtb_cli.tessellation.subdivision import Subdivision
 
 Corrections: TypeAlias = NDArray[np.complex128]
@@ -30,8 +27,8 @@ UNKNOWN = complex(np.nan, np.nan)
 
 MIDDLE = np.array([0.5])
 
-WORTH_THREADS = 10_000
-"""Fewest samples worth starting threads."""
+BLOCK_ROWS = 1 << 13
+"""Rows that are worked on at once: their arrays fit in the cache."""
 
 
 class _Places(NamedTuple):
@@ -68,7 +65,7 @@ class Sampling:
     """
 
     def __init__(self, mesh: Subdivision, sampler: Sampler) -> None:
-        self.mesh, self.sampler, self.growth = mesh, sampler, Growth()
+        self.mesh, self.sampler = mesh, sampler
         self.at_vertices, self.at_middles = np.full(len(mesh.points), UNKNOWN), np.empty(0, dtype=np.complex128)
 
     def middles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -81,12 +78,12 @@ class Sampling:
             return _pairs([_either(start, end), _either(end, start)], halves)
 
         samples, distance, learnt = self._sampled(self._on_edges(rows, MIDDLE, guesses), 0.0, learn=True)
-        self.at_middles = self.growth.append("middles", self.at_middles, learnt.view(np.complex128)[:, 0, 0])
+        self.at_middles = np.append(self.at_middles, learnt.view(np.complex128)[:, 0, 0])
         return samples[:, 0], distance[:, 0]
 
     def follow(self, chosen: IntArray) -> None:
         """Follow the subdivision, in which the middles of some edges have become vertices."""
-        self.at_vertices = self.growth.append("vertices", self.at_vertices, self.at_middles.take(chosen))
+        self.at_vertices = np.append(self.at_vertices, self.at_middles.take(chosen))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> tuple[FloatArray, FloatArray]:
         """(e, f, 3) points at fractions of some edges' curves, and their (e, f) distances from the edges."""
@@ -151,7 +148,7 @@ class Sampling:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(k, w, 3) samples, their (k, w) distances, and if asked for their (k, w, 2) corrections, where there are any.
 
-        What guesses lead to is found in blocks, by several threads; the rest after that, as points are learnt from.
+        What guesses lead to is found in blocks; the rest after that, as points are learnt from.
         """
         rows, number, sampler = places.rows, places.number, self.sampler
         points, distances, learnt = (
@@ -175,8 +172,8 @@ class Sampling:
             length = max(1, min(BLOCK_ROWS, block_length(len(sampler.evaluated[index].knots))) // number)
             blocks = [slice(begin, begin + length) for begin in range(0, len(own), length)]
             tasks += [(index, block if len(own) == len(rows) else own[block]) for block in blocks]
-        for _ in in_threads(sample, tasks, worth=len(tasks) > 1 and len(rows) * number > WORTH_THREADS):
-            pass
+        for task in tasks:
+            sample(task)
         row, place = np.divmod(np.flatnonzero(np.isnan(distances)), number)
         if len(row):
             own, patch, face = rows[row], places.patch[row], places.face[row]

@@ -1,59 +1,59 @@
-"""Cells with their sides as arrays, and how cells are cut whose sides are split in the middle."""
+"""Vertices, edges and cells as tables of columns, and the pieces into which cells with split sides are cut."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray, dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, dot, rows_of
 from gtb_cli.knots.face import INTERIOR
 
-TIE_RATIO = 1 + 1e-9
-"""Squared diagonals with a smaller ratio count as equal: rounding, which depends on the processor, must not choose."""
 
-Scalar = TypeVar("Scalar", bound=np.generic)
+class Vertices(NamedTuple):
+    """Vertices of a complex; `face` is the number of the face of Δ in whose interior each lies.
 
+    Attributes
+    ----------
+    patch, face : (v,) int
+    parameters : (v, d) float
+        In the domain of that patch.
+    points : (v, 3) float
+    """
 
-class Growth:
-    """Memory with room to spare for arrays that grow: appending rows does not copy all rows each time."""
-
-    def __init__(self) -> None:
-        self._rooms: dict[str, NDArray[Any]] = {}
-
-    def append(self, name: str, array: NDArray[Scalar], *more: NDArray[Scalar]) -> NDArray[Scalar]:
-        """Append rows to an array, under a name that no other array has."""
-        length = len(array) + sum(map(len, more))
-        room = self._rooms.get(name)
-        if room is None or array.base is not room or len(room) < length:
-            room = self._rooms[name] = np.empty((2 * length, *array.shape[1:]), dtype=array.dtype)
-            room[: len(array)] = array
-        np.concatenate(more, out=room[len(array) : length])
-        return room[:length]
+    patch: IntArray
+    parameters: FloatArray
+    face: IntArray
+    points: FloatArray
 
 
 class Edges(NamedTuple):
-    """Sides of cells; `face` is the number of the face of Δ that holds the middle."""
+    """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
+
+    Attributes
+    ----------
+    ends : (e, 2) int
+    patch, face : (e,) int
+        The face of Δ that holds the middle.
+    parameters : (e, 2, d) float
+    middle : (e, 3) float
+        The middle of the edge's curve.
+    bend, error : (e,) float
+        Distances of the middle, and of the farthest sample of the curve, from the edge. The error is 0 for edges that
+        were split.
+    roughness : (e,) float
+        By how much samples differ from a parabola.
+    """
 
     ends: IntArray
     patch: IntArray
     parameters: FloatArray
     face: IntArray
-
-    def at(self, rows: IntArray) -> Edges:
-        """Some of the edges."""
-        columns: list[Any] = [column.take(rows, axis=0) for column in self]
-        return Edges(*columns)
-
-    def followed_by(self, growth: Growth, *others: Edges) -> Edges:
-        """Append others to these."""
-        columns: list[Any] = [
-            growth.append(f"edges.{name}", column, *more)
-            for name, column, *more in zip(self._fields, self, *others, strict=True)
-        ]
-        return Edges(*columns)
+    middle: FloatArray
+    bend: FloatArray
+    error: FloatArray
+    roughness: FloatArray
 
     @property
     def middles(self) -> FloatArray:
@@ -67,27 +67,37 @@ class Edges(NamedTuple):
         return np.maximum(width[:, 0], width[:, -1])
 
 
+def unknown_edges(ends: IntArray, patch: IntArray, parameters: FloatArray, face: IntArray) -> Edges:
+    """Make edges of which nothing is known but where they are."""
+    middle, unknown = np.full((len(ends), 3), np.nan), np.full((3, len(ends)), np.nan)
+    return Edges(ends, patch, parameters, face, middle, *unknown)
+
+
 class Cells(NamedTuple):
-    """Cells with their sides: side i runs from vertex i to the next."""
+    """Cells with their sides: side i runs from vertex i to the next.
+
+    Attributes
+    ----------
+    cells, sides : (k, d + 1) and (k, 1 or 3) int
+        Vertices and edges.
+    corners : (k, d + 1, d) float
+        Parameters in the domain of the cell's own patch.
+    patch : (k,) int
+    sampled, certified : (k,) bool
+        Whether it was found to be within the tolerance at samples, and at all points.
+    """
 
     cells: IntArray
     sides: IntArray
     corners: FloatArray
     patch: IntArray
+    sampled: BoolArray
+    certified: BoolArray
 
-    def at(self, rows: IntArray) -> Cells:
-        """Some of the cells."""
-        columns: list[Any] = [column.take(rows, axis=0) for column in self]
-        return Cells(*columns)
 
-    def replaced(self, growth: Growth, rows: IntArray, pieces: Sequence[Cells]) -> Cells:
-        """Put pieces in the places of the given cells, and those that are left at the end."""
-        columns: list[Any] = []
-        for name, column, *parts in zip(self._fields, self, *pieces, strict=True):
-            new = np.concatenate(parts)
-            columns.append(growth.append(f"cells.{name}", column, new[len(rows) :]))
-            columns[-1][rows] = new[: len(rows)]
-        return Cells(*columns)
+def new_cells(cells: IntArray, sides: IntArray, corners: FloatArray, patch: IntArray) -> Cells:
+    """Make cells that were neither sampled nor certified."""
+    return Cells(cells, sides, corners, patch, *np.zeros((2, len(cells)), dtype=bool))
 
 
 class _Cut(NamedTuple):
@@ -146,11 +156,11 @@ def divide(
         for line in cut.lines:
             inner[frozenset(line)] = next_edge + np.arange(len(around))
             face = np.full(len(around), INTERIOR)
-            made.append(Edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
+            made.append(unknown_edges(around.take(line, axis=1), cells.patch, places.take(line, axis=1), face))
             next_edge += len(around)
         for piece in cut.pieces:
             sides = _sides(piece, inner, cells, edges, child)
-            pieces.append(Cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
+            pieces.append(new_cells(around.take(piece, axis=1), sides, places.take(piece, axis=1), cells.patch))
     return pieces, made
 
 
@@ -162,19 +172,20 @@ def _cuts(whole: Cells, points: FloatArray, vertex: IntArray) -> list[tuple[Cell
     pair = _turned(whole, two, marks[two].argmin(axis=1) + 1)
     corner, middle = points.take(pair.cells, axis=0), points.take(vertex.take(pair.sides[:, :2]), axis=0)
     usual, other = middle[:, 1] - corner[:, 0], middle[:, 0] - corner[:, 2]
-    is_longer = dot(usual, usual) > TIE_RATIO * dot(other, other)
+    tie_ratio = 1 + 1e-9  # of squares: rounding, which depends on the processor, must not choose the diagonal
+    is_longer = dot(usual, usual) > tie_ratio * dot(other, other)
     return [
         (_turned(whole, one, marks[one].argmax(axis=1)), _SIDE_0),
-        (pair.at(np.flatnonzero(~is_longer)), _SIDES_0_1),
-        (pair.at(np.flatnonzero(is_longer)), _SIDES_0_1_OTHER_DIAGONAL),
-        (whole.at(three), _ALL_SIDES),
+        (rows_of(pair, ~is_longer), _SIDES_0_1),
+        (rows_of(pair, is_longer), _SIDES_0_1_OTHER_DIAGONAL),
+        (rows_of(whole, three), _ALL_SIDES),
     ]
 
 
 def _turned(whole: Cells, rows: IntArray, first: IntArray) -> Cells:
     """Some triangles, each from the given corner on."""
     order = 3 * rows[:, None] + (first[:, None] + np.arange(3)) % 3
-    return Cells(
+    return new_cells(
         whole.cells.ravel().take(order),
         whole.sides.ravel().take(order),
         whole.corners.reshape(-1, 2).take(order, axis=0),

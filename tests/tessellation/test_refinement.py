@@ -12,9 +12,7 @@ from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.process.status import status
-from gtb_cli.tessellation import refinement
-from gtb_cli.tessellation.lattice import MIN_SAMPLES
+from gtb_cli.tessellation.barycentric import MIN_SAMPLES
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -370,12 +368,3 @@ def test_among_random_knots_points_are_looked_for_from_their_neighbours(monkeypa
     monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: evaluated.append(s.shape[1]) or evaluate(self, s))
     tessellate(shape, tolerance=0.05, normals=False)
     assert sum(evaluated) < 8 * MIN_SAMPLES
-
-
-def test_refinement_says_how_far_it_is(monkeypatch):
-    said, advance = [], refinement._Refinement.advance
-    monkeypatch.setattr(refinement._Refinement, "advance", lambda *args: (said.append(status()), advance(*args)))
-    tessellate(pentagon(), tolerance=1e-2, normals=False)
-    assert said[0].startswith("5 faces, ")
-    assert said[-1].endswith(", asked for 0.01")
-    assert status() == ""

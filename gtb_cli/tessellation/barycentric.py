@@ -9,18 +9,13 @@ from gtb_cli.arrays import FloatArray, IntArray
 SIDE_STEPS = 4
 """Steps at which edges are sampled at least; all other numbers of steps are multiples of it."""
 
-CENTROID_STEPS = 3
-"""Steps of the lattice with one inner point: enough for a triangle over which the surface is quadratic."""
-
 MIN_SAMPLES = 20_000
 """Points at which a coarse mesh is sampled, at least, by a finer lattice on each triangle."""
-
-MAX_LATTICE_STEPS = 32
 
 
 def inner_points(steps: int) -> FloatArray:
     """(k, 3) barycentric coordinates of the inner points of a triangle's lattice; of the coarsest, of the centroid."""
-    steps = steps if steps > SIDE_STEPS else CENTROID_STEPS
+    steps = steps if steps > SIDE_STEPS else 3  # one point is enough where the surface is quadratic
     i, j = np.mgrid[1:steps, 1:steps]
     inner = i + j < steps
     return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
@@ -28,8 +23,9 @@ def inner_points(steps: int) -> FloatArray:
 
 def steps_for(width: FloatArray, samples: int) -> IntArray:
     """(k,) steps of the lattices of cells of given widths in Δ: many if cells are few or wide."""
-    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, MAX_LATTICE_STEPS / SIDE_STEPS)
-    steps, parts = np.full(len(width), int(few)), width * (MAX_LATTICE_STEPS / SIDE_STEPS)
+    most = 32 / SIDE_STEPS
+    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
+    steps, parts = np.full(len(width), int(few)), width * most
     wide = np.flatnonzero(parts > 1)
     steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
     return SIDE_STEPS * steps
@@ -39,9 +35,3 @@ def quadratic_heights(places: FloatArray) -> FloatArray:
     """(k, 3) factors by which heights over the middles of sides 0, 1 and 2 enter those at (k, 3) barycentric places."""
     a, b, c = places.T
     return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
-
-
-BULGE_FACTORS = quadratic_heights(
-    np.array([[2, 2, 0], [0, 2, 2], [2, 0, 2], [4 / 3, 4 / 3, 4 / 3], [2, 1, 1], [1, 2, 1], [1, 1, 2]]) / 4
-)
-"""(7, 3): `quadratic_heights` at the middles of the sides, at the centroid, and between middles."""
