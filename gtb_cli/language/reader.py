@@ -72,6 +72,7 @@ class Reader:
         logarithms = self.row(table, path, "log_weights", n, COORDINATE)
         if "weights" in table and "log_weights" in table:
             self.values.faults.add((*path, "log_weights"), "stands in place of weights, leave out one of them")
+            logarithms = None
         lifting = self.row(table, path, "lifting", n, COORDINATE)
         coefficients, named = None, None
         if isinstance(table.get("coefficients"), str):

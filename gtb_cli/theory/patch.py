@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,14 +26,6 @@ COEFFICIENTS = {"binomial": binomial_coefficients, "partition-of-unity": partiti
 
 if TYPE_CHECKING:
     from gtb_cli.theory.normals import NormalField
-
-
-class Made(NamedTuple):
-    """Computed data of a patch: a copy shares those still valid, and finds out from them which weights are new."""
-
-    weights: FloatArray
-    log_weights: FloatArray
-    rational_basis: RationalBasis
 
 
 @by_value
@@ -59,13 +51,14 @@ class Patch:
     log_weights : (n,) float, optional
         log ω_i instead of `weights`, for weights beyond the range of floats (x^λ). A patch has both: the logarithms
         count, and `weights` are the given numbers or their exponentials, 0 or inf if out of range.
-    made : Made, optional
-        Computed data that `replace` passes on to the copy.
+    rational_basis : RationalBasis, optional
+        The functions T_i of another patch, shared if they are this one's, too; `replace` passes them on.
 
     Raises
     ------
     DomainError
-        Arrays do not fit, are not finite, or are not positive; or the hull of the knots is flat.
+        Arrays do not fit, are not finite, or are not positive; weights and their logarithms disagree; or the hull of
+        the knots is flat.
 
     Notes
     -----
@@ -86,7 +79,7 @@ class Patch:
     lifting: FloatArray | None = field(default=None, kw_only=True)
     name: str | None = field(default=None, kw_only=True)
     log_weights: FloatArray = field(default=None, kw_only=True)  # type: ignore[arg-type]
-    made: Made = field(default=None, kw_only=True, compare=False)  # type: ignore[assignment]
+    rational_basis: RationalBasis = field(default=None, kw_only=True, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -100,7 +93,9 @@ class Patch:
         if points.shape[1] == 2:
             points = read_only(np.column_stack([points, np.zeros(len(points))]))
         set_field(self, "control_points", points)
-        self._set_weights(n)
+        weights, logarithms = _both_weights(self.weights, self.log_weights, n)
+        set_field(self, "weights", weights)
+        set_field(self, "log_weights", logarithms)
         coefficients: ArrayLike | str = np.ones(n) if self.coefficients is None else self.coefficients
         if isinstance(coefficients, str):
             if coefficients not in COEFFICIENTS:
@@ -116,41 +111,22 @@ class Patch:
         if self.name is not None and not isinstance(self.name, str):
             raise DomainError(f"name: expected a string, got {self.name!r}")
         products = read_only(self.log_weights + np.log(self.coefficients))
-        basis = None if self.made is None else self.made.rational_basis
+        basis: RationalBasis | None = self.rational_basis
         if basis is None or basis.domain is not shape or not np.array_equal(basis.log_weights, products):
-            basis = RationalBasis(shape, products)
-        set_field(self, "made", Made(self.weights, self.log_weights, basis))
+            set_field(self, "rational_basis", RationalBasis(shape, products))
 
     def __repr__(self) -> str:
         kind = "curve" if self.dimension == 1 else f"{len(self.domain.vertices)}-sided surface"
         return f"<Patch {self.name or 'without a name'}: {kind}, {len(self.knots)} knots>"
 
     def _domain(self) -> Domain:
-        """Δ, shared with the original of a copy if knots and edge functions are the same."""
-        if self.made is not None:
-            shape = self.made.rational_basis.domain
-            normals, scale = shape.edge_normals, shape.edge_scale
-            if shape.knots is self.knots and normals == self.edge_normals and np.array_equal(scale, self.edge_scale):
+        """Δ, that of the given rational basis if knots and edge functions are the same."""
+        if self.rational_basis is not None:
+            shape = self.rational_basis.domain
+            same = (np.array_equal(getattr(shape, name), getattr(self, name)) for name in ("knots", "edge_scale"))
+            if shape.edge_normals == self.edge_normals and all(same):
                 return shape
         return domain(self.knots, self.edge_normals, self.edge_scale)
-
-    def _set_weights(self, n: int) -> None:
-        """Compute weights from their logarithms or vice versa; in a copy, from the new ones."""
-        weights: FloatArray | None = self.weights
-        logarithms: FloatArray | None = self.log_weights
-        if self.made is not None and weights is not self.made.weights and logarithms is self.made.log_weights:
-            logarithms = None
-        elif self.made is not None and logarithms is not self.made.log_weights and logarithms is not None:
-            weights = None if weights is self.made.weights else weights
-        if logarithms is None:
-            weights = positive("weights", np.ones(n) if weights is None else weights)
-            logarithms = read_only(np.log(weights))
-        logarithms = finite("log_weights", logarithms)
-        if weights is None:
-            with np.errstate(over="ignore", under="ignore"):
-                weights = np.exp(logarithms)
-        object.__setattr__(self, "weights", read_only(weights))
-        object.__setattr__(self, "log_weights", logarithms)
 
     def replace(self, **changes: Any) -> Patch:
         """Return a copy with other values in some fields.
@@ -158,6 +134,9 @@ class Patch:
         New `weights` replace the old logarithms, and new `log_weights` the old weights. The copy shares Δ if knots,
         edge normals and edge scale stay the same, and the rational basis if weights and coefficients do as well.
         """
+        for one, other in (("weights", "log_weights"), ("log_weights", "weights")):
+            if one in changes:
+                changes.setdefault(other, None)
         return dataclasses.replace(self, **changes)
 
     def part(self, members: IntArray, **changes: Any) -> Patch:
@@ -166,10 +145,8 @@ class Patch:
         Its edges are its own: primitive normals become automatic ones, and the edge scale becomes 1. Other fields may
         be given, see `replace`.
         """
-        names = ["knots", "control_points", "weights", "log_weights", "coefficients"]
-        rows = {name: getattr(self, name)[members] for name in names if name not in changes}
-        if changes.keys() & {"weights", "log_weights"}:
-            rows = {name: values for name, values in rows.items() if name not in ("weights", "log_weights")}
+        names = {"knots", "control_points", "weights", "log_weights", "coefficients"} - changes.keys()
+        rows = {name: getattr(self, name)[members] for name in names}
         rows["lifting"] = None if self.lifting is None else self.lifting[members]
         rows["edge_normals"] = "unit" if self.edge_normals == "unit" else "auto"
         return self.replace(**{**rows, "edge_scale": 1.0, **changes})
@@ -187,12 +164,7 @@ class Patch:
     @property
     def domain(self) -> Domain:
         """Δ with its edge functions."""
-        return self.made.rational_basis.domain
-
-    @property
-    def rational_basis(self) -> RationalBasis:
-        """The functions T_i, which patches with the same domain and weights may share."""
-        return self.made.rational_basis
+        return self.rational_basis.domain
 
     @property
     def log_products(self) -> FloatArray:
@@ -334,3 +306,21 @@ class Patch:
         from gtb_cli.theory.normals import NormalField  # most meshes do not need them
 
         return NormalField(self.domain, self.log_products, self.control_points)
+
+
+def _both_weights(weights: FloatArray | None, logarithms: FloatArray | None, n: int) -> tuple[FloatArray, FloatArray]:
+    """(n,) weights, and (n,) their logarithms, from either or both; by default 1 and 0."""
+    if logarithms is None:
+        weights = positive("weights", np.ones(n) if weights is None else weights)
+        return weights, read_only(np.log(weights))
+    logarithms = finite("log_weights", logarithms)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        powers = read_only(np.exp(logarithms))
+        weights = powers if weights is None else read_only(weights)
+        if weights.shape == powers.shape:  # others are refused later
+            equal = (weights == powers) | (
+                np.abs(weights - powers) <= 1e-9 * np.minimum(weights, powers) + np.finfo(float).tiny
+            )
+            if not equal.all():
+                raise DomainError("weights: disagree with log_weights; `Patch.replace` changes both")
+    return weights, logarithms
