@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import IO
 
 from gtb_cli.errors import ExportError, GtbError, SpecError
-from gtb_cli.process.disk import write_to_disk
 
 TEMPORARY_PREFIX = ".gtb-"
 _DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
@@ -79,9 +78,8 @@ class StagedFiles:
 
     ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is first written in full under a
     temporary name; the renames come last. A missing folder is also made under a temporary name, and appears with all
-    its files in one step. If anything fails before that, no file appears and no folder stays. If a rename fails, those
-    before it are undone: each replaced file has a second name until the last rename. A Ctrl-C during the renames
-    finishes them and is then passed on.
+    its files in one step. If anything fails before that, no file appears and no folder stays. A Ctrl-C during the
+    renames finishes them and is then passed on.
 
     Parameters
     ----------
@@ -94,8 +92,8 @@ class StagedFiles:
     Raises
     ------
     ExportError
-        The folder cannot be made, or a file cannot be written. On a file system without second names, the message says
-        which files are new already.
+        The folder cannot be made, or a file cannot be written. If a rename fails, the message says which files are new
+        already.
     """
 
     def __init__(self, folder: str | os.PathLike[str], record: str | None = None) -> None:
@@ -103,7 +101,6 @@ class StagedFiles:
         self._record = record
         self._old_record = ""
         self._staged: dict[str, str] = {}  # target -> temporary
-        self._old: dict[str, str] = {}  # existing target -> its second name
         self._made: list[str] = []
         self._hidden: str | None = None  # the new folder, until it gets its name
 
@@ -201,53 +198,27 @@ class StagedFiles:
             self._abandon()
 
     def _rename(self) -> None:
-        """Give all files their names; continue if that was interrupted."""
-        if self._hidden is not None:
-            with suppress(OSError):  # another process may have made the folder meanwhile: its files are then replaced
-                os.rename(self._hidden, os.path.abspath(self.folder))
-        left = {target: name for target, name in self._staged.items() if os.path.lexists(name)}
-        if len(self._staged) > 1:
-            self._keep_old(left)
-        if self._old_record in left:
+        """Give all files their names, those in a new folder last; continue if that was interrupted."""
+        if os.path.lexists(self._old_record) and os.path.lexists(self._staged[self._old_record]):
             _discard(self._old_record)
-        for target, temporary in left.items():
-            try:
-                os.replace(temporary, target)
-            except OSError as error:
-                refusal = _refusal(target, error)
-                new = self._taken_back()
-                raise ExportError(f"{refusal}; new already: {', '.join(new)}" if new else str(refusal)) from error
-
-    def _keep_old(self, targets: Iterable[str]) -> None:
-        """Give a second name to files that are about to be replaced."""
-        for target in targets:
-            if os.path.lexists(target) and not _is_protected(target):
-                name = self._old.setdefault(target, _temporary_name(target))
-                _unfinished[name] = None
-                with suppress(OSError):  # it got one before an interruption, or the file system has no second names
-                    os.link(target, name)
-
-    def _taken_back(self) -> list[str]:
-        """Undo the renames; return those that could not be undone."""
-        if self._hidden is not None and not os.path.lexists(self._hidden):
-            with suppress(OSError):
-                os.rename(os.path.abspath(self.folder), self._hidden)
-        new = []
-        for target, temporary in self._staged.items():
-            if target in self._old:
+        new: list[str] = []
+        for inside in (False, True):
+            if inside and self._hidden is not None:
+                with suppress(OSError):  # another process may have made the folder: its files are then replaced
+                    os.rename(self._hidden, os.path.abspath(self.folder))
+            for target, temporary in self._staged.items():
+                if (os.path.dirname(temporary) == self._hidden) != inside or not os.path.lexists(temporary):
+                    continue
                 try:
-                    os.replace(self._old[target], target)
-                except OSError:
-                    if not os.path.lexists(temporary):
-                        new.append(target)
-            elif not os.path.lexists(temporary):
-                with suppress(OSError):
-                    os.unlink(target)
-        return new
+                    os.replace(temporary, target)
+                except OSError as error:
+                    also = f"; new already: {', '.join(new)}" if new else ""
+                    raise ExportError(f"{_refusal(target, error)}{also}") from error
+                new.append(target)
 
     def _abandon(self) -> None:
         """Remove the files without a final name, and the folders made for them."""
-        for temporary in (*self._staged.values(), *self._old.values()):
+        for temporary in self._staged.values():
             _discard(temporary)
         for place in reversed(self._made):
             _discard_folder(place)
@@ -322,17 +293,8 @@ def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
     with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:
         if old is not None:
             _make_like(file.fileno(), temporary, old)
-        write_to_disk(file, blocks)
-
-
-def _is_protected(path: str) -> bool:
-    """Whether a sticky folder keeps this process from removing a file, and also a second name that it gave it."""
-    try:
-        folder, file = os.stat(os.path.dirname(os.path.abspath(path))), os.lstat(path)
-    except OSError:  # removed meanwhile
-        return False
-    allowed = (0, folder.st_uid, file.st_uid)
-    return hasattr(os, "geteuid") and bool(folder.st_mode & stat.S_ISVTX) and os.geteuid() not in allowed
+        _write(file, blocks)
+        os.fsync(file.fileno())
 
 
 def _make_like(descriptor: int, path: str, old: os.stat_result) -> None:

@@ -7,15 +7,14 @@ decimals), byte for byte.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
-from gtb_cli.process.forks import in_forks
 
 Words: TypeAlias = NDArray[np.uint32]
 
@@ -88,11 +87,10 @@ def obj_blocks(
     are in memory at a time.
     """
     digits = decimals(vertices)
-    blocks: list[Callable[[], bytes]] = []
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):
         if values is not None:
             for start in range(0, len(values), BLOCK_ROWS):
-                blocks.append(partial(number_lines, prefix, values[start : start + BLOCK_ROWS], digits))
+                yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
     prefix = "f" if cells.shape[1] == 3 else "l"
     # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
     leads = [b" "]
@@ -102,10 +100,9 @@ def obj_blocks(
         leads.append(b"/" if uv is not None else b"//")
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
-            blocks.append(partial(str.encode, f"g {name}\n"))
+            yield f"g {name}\n".encode()
         for start in range(first, last, BLOCK_ROWS):
-            blocks.append(partial(cell_lines, prefix, leads, cells[start : min(start + BLOCK_ROWS, last)]))
-    return in_forks(lambda block: block(), blocks)
+            yield cell_lines(prefix, leads, cells[start : min(start + BLOCK_ROWS, last)])
 
 
 def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
