@@ -19,18 +19,6 @@ from gtb_cli.values import frozen
 
 AXES = ("x", "y", "z")
 
-ROTATE_KEYS = frozenset(("axis", "degrees", "about"))
-
-MAX_COPIED_POINTS = 2_000_000
-"""Largest number of control points of all copies together: about 200 MB by the time they are meshed."""
-
-MAX_SUGGESTED = 1000
-"""Largest number of names searched for the one that was probably meant."""
-
-
-MAX_SHOWN = 8
-"""Largest number of names of a circle shown in a message."""
-
 
 @frozen
 class Motion:
@@ -176,11 +164,12 @@ def _rotation(
     table: object, path: Path, values: Values, counter: dict[str, float]
 ) -> tuple[FloatArray | None, FloatArray]:
     """Read ``rotate``: its matrix, and the fixed point."""
+    rotate_keys = frozenset(("axis", "degrees", "about"))
     nothing = None, np.zeros(3)
     if not isinstance(table, dict):
         values.faults.add(path, f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(table)}')
         return nothing
-    values.unknown_keys(table, path, ROTATE_KEYS)
+    values.unknown_keys(table, path, rotate_keys)
     missing = [key for key in ("axis", "degrees") if key not in table]
     for key in missing:
         values.faults.add((*path, key), "is missing")
@@ -235,9 +224,12 @@ def carried_out(
     dict
         The copies under each number, or None if they cannot be made.
     """
+    # control points of all copies together: about 200 MB by the time they are meshed
+    max_copied_points = 2_000_000
+    max_shown = 8  # names of a circle shown in a message
     source = {name: (number, k) for number, copy in copies.items() for k, name in enumerate(copy.names)}
     made: dict[int, list[Patch] | None] = {}
-    left = MAX_COPIED_POINTS
+    left = max_copied_points
     for start in copies:
         chain: dict[int, None] = {}
         number = start
@@ -251,7 +243,7 @@ def carried_out(
             if number not in made:
                 links = list(chain)
                 circle = [copies[link].original for link in links[links.index(number) :]]
-                text = " -> ".join([*circle, circle[0]][:MAX_SHOWN])
+                text = " -> ".join([*circle, circle[0]][:max_shown])
                 values.faults.add((*copies[number].path, "copy"), f"copies itself: {text}")
                 made.update(dict.fromkeys(chain))
         for number in reversed(chain):
@@ -260,7 +252,7 @@ def carried_out(
             copy = copies[number]
             found = _original(copy, named, source, made, values)
             if found is not None and len(copy.names) * len(found.knots) > left:
-                fault = f"makes more than {MAX_COPIED_POINTS} control points, together with the copies before"
+                fault = f"makes more than {max_copied_points} control points, together with the copies before"
                 values.faults.add(copy.path, fault)
                 found = None
             if found is not None:
@@ -276,13 +268,14 @@ def _original(
     made: Mapping[int, list[Patch] | None],
     values: Values,
 ) -> Patch | None:
+    max_suggested = 1000  # names searched for the one that was probably meant
     if copy.original in named:
         return named[copy.original]
     if copy.original in source:
         number, k = source[copy.original]
         originals = made[number]
         return None if originals is None else originals[k]
-    known = [*named, *source][:MAX_SUGGESTED]
+    known = [*named, *source][:max_suggested]
     likely = likely_word(copy.original, known) if values.faults.count < Faults.SHOWN else None
     values.faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{suggestion(likely)}")
     return None

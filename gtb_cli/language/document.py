@@ -12,14 +12,10 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 Repeated: TypeAlias = tuple[Path, int, int]
 
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
-MAX_BYTES = 10_000_000
-"""Largest size of a spec; a patch of a thousand knots takes a hundred kilobytes."""
-
-MAX_LINES = 1_000_000
-"""Largest number of lines in a spec; 5000 bicubic patches take a fifth of them."""
-
+MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
+MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
+# The beginnings of files that users mistake for specs
 _STRANGERS = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
@@ -27,7 +23,6 @@ _STRANGERS = {
     "HTML, SVG or XML": re.compile(rb"\s*+<[!?a-zA-Z]"),
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
 }
-"""The beginnings of files that users mistake for specs."""
 
 _BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
 
@@ -194,6 +189,7 @@ def _check_kind(data: bytes, source: str) -> None:
 
 
 def _decode(data: bytes | str, source: str) -> str:
+    byte_order_mark = b"\xef\xbb\xbf"
     if len(data) > MAX_BYTES:
         raise SpecError(f"{source}: is too large, a spec has at most {MAX_BYTES // 10**6} MB")
     if isinstance(data, str):
@@ -201,7 +197,7 @@ def _decode(data: bytes | str, source: str) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise SpecError(f"{source}: is UTF-16 text, a spec must be UTF-8")
     try:
-        return data.removeprefix(BYTE_ORDER_MARK).decode()
+        return data.removeprefix(byte_order_mark).decode()
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = error.object[error.start]

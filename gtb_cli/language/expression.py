@@ -10,17 +10,9 @@ from typing import NoReturn
 
 from gtb_cli.errors import SpecError
 
-MAX_CHARACTERS = 256
-"""Longest expression, in characters."""
-
-MAX_NESTING = 32
-"""Deepest nesting of parentheses, powers and signs."""
-
-MAX_SHOWN = 30
-"""Largest number of names listed in a message."""
-
+MAX_CHARACTERS = 256  # longest expression, in characters
+MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
 BLANKS = " \t"
-
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "sin": math.sin,
@@ -29,11 +21,9 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "exp": math.exp,
     "log": math.log,
 }
+# Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
-"""Constants known in every expression; ``deg`` is a degree in radians."""
-
 NO_NAMES: Mapping[str, float] = {}
-
 # Words are checked before Python's parser sees the text, as it would also accept 0x1f, 1_000, 2j, keywords and strings.
 _WORDS = re.compile(
     r"[ \t]*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
@@ -126,12 +116,13 @@ def _check_words(text: str, names: Mapping[str, float]) -> None:
 
 
 def _unknown(word: str, names: Mapping[str, float]) -> str:
+    max_shown = 30  # names listed in a message
     import difflib
 
     known = (*FUNCTIONS, *CONSTANTS, *names)
     likely = difflib.get_close_matches(word, names, n=1)
-    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:MAX_SHOWN])}"
-    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > MAX_SHOWN and not likely)
+    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:max_shown])}"
+    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > max_shown and not likely)
 
 
 def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:

@@ -8,8 +8,7 @@ import stat
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import MAX_BYTES
 
-MAX_FILES = 100
-"""Largest number of files that a spec includes, directly or through others."""
+MAX_FILES = 100  # files that a spec includes, directly or through others
 
 
 class Library:

@@ -18,9 +18,9 @@ from gtb_cli.theory.patch import Patch
 if TYPE_CHECKING:
     from gtb_cli.language.copies import Copy
 
+# Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError` if
+# it cannot be included.
 Include = Callable[[str], tuple[Patch, ...]]
-"""Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError`
-if it cannot be included."""
 
 
 class ModelReader:

@@ -12,20 +12,10 @@ from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
 from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import ANY_NUMBER, Values
 
-NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"
-"""Pattern of the name of a number."""
-
-COUNTER = "k"
-"""Name of a copy's number, in the expressions of copies."""
-
-MAX_NUMBER_NAME = 60
-"""Longest name of a number, in characters."""
-
-MAX_NAMES = 1000
-"""Largest number of named numbers."""
-
-MAX_CIRCLE = 20
-"""Largest number of names in a circle that is found."""
+NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
+COUNTER = "k"  # name of a copy's number, in the expressions of copies
+MAX_NUMBER_NAME = 60  # longest name of a number, in characters
+MAX_NAMES = 1000  # named numbers
 
 
 def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[str]) -> dict[str, float]:
@@ -70,11 +60,12 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
 
 def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
     """Say which later name a number needs, or to which circle it belongs."""
+    max_circle = 20  # names in a circle that is found
     later = [word for word in _needed(let, name) if word in let and word not in known]
     if not later:
         return None
     chain = [name]
-    while len(chain) <= MAX_CIRCLE:
+    while len(chain) <= max_circle:
         step = next((word for word in _needed(let, chain[-1]) if word in let and word not in known), None)
         if step is None or step in chain[1:]:
             break

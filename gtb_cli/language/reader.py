@@ -15,28 +15,17 @@ from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Values
 from gtb_cli.theory.patch import COEFFICIENTS, Patch
 
-MAX_PATCHES = 20_000
-"""Largest number of patches in a model, copies and included files counted."""
-
+MAX_PATCHES = 20_000  # patches in a model, copies and included files counted
 PATCH_KEYS = frozenset(
     {"name", "knots", "weights", "log_weights", "control_points", "coefficients"}
     | {"lifting", "edge_normals", "edge_scale"}
 )
-RIBBON = "ribbon"
-"""Key of the second row of control points, for gtb fill, in the curves of a loop."""
-
+RIBBON = "ribbon"  # key of the second row of control points, for gtb fill, in the curves of a loop
 COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate", "repeat"))
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
 NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
-
-MAX_KNOTS = 5000
-"""Largest number of knots of a patch: a tensor product patch of degree 69 × 69."""
-
-MAX_HEIGHTS = 2_000_000
-"""Largest product of knots and edges of a patch: the domain needs about 50 bytes for each pair."""
-
-MAX_UNITY = 300
-"""Largest number of knots for "partition-of-unity", which solves a dense linear system."""
+MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
+MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system
 
 
 class Reader:
@@ -212,10 +201,12 @@ def with_heights(points: FloatArray) -> FloatArray:
 
 def _check_size(knots: FloatArray) -> None:
     """Refuse surfaces whose knots and edges would fill the memory."""
-    if knots.ndim == 2 and len(knots) ** 2 > MAX_HEIGHTS:
+    # Largest product of knots and edges of a patch: the domain needs about 50 bytes for each pair
+    max_heights = 2_000_000
+    if knots.ndim == 2 and len(knots) ** 2 > max_heights:
         edges = len(convex_hull(knots))
-        if len(knots) * edges > MAX_HEIGHTS:
-            raise DomainError(f"knots: {len(knots)} knots times {edges} edges, at most {MAX_HEIGHTS} are allowed")
+        if len(knots) * edges > max_heights:
+            raise DomainError(f"knots: {len(knots)} knots times {edges} edges, at most {max_heights} are allowed")
 
 
 def _coefficients(domain: Domain, name: str) -> FloatArray:

@@ -14,22 +14,16 @@ from typing import Literal, NamedTuple, TypeAlias
 Format: TypeAlias = Literal["toml", "json"]
 Path: TypeAlias = tuple[str | int, ...]
 
+# values, keys and signs in a spec. A list of numbers, or of lists of numbers, counts as one. A model
+# of 5000 patches has half as many.
 MAX_WORDS = 150_000
-"""Largest number of values, keys and signs in a spec. A list of numbers, or of lists of numbers, counts as one. A model
-of 5000 patches has half as many."""
 
+# numbers in such lists: 5000 bicubic patches have half as many; reading all takes about two seconds
+# and 100 MB
 MAX_NUMBERS = 1_000_000
-"""Largest number of numbers in such lists: 5000 bicubic patches have half as many; reading all takes about two seconds
-and 100 MB."""
+MAX_WORD_LENGTH = 1000  # longest string or number, in characters; an expression has at most 256
+MAX_NESTING = 16  # deepest nesting of lists and tables; a spec needs four
 
-MAX_WORD_LENGTH = 1000
-"""Longest string or number, in characters; an expression has at most 256."""
-
-MAX_NESTING = 16
-"""Deepest nesting of lists and tables; a spec needs four."""
-
-MAX_KEY_PARTS = 4
-"""Largest number of parts of a dotted key; a spec needs one."""
 
 _GAP = r"(?:[ \t\r\n]++|#[^\n]*+)*+"
 _STRING = r'"(?:[^"\\\n]++|\\[^\n])*+"?'
@@ -44,8 +38,8 @@ _WORDS = {
 }
 
 _ENTRY = r"[-+.\deE_]{1,60}(?![-+.\deE_])|[, \t\r\n]"
+# A list of numbers, or of lists of numbers, with the groups of other words, which match nothing here
 _NUMBERS = re.compile(rf"{_GAP}(?P<word>(?P<string>\0\0)?(?P<sign>\0\0)?\[(?:{_ENTRY}|\[(?:{_ENTRY})*+\])*+\])")
-"""A list of numbers, or of lists of numbers, with the groups of other words, which match nothing here."""
 
 
 class TooMuch(Exception):
@@ -144,11 +138,12 @@ class Scanner:
         self._dots = 0
 
     def _add_to_key(self, word: str, *, is_string: bool) -> None:
+        max_key_parts = 4  # parts of a dotted key; a spec needs one
         self._dots += 0 if is_string else word.count(".")
-        if self._dots >= MAX_KEY_PARTS:
-            raise TooMuch(self._line, f"is not a spec: a key of more than {MAX_KEY_PARTS} parts")
+        if self._dots >= max_key_parts:
+            raise TooMuch(self._line, f"is not a spec: a key of more than {max_key_parts} parts")
         before = self._parts if self._is_toml else []
-        self._parts = (before + _key_parts(word))[: MAX_KEY_PARTS + 1]
+        self._parts = (before + _key_parts(word))[: max_key_parts + 1]
         self._key_line = self._line
 
     def _at_key(self, sign: str) -> Iterator[Place]:

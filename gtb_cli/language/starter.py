@@ -7,18 +7,6 @@ import os
 from gtb_cli.errors import SpecError
 from gtb_cli.vocabulary import TEMPLATES
 
-TEMPLATE_FOLDER = os.path.join(os.path.dirname(__file__), "templates")
-
-SCHEMA_LINES = """\
-#:schema ./spec-schema.json
-# gtb schema -o spec-schema.json makes the file by which editors know the keys.
-
-"""
-"""The opening of a template. Editors that use Taplo read the first line, which names a file beside the spec; no network
-address would serve the keys of every version."""
-
-MIN_SIDES, MAX_SIDES = 3, 100
-
 
 def template(name: str, sides: int | None = None) -> str:
     """Return a spec with comments that can be meshed as it is.
@@ -40,18 +28,22 @@ def template(name: str, sides: int | None = None) -> str:
     SpecError
         No template has this name, or the number of sides is missing, out of range or not used.
     """
+    min_sides, max_sides = 3, 100
     if name not in TEMPLATES:
         raise SpecError(f"template: expected one of {', '.join(TEMPLATES)}, got {name!r}")
     if name == "n-gon":
         if sides is None:
             raise SpecError("n-gon: expected a number of sides, such as n-gon 7")
-        if not MIN_SIDES <= sides <= MAX_SIDES:
-            raise SpecError(f"n-gon: expected {MIN_SIDES} to {MAX_SIDES} sides, got {sides}")
+        if not min_sides <= sides <= max_sides:
+            raise SpecError(f"n-gon: expected {min_sides} to {max_sides} sides, got {sides}")
     elif sides is not None:
         raise SpecError(f"{name}: expected no number of sides, got {sides}; n-gon takes one")
-    with open(os.path.join(TEMPLATE_FOLDER, f"{name}.toml"), encoding="utf-8") as file:
+    with open(os.path.join(os.path.dirname(__file__), "templates", f"{name}.toml"), encoding="utf-8") as file:
         text = file.read()
-    return SCHEMA_LINES + (text if sides is None else text.format(**_polygon(sides)))
+    # Editors that use Taplo read the first line. It names a file: no address would serve the keys of every version.
+    schema_lines = "#:schema ./spec-schema.json\n"
+    schema_lines += "# gtb schema -o spec-schema.json makes the file by which editors know the keys.\n\n"
+    return schema_lines + (text if sides is None else text.format(**_polygon(sides)))
 
 
 def _polygon(sides: int) -> dict[str, object]:

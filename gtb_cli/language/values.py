@@ -16,22 +16,14 @@ from gtb_cli.language.document import Faults, shown
 from gtb_cli.language.expression import evaluate_expression
 from gtb_cli.language.scanner import Path
 
-MAX_SIZE = 1e100
-"""Largest size of a coordinate, lifting value or scale: squares and products of two stay finite."""
-
-MAX_NAME = 200
-"""Longest name, in characters."""
-
+MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
+MAX_NAME = 200  # longest name, in characters
+# Characters not allowed in names: control characters and line ends
 CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
-"""Characters not allowed in names: control characters and line ends."""
 
-SURROGATES = r"[\ud800-\udfff]"
-"""Halves of surrogate pairs, not allowed in names either. Editors with Rust's patterns refuse a schema with this
-one."""
 
+# characters in all different expressions of a spec together: half a second of evaluation
 MAX_EXPRESSIONS = 200_000
-"""Largest number of characters in all different expressions of a spec together: half a second of evaluation."""
-
 NO_VALUES: dict[str, float] = {}
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
@@ -189,11 +181,14 @@ def _where(extra: dict[str, float]) -> str:
 
 def name_fault(name: str) -> str | None:
     """Return the fault of a name, if any: names go into formats that are read line by line."""
+    # Halves of surrogate pairs, not allowed in names either. Editors with Rust's patterns refuse a schema with this
+    # one.
+    surrogates = r"[\ud800-\udfff]"
     if not name.strip():
         return "must not be empty"
     if len(name) > MAX_NAME:
         return f"must have at most {MAX_NAME} characters, got {len(name)}"
-    if re.search(f"{CONTROL_CHARACTERS}|{SURROGATES}", name):
+    if re.search(f"{CONTROL_CHARACTERS}|{surrogates}", name):
         return f"must not have control characters, got {shown(name)}"
     return None
 

@@ -11,7 +11,7 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, paired, rows
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
-from gtb_cli.meshes.overlay import Pieces
+from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
 
 RELATIVE_ERROR = 1e-3
@@ -113,7 +113,7 @@ def surface_distance(
     cell is attained at a corner or between corners. The corners are measured first. The distance to a single cell is a
     convex function; hence no point of a piece is farther from the other mesh than the farthest corner of the piece is
     from any one cell there. If this bound exceeds the distance found, the piece is cut where it leaves the region over
-    the cell below it (`Pieces.cut`). In the end each piece lies over one cell, and its bound is attained. The search
+    the cell below it (`CellParts.cut`). In the end each piece lies over one cell, and its bound is attained. The search
     ends when no more than `accuracy` can be gained, or the effort is spent. `Distance.bound` says what has been proved
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
@@ -202,7 +202,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     kept = []
     for begin in range(0, len(cells), CELL_BATCH):
         rows = cells[begin : begin + CELL_BATCH]
-        block = Pieces.of(vertices[rows], distances[rows], nearest[rows], search.tree)
+        block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = joined(kept)
     effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * MIN_CUT_SHARE))
@@ -245,7 +245,7 @@ class _Search:
         """The distance up to which points need not be measured exactly."""
         return self.found * (1 + IGNORED_GAIN) + DISTANCE_ROUNDING
 
-    def needed(self, pieces: Pieces) -> Pieces:
+    def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
         low = pieces.bounds <= self.enough
         if not low.any():
@@ -253,14 +253,14 @@ class _Search:
         self.bound = max(self.bound, float(pieces.bounds[low].max(initial=0.0)))
         return rows_of(pieces, ~low)
 
-    def bounded(self, pieces: Pieces) -> Pieces:
+    def bounded(self, pieces: CellParts) -> CellParts:
         """Bound pieces by cells near their middles, and keep those that need more; the middles are also samples."""
         if not len(pieces.bounds):
             return pieces
         samples, likely = self.look_at(pieces.middles, pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
 
-    def bounded_well(self, pieces: Pieces) -> Pieces:
+    def bounded_well(self, pieces: CellParts) -> CellParts:
         """Like `bounded`, with the cells nearest to the middles."""
         for find in (self.tree.nearby, self.tree.search):
             if len(pieces.bounds):
@@ -320,7 +320,7 @@ class _Search:
         if distances[farthest] > self.found:
             self.found, self.place = float(distances[farthest]), points[farthest]
 
-    def try_corners(self, pieces: Pieces) -> None:
+    def try_corners(self, pieces: CellParts) -> None:
         """Measure the worst corners of the pieces with the largest bounds."""
         if len(pieces.bounds):
             worst = np.argsort(-pieces.bounds, kind="stable")[:CORNER_BATCH]

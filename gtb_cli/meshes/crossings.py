@@ -9,15 +9,9 @@ import numpy as np
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, bounds_of, cross, dot
 from gtb_cli.meshes.nearest import spatial_order
 
-CROSSING_DEPTH = 1e-9
-"""Depth, relative to the largest extent, below which triangles only touch: the rounding of coplanar surfaces."""
-
-PAIR_BATCH = 1 << 20
-"""Pairs of boxes held at a time, in about 100 MB."""
-
+# pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
+# triangles overlapped, the comparison would never end
 MAX_COMPARED_PAIRS = 50_000_000
-"""Largest number of pairs of triangles compared, in half a minute: a smooth mesh has about 20 per triangle; if all
-triangles overlapped, the comparison would never end."""
 
 
 def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
@@ -40,8 +34,10 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
     million triangles take about ten seconds.
     """
+    # Depth, relative to the largest extent, below which triangles only touch: the rounding of coplanar surfaces
+    crossing_depth = 1e-9
     found = [np.empty((0, 2), dtype=np.int64)]
-    depth = CROSSING_DEPTH * float(np.ptp(bounds_of(vertices), axis=0).max())
+    depth = crossing_depth * float(np.ptp(bounds_of(vertices), axis=0).max())
     compared = 0
     for pairs in _near_pairs(vertices, cells) if len(cells) > 1 else ():
         compared += len(pairs)
@@ -57,6 +53,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
 
 def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
     """Blocks of (p, 2) pairs of cells whose boxes overlap."""
+    pair_batch = 1 << 20  # pairs of boxes held at a time, in about 100 MB
     corners = vertices[cells]
     low, high = corners.min(axis=1), corners.max(axis=1)
     order = spatial_order((low + high) / 2)
@@ -69,7 +66,7 @@ def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
         if level == 0:
             yield order[pairs]
             continue
-        if len(pairs) > PAIR_BATCH // 4:
+        if len(pairs) > pair_batch // 4:
             half = len(pairs) // 2
             stack += [(level, pairs[half:]), (level, pairs[:half])]
             continue

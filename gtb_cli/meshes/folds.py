@@ -7,20 +7,19 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross
 from gtb_cli.meshes.topology import adjacent
 
-FLAT_SINE = 64 * EPS
-"""Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own."""
-
 
 def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     """(k, 2) triangles, consistently oriented, between which the surface turns by more than a right angle.
 
     A triangle that is a line takes a neighbour's normal, so that a fold along a row of them is found as well.
     """
+    # Sine of the angle between two sides of a triangle below which it is a line, and has no normal of its own
+    flat_sine = 64 * EPS
     a, b, c = (vertices[cells[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
     pairs, _ = adjacent(cells)
     lengths = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
-    looks = np.linalg.norm(normals, axis=1) > FLAT_SINE * lengths
+    looks = np.linalg.norm(normals, axis=1) > flat_sine * lengths
     normals[~looks] = 0.0
     while True:
         rows = pairs[looks[pairs].sum(axis=1) == 1]

@@ -11,15 +11,11 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.values import frozen
 
+# Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped
 MIN_SEGMENT_ROUNDINGS = 1024
-"""Roundings of the largest coordinate: shorter segments have no direction of their own and are skipped."""
-
+# Least cosine of the angle between a tangent and the adjacent segments, where no other is asked for: below it the mesh
+# is too coarse for the tangent, and the segments' directions are used
 MIN_TANGENT_COSINE = 0.5
-"""Least cosine of the angle between a tangent and the adjacent segments, where no other is asked for: below it the mesh
-is too coarse for the tangent, and the segments' directions are used."""
-
-CLOSING_GAP = 1e-9
-"""Largest distance between the ends of a closed polyline, as a fraction of its extent."""
 
 
 @frozen
@@ -55,6 +51,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = 
     DomainError
         A path is a single point.
     """
+    closing_gap = 1e-9  # largest distance between the ends of a closed polyline, as a fraction of its extent
     size = float(np.ptp(mesh.vertices, axis=0).max())
     shortest = MIN_SEGMENT_ROUNDINGS * EPS * float(np.abs(mesh.vertices).max())
     for vertices, segments, backwards in _chains(mesh.cells, len(mesh.vertices)):
@@ -78,7 +75,7 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = 
             along = np.einsum("sij,sj->si", given, chords)
             directions = np.where((along > least_cosine)[:, :, None], given, directions)
         # Two segments that end where they begin are not a ring: they lead there and back.
-        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= CLOSING_GAP * size)
+        closed = len(segments) > 2 and bool(np.abs(points[0] - points[-1]).max() <= closing_gap * size)
         yield Path(segments, vertices[:-1] if closed else vertices, points, directions, closed)
 
 

@@ -14,18 +14,12 @@ from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
 
+# Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point
 MIN_THICKNESS_ROUNDINGS = 64
-"""Roundings of the largest coordinate: a smaller thickness is refused, and a shorter boundary edge is a point."""
-
+# Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share the
+# normal. A solid is 3 % too thin on an edge between patches at this angle.
 SMOOTH_COSINE = math.cos(math.radians(15))
-"""Cosine of the largest angle between a vertex normal and the facets of a patch around it for which the facets share
-the normal. A solid is 3 % too thin on an edge between patches at this angle."""
-
-SAME_NORMAL_COSINE = 1 - 1e-9
-"""Cosine of the angle, nine seconds of arc, within which two normals count as equal."""
-
-MAX_MITRE = 2.0
-"""Largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°."""
+MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
 
 
 def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> Mesh:
@@ -197,6 +191,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the surface's own, or the
     means of the facets if these normals are unknown or differ from the facets beside an open edge.
     """
+    same_normal_cosine = 1 - 1e-9  # cosine of the angle, nine seconds of arc, within which two normals count as equal
     assert mesh.normals is not None
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
     keys = paired(mesh.cells, _cell_groups(mesh)[:, None], groups)
@@ -210,7 +205,7 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
     agree |= known | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
-    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < SAME_NORMAL_COSINE])
+    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < same_normal_cosine])
     if not len(wrong):
         return mesh.normals
     chosen = np.flatnonzero(np.isin(vertex, wrong))

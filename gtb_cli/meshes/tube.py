@@ -22,12 +22,11 @@ from gtb_cli.meshes.welding import merged
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES
 
+# Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes
 RING_SIDES = 24
-"""Vertices of a ring: the polygon deviates from the circle by 0.9 % of the radius, and has corners on both axes."""
-
+# Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
+# of a sharp turn may share vertices
 ZERO_TOLERANCE = 1e-9
-"""Cosines, and distances as fractions of the radius, that count as zero: a turn of 90° is not sharp, and the two rings
-of a sharp turn may share vertices."""
 
 
 def tube(

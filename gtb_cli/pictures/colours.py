@@ -6,29 +6,21 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 
+# Colours of curves, in turn: those of Okabe and Ito without the yellow, which is too light for a line
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Colours of curves, in turn: those of Okabe and Ito without the yellow, which is too light for a line."""
-
-DASHES = ("-", "--", ":", "-.")
-"""Dashes of curves, in turn, once all colours are used."""
-
+# Colours of patches and cells, in turn: lighter versions of similar colours
 PATCH_COLOURS = ("#8FBCD9", "#F2B48A", "#86CDB5", "#E3B5CE", "#F1CF85", "#AEDBF3", "#C9C9C9", "#E9E39A")
-"""Colours of patches and cells, in turn: lighter versions of similar colours."""
-
 SURFACE_COLOUR = PATCH_COLOURS[0]
 INK, FAINT, OPEN, NET = "#222222", "#9A9A9A", "#D6001C", "#404A54"
 
-TWO_SIDED = ("PuOr", "RdBu")
-"""Colour maps with a middle, which stands for 0."""
-
-TRIMMED_PERCENT = 2.0
-"""Percentage of the values at either end that a scale may leave out: curvature is often infinite."""
+TWO_SIDED = ("PuOr", "RdBu")  # colour maps with a middle, which stands for 0
 
 
 def line_style(index: int) -> tuple[str, str]:
     """Return the colour and dashes of the curve with this number."""
+    dashes = ("-", "--", ":", "-.")  # dashes of curves, in turn, once all colours are used
     turn, place = divmod(index, len(LINE_COLOURS))
-    return LINE_COLOURS[place], DASHES[turn % len(DASHES)]
+    return LINE_COLOURS[place], dashes[turn % len(dashes)]
 
 
 def patch_colour(index: int) -> str:
@@ -46,7 +38,9 @@ def scale_of(values: FloatArray, name: str) -> tuple[float, float]:
 
     If the numbers differ only by rounding, the scale is centred on them.
     """
-    low, high = np.percentile(values, [TRIMMED_PERCENT, 100 - TRIMMED_PERCENT]).tolist()
+    # Percentage of the values at either end that a scale may leave out: curvature is often infinite
+    trimmed_percent = 2.0
+    low, high = np.percentile(values, [trimmed_percent, 100 - trimmed_percent]).tolist()
     if name in TWO_SIDED:
         high = max(abs(low), abs(high))
         low = -high

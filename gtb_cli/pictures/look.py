@@ -21,48 +21,6 @@ if TYPE_CHECKING:
 
 Curvature: TypeAlias = Literal["gaussian", "mean"]
 
-SETTINGS = {
-    "font.family": ["DejaVu Sans"],
-    "font.size": 9,
-    "text.color": "#222222",
-    "text.usetex": False,
-    "axes.linewidth": 0.7,
-    "axes.edgecolor": "#444444",
-    "axes.labelcolor": "#222222",
-    "axes.titlesize": 9.5,
-    "axes.unicode_minus": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.formatter.useoffset": True,
-    "axes.facecolor": "white",
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "savefig.transparent": False,
-    "savefig.bbox": None,
-    "xtick.color": "#444444",
-    "ytick.color": "#444444",
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "path.simplify": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "gtb",
-    "pdf.fonttype": 42,
-    "pdf.compression": 9,
-}
-"""Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in SVG
-and PDF."""
-
-NO_DATE = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
-"""Metadata that would change from day to day, or from one version of matplotlib to the next."""
-
-NO_MATPLOTLIB = "pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'"
-
-LETTER_WIDTH = 0.62
-"""Width of a letter of a title, as a fraction of the font size, with a little room."""
-
-MAX_NUMBERED_POINTS = 30
-"""Largest number of points that are numbered by default."""
-
 
 @dataclass(frozen=True)
 class Look:
@@ -110,7 +68,8 @@ class Look:
 
     def numbers(self, count: int) -> bool:
         """Tell whether this many points are numbered."""
-        return count <= MAX_NUMBERED_POINTS if self.labels is None else self.labels
+        max_numbered_points = 30  # points that are numbered by default
+        return count <= max_numbered_points if self.labels is None else self.labels
 
 
 def settings() -> AbstractContextManager[None]:
@@ -121,16 +80,46 @@ def settings() -> AbstractContextManager[None]:
     ExportError
         matplotlib is not installed.
     """
+    # Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in
+    # SVG and PDF.
+    chosen = {
+        "font.family": ["DejaVu Sans"],
+        "font.size": 9,
+        "text.color": "#222222",
+        "text.usetex": False,
+        "axes.linewidth": 0.7,
+        "axes.edgecolor": "#444444",
+        "axes.labelcolor": "#222222",
+        "axes.titlesize": 9.5,
+        "axes.unicode_minus": True,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.formatter.useoffset": True,
+        "axes.facecolor": "white",
+        "figure.facecolor": "white",
+        "savefig.facecolor": "white",
+        "savefig.transparent": False,
+        "savefig.bbox": None,
+        "xtick.color": "#444444",
+        "ytick.color": "#444444",
+        "xtick.labelsize": 8,
+        "ytick.labelsize": 8,
+        "path.simplify": False,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "gtb",
+        "pdf.fonttype": 42,
+        "pdf.compression": 9,
+    }
     collecting = gc.isenabled()
     gc.disable()  # imports leave little garbage, and searching for it takes a tenth of their time
     try:
         import matplotlib.figure
     except ImportError:
-        raise ExportError(NO_MATPLOTLIB) from None
+        raise ExportError("pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'") from None
     finally:
         if collecting:
             gc.enable()
-    return matplotlib.rc_context(SETTINGS)
+    return matplotlib.rc_context(chosen)
 
 
 def empty_figure(look: Look) -> Figure:
@@ -154,6 +143,7 @@ def with_numbers(figure: Figure) -> Axes:
 
 def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> list[Axes]:
     """Return axes side by side, as nearly square as possible, each with a title; with room for numbers if `plane`."""
+    letter_width = 0.62  # width of a letter of a title, as a fraction of the font size, with a little room
     count = len(titles)
     width, height = figure.get_size_inches()
     columns = min(range(1, count + 1), key=lambda n: _waste(n, count, width / height))
@@ -172,7 +162,7 @@ def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> lis
                 max(box[3] - (below + above) / height, 0.02),
             )
         )
-        ax.set_title(title, pad=4, fontsize=min(9.5, 72 * width / columns / (LETTER_WIDTH * longest)))
+        ax.set_title(title, pad=4, fontsize=min(9.5, 72 * width / columns / (letter_width * longest)))
         found.append(ax)
     return found
 
@@ -186,6 +176,8 @@ def _waste(columns: int, count: int, shape: float) -> float:
 
 def encoded(figure: Figure, kind: str) -> bytes:
     """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
+    # Metadata that would change from day to day, or from one version of matplotlib to the next
+    no_date = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
     if kind == "png":
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -195,7 +187,7 @@ def encoded(figure: Figure, kind: str) -> bytes:
         canvas.draw()
         return png(np.asarray(canvas.buffer_rgba())[..., :3])
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, metadata=NO_DATE[kind])
+    figure.savefig(buffer, format=kind, metadata=no_date[kind])
     return buffer.getvalue()
 
 

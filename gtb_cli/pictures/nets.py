@@ -13,8 +13,7 @@ from gtb_cli.design.isocurve import span
 from gtb_cli.knots.domain import Domain
 from gtb_cli.theory.patch import Patch
 
-LINE_SEGMENTS = 96
-"""Segments of a line along a surface."""
+LINE_SEGMENTS = 96  # segments of a line along a surface
 
 CURVE_SEGMENTS, END_POINTS, END_DISTANCE = 240, 48, 1e-15
 """Segments of a curve, further points near each end, and the distance of the first as a fraction of Δ: a curve leaves

@@ -17,12 +17,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.pictures.colours import scale_of
 from gtb_cli.pictures.content import Content
 
-FRAME = '<iframe srcdoc="{page}" style="width:100%;height:420px;border:1px solid #8884;border-radius:6px"></iframe>'
-"""Frame of a page within another page."""
-
-BOX_DIGITS = 4
-"""Digits, relative to a box's size, to which its corners are given."""
-
 
 def page_of(content: Content, **more: Any) -> str:
     """Return the text of a page that shows something.
@@ -57,7 +51,9 @@ def page_with(data: dict[str, Any], title: str) -> str:
 
 def frame_of(content: Content) -> str:
     """Return HTML of a frame that shows something within another page, such as a notebook."""
-    return FRAME.format(page=html.escape(page_of(content), quote=True))
+    # Frame of a page within another page
+    frame = '<iframe srcdoc="{page}" style="width:100%;height:420px;border:1px solid #8884;border-radius:6px"></iframe>'
+    return frame.format(page=html.escape(page_of(content), quote=True))
 
 
 def page_data(content: Content) -> dict[str, Any]:
@@ -128,7 +124,8 @@ def _facts(content: Content) -> str:
 
 def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:
     """Return the texts at the ends of the three axes, and at the corner where they start."""
-    step = 10.0 ** (math.floor(math.log10(size)) - BOX_DIGITS + 1)
+    box_digits = 4  # digits, relative to a box's size, to which its corners are given
+    step = 10.0 ** (math.floor(math.log10(size)) - box_digits + 1)
 
     def text(value: float) -> str:
         return f"{round(value / step) * step:.12g}" if abs(value) < step * 2**52 else f"{value:.6g}"

@@ -22,14 +22,9 @@ if TYPE_CHECKING:
 
     from gtb_cli.knots.decomposition import RegularDecomposition
 
-BASIS_POINTS = 480
-"""Number of points at which a basis is evaluated; knots and their neighbours are among them."""
 
-LABEL_WIDTH = 0.13
-"""Width of a label of a curve's knot, as a fraction of Δ: one that is nearer to the last stands in another row."""
-
+# Box behind a label, so that lines do not run through it
 HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-"""Box behind a label, so that lines do not run through it."""
 
 
 def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
@@ -87,6 +82,7 @@ def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
 
 def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
     """Draw basis functions of curves over t; several curves are variants of one curve, each with a name."""
+    basis_points = 480  # number of points at which a basis is evaluated; knots and their neighbours are among them
     indices = look.indices or range(len(curves[0].knots))
     for index in indices:
         if not 0 <= index < len(curves[0].knots):
@@ -95,7 +91,7 @@ def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[st
     number = 0
     for variant, curve in enumerate(curves):
         low, high = (float(x) for x in curve.domain.vertices[:, 0])
-        even = (1 - np.cos(np.linspace(0, np.pi, BASIS_POINTS + 1))) / 2
+        even = (1 - np.cos(np.linspace(0, np.pi, basis_points + 1))) / 2
         t = np.union1d(low + (high - low) * even, curve.knots[:, 0]).clip(low, high)
         values = basis_values(curve, t, look.unnormalised)
         for index in indices:
@@ -162,10 +158,12 @@ def _grouped(places: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float
 
 def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str], corners: FloatArray) -> None:
     """Write texts beside knots, towards the inside of Δ, where no edge runs; above those of a curve, in two rows."""
+    # Width of a label of a curve's knot, as a fraction of Δ: one that is nearer to the last stands in another row
+    label_width = 0.13
     last = [-np.inf, -np.inf]
     for place, text in sorted(_grouped(places, texts)):
         if corners.shape[1] == 1:
-            near = LABEL_WIDTH * float(np.ptp(corners))
+            near = label_width * float(np.ptp(corners))
             row = 0 if place[0] - last[0] >= near or last[0] < last[1] else 1
             last[row] = place[0]
             note(ax, text, place, (0, 7 + 24 * row), va="bottom")

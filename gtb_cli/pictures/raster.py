@@ -9,11 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.values import frozen
 
-PIXEL_BATCH = 1 << 21
-"""Number of pixels in bounding boxes of triangles that are tested together."""
-
-NO_TRIANGLE = -1
-"""Index at pixels that no triangle covers."""
+NO_TRIANGLE = -1  # index at pixels that no triangle covers
 
 
 @frozen
@@ -80,6 +76,7 @@ def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> 
 
 def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> tuple[IntArray, IntArray, FloatArray]:
     """Pixels whose centres triangles cover, with the triangle and the barycentric coordinates of each."""
+    pixel_batch = 1 << 21  # number of pixels in bounding boxes of triangles that are tested together
     plane = points[:, :2][faces]
     a, b, c = plane[:, 0], plane[:, 1], plane[:, 2]
     doubled = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
@@ -92,7 +89,7 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     for size in np.unique(side).tolist():
         alike = used[side == size]
         step_y, step_x = np.divmod(np.arange(size * size), size)
-        block = max(PIXEL_BATCH // (size * size), 1)
+        block = max(pixel_batch // (size * size), 1)
         for start in range(0, len(alike), block):
             t = alike[start : start + block, None]
             x, y = low[t, 0] + step_x, low[t, 1] + step_y

@@ -13,9 +13,6 @@ from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.pictures.sequences import Frames
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 
-MAX_RECORD_BYTES = 10_000_000
-"""Largest size of a record in bytes."""
-
 
 def read_frames(path: str) -> Frames:
     """Read the meshes that a `sequence.json`, or that of a folder, lists.
@@ -27,10 +24,11 @@ def read_frames(path: str) -> Frames:
     GtbError
         A mesh cannot be read.
     """
+    max_record_bytes = 10_000_000  # a record in bytes
     record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
-    data = read_file(record, MAX_RECORD_BYTES + 1)
+    data = read_file(record, max_record_bytes + 1)
     try:
-        entries = json.loads(data if len(data) <= MAX_RECORD_BYTES else b"")["meshes"]
+        entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])
         values = tuple(_number(entry[key]) for entry in entries)
         measured = [entry["distance_to_limit"] for entry in entries]

@@ -20,32 +20,11 @@ from gtb_cli.values import frozen
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SUPERSAMPLING = 3
-"""Computed pixels along one of the picture: their mean gives smooth outlines."""
+SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
 
-MAX_IMAGE_PIXELS = 12_000_000
-"""Largest number of pixels that are computed for one image."""
-
-LINE_BIAS = 0.004
-"""Depth, as a fraction of the scene's size, that a line may lie behind a surface and still count as on it."""
-
-PIECE_LENGTH = 0.004
-"""Length, as a fraction of the scene's size, of the pieces of a line that are visible or hidden as a whole."""
-
-SCENE_MARGIN = 0.07
-"""Free border around a scene, as a fraction of its size: room for labels."""
-
-LIGHT = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
-"""Unit vector towards the light: to the right, upwards, towards the eye."""
 
 AMBIENT, GLOSS, SHINE = 0.5, 0.2, 28
 """Least brightness, and strength and sharpness of the highlight."""
-
-MAP_BRIGHTNESS = 0.68
-"""Least brightness, from 0 to 1, where colours mean numbers and must be recognised."""
-
-BACK_BRIGHTNESS = 0.78
-"""Brightness of the side away from the normals, relative to the other."""
 
 
 @frozen
@@ -109,18 +88,20 @@ def scene_of(camera: Camera, surface: Surface | None, others: Sequence[FloatArra
 
 def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()) -> list[Scene]:
     """Scenes of several surfaces with one window, which holds all of them and other points."""
+    scene_margin = 0.07  # free border around a scene, as a fraction of its size: room for labels
     clouds = [*(surface.vertices for surface in surfaces if surface is not None), *others]
     clouds = [cloud for cloud in clouds if len(cloud)]
     low, high = bounds_of(np.concatenate(clouds))
     frame = Scene(camera, low, high, np.zeros((2, 2)))
     ends = bounds_of(np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds]))
-    margin = SCENE_MARGIN * max(float(np.ptp(ends, axis=0).max()), 1e-3)
+    margin = scene_margin * max(float(np.ptp(ends, axis=0).max()), 1e-3)
     window = ends + np.array([[-margin], [margin]])
     return [Scene(camera, low, high, window, surface) for surface in surfaces]
 
 
 def draw(ax: Axes, scene: Scene) -> Raster | None:
     """Prepare axes for a scene, draw its surface, and return what is seen of it, for lines that it hides."""
+    max_image_pixels = 12_000_000  # pixels that are computed for one image
     (left, bottom), (right, top) = scene.window.tolist()
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
@@ -131,7 +112,7 @@ def draw(ax: Axes, scene: Scene) -> Raster | None:
     ax.apply_aspect()
     box = ax.get_window_extent()
     width, height = (max(round(length), 8) * SUPERSAMPLING for length in (box.width, box.height))
-    shrink = math.sqrt(min(MAX_IMAGE_PIXELS / (width * height), 1.0))
+    shrink = math.sqrt(min(max_image_pixels / (width * height), 1.0))
     width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
     pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
     points = scene.seen(scene.surface.vertices)
@@ -150,6 +131,10 @@ def draw(ax: Axes, scene: Scene) -> Raster | None:
 
 def _shaded(scene: Scene, raster: Raster) -> FloatArray:
     """(height, width, 4) colours and opacity, colours times opacity."""
+    # Unit vector towards the light: to the right, upwards, towards the eye
+    light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
+    map_brightness = 0.68  # least brightness, from 0 to 1, where colours mean numbers and must be recognised
+    back_brightness = 0.78  # brightness of the side away from the normals, relative to the other
     surface = scene.surface
     assert surface is not None
     covered = raster.triangle >= 0
@@ -164,11 +149,11 @@ def _shaded(scene: Scene, raster: Raster) -> FloatArray:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         away = normals[:, 2] < 0
         normals = np.where(away[:, None], -normals, normals)
-        halfway = LIGHT + np.array([0.0, 0.0, 1.0])
+        halfway = light + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
-        ambient = AMBIENT if surface.scalars is None else MAP_BRIGHTNESS
-        bright = ambient + (1 - ambient) * np.clip(normals @ LIGHT, 0, None)
-        bright *= np.where(away, BACK_BRIGHTNESS, 1.0)
+        ambient = AMBIENT if surface.scalars is None else map_brightness
+        bright = ambient + (1 - ambient) * np.clip(normals @ light, 0, None)
+        bright *= np.where(away, back_brightness, 1.0)
         shine = GLOSS * np.clip(normals @ halfway, 0, None) ** SHINE * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
     image = np.zeros((*raster.triangle.shape, 4))
@@ -222,8 +207,10 @@ def lines(
 
 def _pieces(points: FloatArray) -> FloatArray:
     """Points of a path, with more between those that are far apart."""
+    # Length, as a fraction of the scene's size, of the pieces of a line that are visible or hidden as a whole
+    piece_length = 0.004
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    counts = np.maximum(np.ceil(gaps / PIECE_LENGTH).astype(np.int64), 1)
+    counts = np.maximum(np.ceil(gaps / piece_length).astype(np.int64), 1)
     place = np.repeat(np.arange(len(gaps)), counts)
     share = (np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[place]
     between = points[place] + share[:, None] * (points[place + 1] - points[place])
@@ -232,13 +219,15 @@ def _pieces(points: FloatArray) -> FloatArray:
 
 def _is_shown(scene: Scene, raster: Raster | None, points: FloatArray) -> Any:
     """(m,) whether no surface is before each of (m, 3) seen points."""
+    # Depth, as a fraction of the scene's size, that a line may lie behind a surface and still count as on it
+    line_bias = 0.004
     if raster is None:
         return np.ones(len(points), dtype=bool)
     height, width = raster.triangle.shape
     share = (points[:, :2] - scene.window[0]) / (scene.window[1] - scene.window[0])
     column = np.clip((share[:, 0] * width).astype(np.int64), 0, width - 1)
     row = np.clip((share[:, 1] * height).astype(np.int64), 0, height - 1)
-    return raster.farthest_around[row, column] <= points[:, 2] + LINE_BIAS
+    return raster.farthest_around[row, column] <= points[:, 2] + line_bias
 
 
 def points(

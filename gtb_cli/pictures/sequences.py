@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FILM = "#E8894A"
-
-MAX_PANELS = 24
-"""Largest number of panels of one figure."""
-
 
 @frozen
 class Frames:
@@ -68,8 +63,9 @@ class Frames:
 
 def figure_of_frames(frames: Frames, look: Look) -> Figure:
     """Draw the meshes of a sequence side by side, all with one camera and one scale, and the net of the limit."""
-    if len(frames.meshes) > MAX_PANELS:
-        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {MAX_PANELS} panels")
+    max_panels = 24  # panels of one figure
+    if len(frames.meshes) > max_panels:
+        raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
     with settings():
         figure = empty_figure(look)
         with_net = look.net is not False and frames.net_points is not None
@@ -136,7 +132,7 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
         np.concatenate([surface.vertices, film.vertices]),
         np.concatenate([surface.faces, shifted(film.faces, len(surface.vertices))]),
         None if normals is None or surface.normals is None else np.concatenate([surface.normals, normals]),
-        np.concatenate([surface.colours, plain(len(film.faces), FILM)]),
+        np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
     )
 
 

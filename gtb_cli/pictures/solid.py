@@ -30,23 +30,13 @@ if TYPE_CHECKING:
 PATCH_SEGMENTS, MODEL_SEGMENTS, GRAPH_SEGMENTS = 64, 16, 48
 """Segments of each edge of a patch, of each patch of a model, and of the graph of a basis function."""
 
-GRAPH_HEIGHT = 0.62
-"""Height of a graph relative to the width of Δ."""
-
-DOMAIN_GAP = 0.4
-"""Distance of Δ below the lowest lifted knot, relative to the width of Δ."""
-
-SCALE_INCHES = 0.9
-"""Width in inches of the room beside a surface for the scale of its colours."""
-
-HIDDEN_STRENGTH = 0.3
-"""Opacity of what is behind a surface."""
-
-PARAMETER_LINES = "#1F3A52"
+GRAPH_HEIGHT = 0.62  # height of a graph relative to the width of Δ
+HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
 
 
 def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     """Draw a surface, or the patches of a model, shaded by its exact normals."""
+    parameter_lines = "#1F3A52"
     patches = shape.patches
     fine = look.resolution or (MODEL_SEGMENTS if len(patches) > 4 else PATCH_SEGMENTS)
     mesh = tessellate(shape, fine, parametrization="linear")
@@ -58,7 +48,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     raster = draw(ax, scene)
     for patch in patches if look.isolines else ():
         paths = isoparametric_paths(patch, look.isolines)
-        lines(ax, scene, raster, paths, colour=PARAMETER_LINES, width=0.6)
+        lines(ax, scene, raster, paths, colour=parameter_lines, width=0.6)
     shared, free = borders(shape)
     lines(ax, scene, raster, shared, width=0.9)
     if isinstance(shape, Model):
@@ -119,13 +109,14 @@ def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, 
 
 def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -> None:
     """Draw the scale of a colour map at the right edge of axes; values beyond its ends have the colours of these."""
+    scale_inches = 0.9  # width in inches of the room beside a surface for the scale of its colours
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     figure = ax.get_figure()
     assert figure is not None
     x, y, width, height = ax.get_position().bounds
-    room = min(SCALE_INCHES * figure.dpi / figure.bbox.width, 0.5 * width)
+    room = min(scale_inches * figure.dpi / figure.bbox.width, 0.5 * width)
     ax.set_position((x, y, width - room, height))
     place = figure.add_axes((x + width - 0.92 * room, y + 0.16 * height, 0.13 * room, 0.62 * height))
     bar = figure.colorbar(ScalarMappable(Normalize(low, high), colour_map), cax=place, extend="both")
@@ -197,11 +188,12 @@ def _rim(patch: Patch) -> FloatArray:
 
 def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     """Draw the upper hull of the lifted knots above the cells, which are its projection."""
+    domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
     low, high = found.knots.min(axis=0), found.knots.max(axis=0)
     size = float((high - low).max())
     flat = (found.knots - (low + high) / 2) / size
     rise = float(np.ptp(found.lifting)) or 1.0
-    heights = DOMAIN_GAP + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
+    heights = domain_gap + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
     fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
     upper = np.array([face for fan in fans for face in fan])

@@ -1,10 +1,10 @@
-"""Pieces of cells, cut until each lies over one cell of another mesh."""
+"""Cells of one mesh, cut until each part lies over one cell of another mesh."""
 
 import numpy as np
 import pytest
 
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.meshes.overlay import Pieces
+from gtb_cli.meshes.overlay import CellParts
 
 
 @pytest.mark.parametrize("ulps", [1, 2, 3])
@@ -13,6 +13,6 @@ def test_a_plane_that_is_passed_within_rounding_does_not_cut(ulps):
     end = 0.3 + ulps * np.spacing(0.3)
     piece = np.array([[[0.3, 0.01, 0.0], [0.3 + 2e-10, 0.01, 0.0]]])
     below = NearestCells(np.array([[[-0.4, 0.0, 0.0], [end, 0.0, 0.0]], [[end, 0.0, 0.0], [0.4, 0.0, 0.0]]]))
-    parts = Pieces(piece, np.array([1.0]), np.array([1]), np.array([1]), np.array([1.0])).cut(below)
+    parts = CellParts(piece, np.array([1.0]), np.array([1]), np.array([1]), np.array([1.0])).cut(below)
     lengths = np.linalg.norm(parts.corners[:, 1] - parts.corners[:, 0], axis=1)
     np.testing.assert_allclose(lengths, [1e-10, 1e-10], rtol=1e-4)
