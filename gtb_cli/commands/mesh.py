@@ -25,7 +25,6 @@ from gtb_cli.shell.options import (
     specs_argument,
 )
 from gtb_cli.shell.several import attempted, fault, inputs_of
-from gtb_cli.shell.solids import surface_format, write_surfaces
 from gtb_cli.shell.streams import (
     about,
     file_stem,
@@ -38,6 +37,7 @@ from gtb_cli.shell.streams import (
     write_blocks,
     write_text,
 )
+from gtb_cli.shell.surfaces import surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS, suffix_of
 

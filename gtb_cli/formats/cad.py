@@ -14,41 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
+from gtb_cli.formats.splines import SplineSurface
 
-SEWING_TOLERANCE = 1e-6
-"""Fraction of a model's size within which edges are sewn; the edges of neighbours agree to rounding."""
-
-KERNEL_PRECISION = 1e-7
-"""Length, in units of the file, below which the kernel does not distinguish points."""
-
-KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}
-"""The kernel's names of units of length."""
-
-
-class Sheet(NamedTuple):
-    """A rational B-spline surface that becomes one face.
-
-    Attributes
-    ----------
-    name : str
-        Name of the patch to which it belongs.
-    degrees : tuple of two int
-    knots : tuple of two (k,) float
-        Clamped, ascending, repeated by multiplicity.
-    net : (m, n, 4) float
-        Control points x, y, z and weights.
-    """
-
-    name: str
-    degrees: tuple[int, int]
-    knots: tuple[FloatArray, FloatArray]
-    net: FloatArray
+KERNEL_PRECISION = 1e-7  # length, in units of the file, below which the kernel does not distinguish points
+KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # the kernel's names
 
 
 class Body(NamedTuple):
-    """A CAD file made of sheets.
+    """A CAD file made of surfaces.
 
     Attributes
     ----------
@@ -64,12 +38,12 @@ class Body(NamedTuple):
     solids: int
 
 
-def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str = "patch") -> Body:
+def encode_cad(surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", name: str = "patch") -> Body:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
     Parameters
     ----------
-    sheets : sequence of Sheet
+    surfaces : sequence of SplineSurface
     kind : {"step", "iges", "brep"}
     unit : str
         One of `KERNEL_UNITS`: the unit of the coordinates, which the file states (BREP files have no unit).
@@ -89,12 +63,13 @@ def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str =
             f"{kind.upper()} needs Open CASCADE, the extra gtb-cli[cad]: pip install 'gtb-cli[cad]'"
         ) from None
     _silence()
-    size = max(float(np.ptp(np.concatenate([sheet.net[..., :3].reshape(-1, 3) for sheet in sheets]), axis=0).max()), 0)
-    if size * SEWING_TOLERANCE < KERNEL_PRECISION:
+    size = float(np.ptp(np.concatenate([surface.net[..., :3].reshape(-1, 3) for surface in surfaces]), axis=0).max())
+    tolerance = 1e-6 * size  # the edges of neighbours agree to rounding
+    if tolerance < KERNEL_PRECISION:
         raise ExportError(
             f"{kind.upper()}: the model is {size:.3g} large, too small for a kernel that works to {KERNEL_PRECISION:g}"
         )
-    shape, faces, shells, solids = _sewn(sheets, SEWING_TOLERANCE * size)
+    shape, faces, shells, solids = _sewn(surfaces, tolerance)
     if not check(shape).IsValid():
         raise ExportError(
             f"{kind.upper()}: the kernel calls the sewn surfaces invalid: do they fold or cross themselves?"
@@ -104,7 +79,7 @@ def encode_cad(sheets: Sequence[Sheet], kind: str, unit: str = "mm", name: str =
         _WRITERS[kind](shape, faces, path, unit, name)
         with open(path, "rb") as file:
             data = file.read()
-    return Body(_without_time(data, kind), len(sheets), shells, solids)
+    return Body(_without_time(data, kind), len(surfaces), shells, solids)
 
 
 def _kernel(room: str) -> Any:
@@ -118,20 +93,20 @@ def _silence() -> None:
         printer.SetTraceLevel(room.Message_Gravity.Message_Fail)
 
 
-def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
-    """A compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
+def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, list[tuple[Any, str]], int, int]:
+    """Return a compound of solids and shells, its faces with their names, and the numbers of shells and solids."""
     builder, topology, explorer = _kernel("BRepBuilderAPI"), _kernel("TopoDS"), _kernel("TopExp").TopExp_Explorer
     kinds = _kernel("TopAbs").TopAbs_ShapeEnum
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
     given = []
-    for sheet in sheets:
-        face = builder.BRepBuilderAPI_MakeFace(_surface(sheet), KERNEL_PRECISION).Face()
+    for surface in surfaces:
+        face = builder.BRepBuilderAPI_MakeFace(_surface(surface), KERNEL_PRECISION).Face()
         given.append(face)
         sewing.Add(face)
     sewing.Perform()
     named = [
-        (sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face, sheet.name)
-        for face, sheet in zip(given, sheets, strict=True)
+        (sewing.ModifiedSubShape(face) if sewing.IsModifiedSubShape(face) else face, surface.name)
+        for face, surface in zip(given, surfaces, strict=True)
     ]
     compound = topology.TopoDS_Compound()
     pile = _kernel("BRep").BRep_Builder()
@@ -159,49 +134,42 @@ def _sewn(sheets: Sequence[Sheet], tolerance: float) -> tuple[Any, list[tuple[An
 
 
 def _as(topology: Any, kind: str, shape: Any) -> Any:
-    """A shape cast to its own type; the name of the cast depends on the release of the package."""
+    """Cast a shape to its own type; the name of the cast depends on the release of the package."""
     caster = topology.TopoDS
     return (getattr(caster, f"{kind}_s", None) or getattr(caster, kind))(shape)
 
 
 def _solid(builder: Any, shell: Any) -> Any:
-    """The solid inside a closed shell, with its faces outwards."""
+    """Return the solid inside a closed shell, with its faces outwards."""
     solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
     _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
     return solid
 
 
-def _surface(sheet: Sheet) -> Any:
-    """The kernel's surface; polynomial where all weights are equal."""
+def _surface(surface: SplineSurface) -> Any:
+    """Return the kernel's surface; polynomial where all weights are equal."""
     collections, point = _kernel("collections"), _kernel("gp").gp_Pnt
-    m, n = sheet.net.shape[:2]
+    m, n = surface.net.shape[:2]
     poles = collections.Array2_gp_Pnt(1, m, 1, n)
     weights = collections.Array2_double(1, m, 1, n)
     for i in range(m):
         for j in range(n):
-            x, y, z, w = sheet.net[i, j].tolist()
+            x, y, z, w = surface.net[i, j].tolist()
             poles.SetValue(i + 1, j + 1, point(x, y, z))
             weights.SetValue(i + 1, j + 1, w)
-    if m == sheet.degrees[0] + 1 and n == sheet.degrees[1] + 1:
-        kind = _kernel("Geom").Geom_BezierSurface
-        return kind(poles) if _is_polynomial(sheet) else kind(poles, weights)
-    rows = []
-    for knots in sheet.knots:
+    given = (poles,) if (surface.net[..., 3] == surface.net[0, 0, 3]).all() else (poles, weights)
+    if m == surface.degrees[0] + 1 and n == surface.degrees[1] + 1:
+        return _kernel("Geom").Geom_BezierSurface(*given)
+    rows: list[Any] = []
+    multiplicities: list[Any] = []
+    for knots in surface.knots:
         places, counts = np.unique(knots, return_counts=True)
-        reals = collections.Array1_double(1, len(places))
-        wholes = collections.Array1_int(1, len(places))
+        rows.append(collections.Array1_double(1, len(places)))
+        multiplicities.append(collections.Array1_int(1, len(places)))
         for k, (place, count) in enumerate(zip(places.tolist(), counts.tolist(), strict=True), 1):
-            reals.SetValue(k, place)
-            wholes.SetValue(k, count)
-        rows.append((reals, wholes))
-    (u, in_u), (v, in_v) = rows
-    kind = _kernel("Geom").Geom_BSplineSurface
-    given = (poles,) if _is_polynomial(sheet) else (poles, weights)
-    return kind(*given, u, v, in_u, in_v, *sheet.degrees, False, False)
-
-
-def _is_polynomial(sheet: Sheet) -> bool:
-    return bool((sheet.net[..., 3] == sheet.net[0, 0, 3]).all())
+            rows[-1].SetValue(k, place)
+            multiplicities[-1].SetValue(k, count)
+    return _kernel("Geom").Geom_BSplineSurface(*given, *rows, *multiplicities, *surface.degrees, False, False)
 
 
 def _write_step(shape: Any, faces: list[tuple[Any, str]], path: str, unit: str, name: str) -> None:
@@ -250,7 +218,7 @@ _WRITERS = {"step": _write_step, "iges": _write_iges, "brep": _write_brep}
 
 
 def _without_time(data: bytes, kind: str) -> bytes:
-    """The file without its time of writing, so that the same surfaces give the same bytes."""
+    """Take the time of writing out of a file, so that the same surfaces give the same bytes."""
     if kind == "step":
         return re.sub(rb"'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d'", b"'1970-01-01T00:00:00'", data)
     if kind == "iges":

@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_charts
 from gtb_cli.errors import DomainError
-from gtb_cli.formats.sheets import exact_sheets, homogeneous_points
+from gtb_cli.formats.splines import exact_surfaces, homogeneous_points
 from gtb_cli.knots.lattice import Direction, lattice_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -57,7 +57,7 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
         return [_curve(homogeneous_points(curve)[_ascending(line)]) for curve, line in curves]
     if lattice is not None and len(lattice) == 1:
         return [_triangle(homogeneous_points(patch), lattice[0])]
-    return [_quadrilateral(sheet.net) for sheet in exact_sheets(patch, index)]
+    return [_quadrilateral(surface.net) for surface in exact_surfaces(patch, index)]
 
 
 def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:

@@ -16,7 +16,7 @@ from gtb_cli.bezier.elevation import elevate
 from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
-from gtb_cli.formats.sheets import exact_sheets, sheets_of
+from gtb_cli.formats.splines import exact_surfaces, spline_surfaces
 from gtb_cli.language.writer import save as write
 from gtb_cli.meshes.measures import measure
 from gtb_cli.tessellation.tessellate import tessellate
@@ -96,7 +96,7 @@ def distance(shape: Any, points: np.ndarray) -> float:
 
 
 def box() -> Model:
-    """A closed body of two bicubic sheets: the same boundary, with their middles apart."""
+    """A closed body of two bicubic surfaces: the same boundary, with their middles apart."""
     patch = bicubic()
     points = np.column_stack([patch.knots, np.zeros(16)])
     inner = ((patch.knots > 0) & (patch.knots < 3)).all(axis=1)
@@ -108,7 +108,7 @@ def box() -> Model:
 @cache
 def encoded(name: str, kind: str) -> bytes:
     spec = box() if name == "pillow" else load(SPECS / f"{name}.toml")
-    return encode_cad(sheets_of(spec).sheets, kind, name=name).data
+    return encode_cad(spline_surfaces(spec).surfaces, kind, name=name).data
 
 
 @pytest.mark.parametrize("kind", CAD_FORMATS)
@@ -159,7 +159,7 @@ def test_names_of_patches_and_the_unit_are_in_the_file() -> None:
     assert "ADVANCED_FACE('bottom'" in text
     assert "PRODUCT('pillow','pillow'" in text
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
-    inches = encode_cad(sheets_of(box()).sheets, "step", "in").data.decode()
+    inches = encode_cad(spline_surfaces(box()).surfaces, "step", "in").data.decode()
     assert "'INCH'" in inches
     assert "CARTESIAN_POINT('',(3.,3.," in inches  # numbers as they are in the spec
 
@@ -172,7 +172,7 @@ def test_an_iges_file_does_not_have_the_users_name() -> None:
 
 @pytest.mark.parametrize("kind", CAD_FORMATS)
 def test_the_same_surfaces_make_the_same_bytes(kind: str) -> None:
-    again = encode_cad(sheets_of(box()).sheets, kind, name="pillow").data
+    again = encode_cad(spline_surfaces(box()).surfaces, kind, name="pillow").data
     assert again == encoded("pillow", kind)
 
 
@@ -196,19 +196,19 @@ def test_a_closed_model_of_real_knots_is_a_fitted_solid(tmp_path: Path) -> None:
 @long
 def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     patch = pentagon()
-    found = sheets_of(patch, 2e-3)
+    found = spline_surfaces(patch, 2e-3)
     assert found.fitted == 5
     assert "has Bézier pieces of degree 70 only" in found.reasons[0][1]
     assert 0 < found.error <= 2e-3
-    assert len(found.sheets) == 5
-    shape = read(encode_cad(found.sheets, "brep").data, "brep", tmp_path)
+    assert len(found.surfaces) == 5
+    shape = read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, "SHELL")) == 1
     v = patch.domain.vertices
     points = patch.evaluate(np.random.default_rng(2).dirichlet(np.ones(len(v)), 12) @ v)
     assert distance(shape, points) <= 2e-3
     with pytest.raises(ToleranceError, match="fitted surfaces of 128 × 128 spans are still"):
-        sheets_of(patch, 1e-12)
+        spline_surfaces(patch, 1e-12)
 
 
 @long
@@ -217,7 +217,7 @@ def test_edges_with_other_parameters_are_sewn(name: str, kind: str, tmp_path: Pa
     patches = tuple(elevate(patch, k % 3) for k, patch in enumerate(load(SPECS / f"{name}.toml")))
     model = Model(patches, name)
     assert any(joint.places for joint in model.joints.shared)
-    shape = read(encode_cad(sheets_of(model).sheets, "brep").data, "brep", tmp_path)
+    shape = read(encode_cad(spline_surfaces(model).surfaces, "brep").data, "brep", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, kind)) == 1
 
@@ -261,9 +261,9 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
     top: Patch, turned: bool, faces: int, edges: int, tmp_path: Path
 ) -> None:
     model = pillow(top, turned=turned)
-    found = sheets_of(model)
-    assert (len(found.sheets) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])
-    shape = read(encode_cad(found.sheets, "step").data, "step", tmp_path)
+    found = spline_surfaces(model)
+    assert (len(found.surfaces) - found.fitted, [name for name, _ in found.reasons]) == (faces, ["bottom"])
+    shape = read(encode_cad(found.surfaces, "step").data, "step", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, "SOLID")) == 1
     assert len(unlike(parts(shape, "EDGE"))) == edges
@@ -281,39 +281,39 @@ def test_fitted_patches_share_edges_with_other_parameters() -> None:
     one = pillow(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]))[1]
     model = Model((one, elevate(one)))
     assert sum(bool(joint.places) for joint in model.joints.shared) == 5
-    found = sheets_of(model)
-    assert found.fitted == len(found.sheets) == 10
-    rims = [np.concatenate([sheet.net[:, 0, :3], sheet.net[0, :, :3]]) for sheet in found.sheets]
+    found = spline_surfaces(model)
+    assert found.fitted == len(found.surfaces) == 10
+    rims = [np.concatenate([surface.net[:, 0, :3], surface.net[0, :, :3]]) for surface in found.surfaces]
     size = np.ptp(one.control_points)
     for ours, theirs in zip(rims[:5], rims[5:], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * size)
 
 
 def test_an_exact_patch_of_high_degree_is_fitted_beside_a_fitted_one() -> None:
-    found = sheets_of(pillow(rectangle(17)))
-    assert found.fitted == len(found.sheets) == 8
+    found = spline_surfaces(pillow(rectangle(17)))
+    assert found.fitted == len(found.surfaces) == 8
     assert [name for name, _ in found.reasons] == ["top", "bottom"]
     assert "exact pieces of a degree above 16 on its edge 0, which it shares with bottom" in found.reasons[0][1]
 
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
-    assert len(exact_sheets(bicubic())) == 1
-    (sheet,) = exact_sheets(bicubic())
-    assert sheet.degrees == (3, 3)
-    assert len(exact_sheets(bezier_triangle())) == 3
+    assert len(exact_surfaces(bicubic())) == 1
+    (surface,) = exact_surfaces(bicubic())
+    assert surface.degrees == (3, 3)
+    assert len(exact_surfaces(bezier_triangle())) == 3
     with pytest.raises(DomainError, match="weights in a range beyond"):
-        exact_sheets(bicubic().replace(weights=np.geomspace(1, 1e20, 16)))
+        exact_surfaces(bicubic().replace(weights=np.geomspace(1, 1e20, 16)))
 
 
 def test_curves_are_not_surfaces() -> None:
     with pytest.raises(DomainError, match="is a curve, and CAD files are made of surfaces"):
-        sheets_of(cubic_curve())
+        spline_surfaces(cubic_curve())
 
 
 def test_what_is_too_small_for_the_kernel_is_refused() -> None:
     small = bicubic().replace(control_points=1e-9 * bicubic().control_points)
     with pytest.raises(ExportError, match="too small for a kernel that works to 1e-07"):
-        encode_cad(sheets_of(small).sheets, "step")
+        encode_cad(spline_surfaces(small).surfaces, "step")
 
 
 def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -321,7 +321,7 @@ def test_without_the_extra_there_is_a_message(monkeypatch: pytest.MonkeyPatch) -
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "OCP", None)
     with pytest.raises(ExportError, match=r"STEP needs Open CASCADE, the extra gtb-cli\[cad\]"):
-        encode_cad(sheets_of(bicubic()).sheets, "step")
+        encode_cad(spline_surfaces(bicubic()).surfaces, "step")
 
 
 def test_the_names_of_units_and_formats_are_one_list() -> None:

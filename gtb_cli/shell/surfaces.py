@@ -108,13 +108,13 @@ def _write_cad(
     spec: Patch | Model, path: str, kind: str, unit: str, options: MeshOptions, output: str, console: Console
 ) -> None:
     from gtb_cli.formats.cad import encode_cad
-    from gtb_cli.formats.sheets import sheets_of
+    from gtb_cli.formats.splines import spline_surfaces
     from gtb_cli.theory.model import Model
 
     recipe = options.recipe
     with about(shown_input(path)):
-        found = sheets_of(spec, recipe.tolerance_for(spec))
-        body = encode_cad(found.sheets, kind, unit, spec.name or "patch")
+        found = spline_surfaces(spec, recipe.tolerance_for(spec))
+        body = encode_cad(found.surfaces, kind, unit, spec.name or "patch")
         if recipe.require and body.shells:
             raise RequirementError(f"not watertight: {body.shells} of {body.shells + body.solids} shells are open")
     write_blocks(output, [body.data])

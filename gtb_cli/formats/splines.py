@@ -12,39 +12,41 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.pieces import MAX_DEGREE, bezier_charts
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.formats.cad import Sheet
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.joints import Joint
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-FIT_TOLERANCE = 1e-4
-"""Default tolerance of a fitted surface, as a fraction of the model's size."""
-
-FIT_SPANS = (8, 16, 32, 64, 128)
-"""Spans of a fitted surface in each direction, tried in turn."""
-
-FIT_DEGREE = 3
-
-MIN_WEIGHT = 1e-12
-"""Smallest weight of a Bézier rectangle, relative to the largest: below it, a kernel's derivatives lose all digits."""
-
-PLACE_GRADING = 2.0
-"""Exponent of the grading of the spline's knots, which are denser towards the edges of Δ: a patch with real knots may
-have no second derivative there. With 16 spans on eight patches, 1 leaves up to 4e-4 of the size, 2 up to 3e-5."""
-
-EDGE_DEGREE = 16
-"""Highest degree of an exact edge that a fitted surface takes over, with the degree. Edges of one pillow in several
-degrees agree to 3e-7 up to degree 16, and not at all at 25."""
+MIN_WEIGHT = 1e-12  # of a Bézier rectangle, relative to the largest: below it, a kernel's derivatives lose all digits
 
 
-class Sheets(NamedTuple):
+class SplineSurface(NamedTuple):
+    """A rational B-spline surface that becomes one face.
+
+    Attributes
+    ----------
+    name : str
+        Name of the patch to which it belongs.
+    degrees : tuple of two int
+    knots : tuple of two (k,) float
+        Clamped, ascending, repeated by multiplicity.
+    net : (m, n, 4) float
+        Control points x, y, z and weights.
+    """
+
+    name: str
+    degrees: tuple[int, int]
+    knots: tuple[FloatArray, FloatArray]
+    net: FloatArray
+
+
+class SplineSurfaces(NamedTuple):
     """Surfaces for CAD.
 
     Attributes
     ----------
-    sheets : tuple of Sheet
+    surfaces : tuple of SplineSurface
         Surfaces in the order of the patches.
     fitted : int
         Number of surfaces that are not exact.
@@ -54,13 +56,13 @@ class Sheets(NamedTuple):
         Name of each fitted patch, and the reason.
     """
 
-    sheets: tuple[Sheet, ...]
+    surfaces: tuple[SplineSurface, ...]
     fitted: int
     error: float
     reasons: tuple[tuple[str, str], ...]
 
 
-class Half(NamedTuple):
+class HalfEdge(NamedTuple):
     """Half of an edge, as an adjacent fitted surface takes it over.
 
     Attributes
@@ -81,7 +83,7 @@ class Half(NamedTuple):
     own: Callable[[FloatArray], FloatArray] | None = None
 
     def at(self, t: FloatArray) -> tuple[FloatArray | None, FloatArray, FloatArray]:
-        """(k, 3) points at (k,) parameters in [0, 1], their weights, and their places as fractions of this half."""
+        """Return (k, 3) points at (k,) parameters in [0, 1], their weights, and places as fractions of this half."""
         degree = len(self.rows) - 1
         k = np.arange(degree + 1)
         shares = np.array([math.comb(degree, j) for j in k]) * t[:, None] ** k * (1 - t[:, None]) ** (degree - k)
@@ -98,11 +100,7 @@ class Half(NamedTuple):
         return float(self.fractions[-1] if self.own is None else self.own(self.fractions[-1:])[0])
 
 
-EVEN_HALF = Half(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)
-"""Half of an edge that fitted surfaces share, by equal fractions of one of them."""
-
-
-def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
+def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> SplineSurfaces:
     """Return the surfaces of a patch or model as rational B-splines.
 
     A patch with Bézier pieces becomes these: one for a tensor product patch, r for a patch with r corners. Any other
@@ -122,62 +120,68 @@ def sheets_of(spec: Patch | Model, tolerance: float | None = None) -> Sheets:
     DomainError
         The spec consists of curves.
     ToleranceError
-        Even the largest of `FIT_SPANS` does not reach the tolerance.
+        Even 128 spans in each direction do not reach the tolerance.
     """
+    spans = (8, 16, 32, 64, 128)  # in each direction of a fitted surface, tried in turn
     patches = spec.patches
     if patches[0].dimension == 1:
         raise DomainError("is a curve, and CAD files are made of surfaces")
-    exact: dict[int, list[Sheet]] = {}
+    exact: dict[int, list[SplineSurface]] = {}
     reasons: dict[int, str] = {}
     for index, patch in enumerate(patches):
         try:
-            exact[index] = exact_sheets(patch, index)
+            exact[index] = exact_surfaces(patch, index)
         except DomainError as fault:
             reasons[index] = str(fault)
     if not reasons:
-        return Sheets(tuple(sheet for sheets in exact.values() for sheet in sheets), 0, 0.0, ())
+        return SplineSurfaces(tuple(surface for surfaces in exact.values() for surface in surfaces), 0, 0.0, ())
     edges = _exact_edges(spec, exact, reasons) if isinstance(spec, Model) else {}
-    degree = max([FIT_DEGREE, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
+    degree = max([3, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
     points = np.concatenate([patch.control_points for patch in patches])
     size = float(np.ptp(points, axis=0).max())
-    allowed = FIT_TOLERANCE * size if tolerance is None else tolerance
-    for segments in FIT_SPANS:
+    allowed = 1e-4 * size if tolerance is None else tolerance
+    for segments in spans:
         fitted = {index: _fitted(patches[index], index, segments, degree, edges) for index in reasons}
         error = max(found for _, found in fitted.values())
         if error <= allowed:
-            sheets = [exact[index] if index in exact else fitted[index][0] for index in range(len(patches))]
+            surfaces = [exact[index] if index in exact else fitted[index][0] for index in range(len(patches))]
             names = tuple((_name(patches[index], index), why) for index, why in sorted(reasons.items()))
             count = sum(len(found) for found, _ in fitted.values())
-            return Sheets(tuple(sheet for part in sheets for sheet in part), count, error, names)
+            return SplineSurfaces(tuple(surface for part in surfaces for surface in part), count, error, names)
     raise ToleranceError(
-        f"fitted surfaces of {FIT_SPANS[-1]} × {FIT_SPANS[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
+        f"fitted surfaces of {spans[-1]} × {spans[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
     )
 
 
-def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int, str]) -> dict[EdgeRef, list[Half]]:
-    """Halves of the edges that fitted patches share with exact ones, from the start and from the end of each edge.
+def _exact_edges(
+    model: Model, exact: dict[int, list[SplineSurface]], reasons: dict[int, str]
+) -> dict[EdgeRef, list[HalfEdge]]:
+    """Return the halves of the edges that fitted patches share, from the start and from the end of each edge.
 
-    So are those that they share with each other at other fractions. An exact patch whose edges have too high a degree
-    for its neighbours becomes a fitted one.
+    An edge is shared with an exact patch, or with another fitted one at other fractions. An exact patch whose edges
+    have too high a degree for its neighbours becomes a fitted one.
     """
+    # Edges of one pillow in several degrees agree to 3e-7 up to degree 16, and not at all at 25.
+    most = 16
+    even = HalfEdge(np.array([[0.0, 0.0, 0.0, 1.0]] * 2), np.array([0.0, 0.5]), False)  # by equal fractions
     groups: dict[EdgeRef, list[Joint]] = {}
     for joint in model.joints.shared:
         groups.setdefault(joint.first, [Joint(joint.first, joint.first, False)]).append(joint)
     while True:
-        found: dict[EdgeRef, list[Half]] = {}
+        found: dict[EdgeRef, list[HalfEdge]] = {}
         for uses in groups.values():
             whole = [use for use in uses if use.second[0] in exact]
             fitted = [use for use in uses if use.second[0] in reasons]
             if not whole:
-                found |= {use.second: _carried([EVEN_HALF] * 2, model, uses[0], use) for use in fitted if use.places}
+                found |= {use.second: _carried([even] * 2, model, uses[0], use) for use in fitted if use.places}
             if not whole or not fitted:
                 continue
             index, edge = whole[0].second
             halves = _halves(model[index], edge)
-            if len(halves[0].rows) - 1 > EDGE_DEGREE:
+            if len(halves[0].rows) - 1 > most:
                 del exact[index]
                 reasons[index] = (
-                    f"has exact pieces of a degree above {EDGE_DEGREE} on its edge {edge}, which it shares with "
+                    f"has exact pieces of a degree above {most} on its edge {edge}, which it shares with "
                     f"{_name(model[fitted[0].second[0]], fitted[0].second[0])}, that has none"
                 )
                 break
@@ -186,8 +190,8 @@ def _exact_edges(model: Model, exact: dict[int, list[Sheet]], reasons: dict[int,
             return found
 
 
-def _carried(halves: list[Half], model: Model, one: Joint, other: Joint) -> list[Half]:
-    """Halves of an edge for another one, both joined with the same first edge."""
+def _carried(halves: list[HalfEdge], model: Model, one: Joint, other: Joint) -> list[HalfEdge]:
+    """Return the halves of an edge for another one, both joined with the same first edge."""
     turned = one.opposite != other.opposite
     if one.places or other.places:
 
@@ -200,8 +204,8 @@ def _carried(halves: list[Half], model: Model, one: Joint, other: Joint) -> list
     return halves[::-1] if turned else halves
 
 
-def _halves(patch: Patch, edge: int) -> list[Half]:
-    """The exact halves of an edge, each starting at its own end of the edge."""
+def _halves(patch: Patch, edge: int) -> list[HalfEdge]:
+    """Return the exact halves of an edge, each starting at its own end of the edge."""
     curve = patch.boundary(edge)
     places = np.zeros((len(curve.knots), 3))
     places[:, 0] = curve.knots[:, 0] / curve.knots[:, 0].max()
@@ -213,11 +217,11 @@ def _halves(patch: Patch, edge: int) -> list[Half]:
         degree = len(rows) - 1
         powers = np.log(rows[:, 3])
         rows[:, 3] = np.exp(powers - powers[0] + (powers[0] - powers[-1]) * np.arange(degree + 1) / degree)
-        halves.append(Half(rows, 1 - fractions if side else fractions))
+        halves.append(HalfEdge(rows, 1 - fractions if side else fractions))
     return halves
 
 
-def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
+def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
     """Return the Bézier rectangles of a patch: the patch itself, if it is one, or its charts.
 
     Raises
@@ -232,15 +236,15 @@ def exact_sheets(patch: Patch, index: int = 0) -> list[Sheet]:
         net = np.empty((first.degree + 1, second.degree + 1, 4))
         net[first.places[:, 1], second.places[:, 1]] = homogeneous_points(patch)
         return [_bezier(name, net)]
-    sheets = []
+    surfaces = []
     for chart in bezier_charts(patch, MAX_DEGREE):
         along, across = (int(degree) + 1 for degree in chart.patch.knots.max(axis=0))
-        sheets.append(_bezier(name, homogeneous_points(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
-    return sheets
+        surfaces.append(_bezier(name, homogeneous_points(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
+    return surfaces
 
 
 def homogeneous_points(patch: Patch) -> FloatArray:
-    """(n, 4) control points and Bézier weights: the products c ω divided by the binomials."""
+    """Return (n, 4) control points and Bézier weights: the products c ω divided by the binomials."""
     logs = patch.log_products - np.log(binomial_coefficients(patch.domain))
     weights = np.exp(logs - logs.max())
     if weights.min() < MIN_WEIGHT:
@@ -250,10 +254,10 @@ def homogeneous_points(patch: Patch) -> FloatArray:
     return np.column_stack([patch.control_points, weights])
 
 
-def _bezier(name: str, net: FloatArray) -> Sheet:
+def _bezier(name: str, net: FloatArray) -> SplineSurface:
     m, n = net.shape[:2]
     knots = tuple(np.repeat([0.0, 1.0], count) for count in (m, n))
-    return Sheet(name, (m - 1, n - 1), (knots[0], knots[1]), net)
+    return SplineSurface(name, (m - 1, n - 1), (knots[0], knots[1]), net)
 
 
 def _name(patch: Patch, index: int) -> str:
@@ -261,9 +265,9 @@ def _name(patch: Patch, index: int) -> str:
 
 
 def _fitted(
-    patch: Patch, index: int, segments: int, degree: int, edges: dict[EdgeRef, list[Half]]
-) -> tuple[list[Sheet], float]:
-    """Interpolants of a patch's quarters, and their largest error between the points.
+    patch: Patch, index: int, segments: int, degree: int, edges: dict[EdgeRef, list[HalfEdge]]
+) -> tuple[list[SplineSurface], float]:
+    """Return interpolants of a patch's quarters, and their largest error between the points.
 
     Next to an exact edge they interpolate homogeneous points, with weights that are 1 where quarters meet.
     """
@@ -275,12 +279,14 @@ def _fitted(
     shares = np.array([0.5 if half is None else half.end for half, _ in halves])[:, None]
     middles = (1 - shares) * v + shares * np.roll(v, -1, axis=0)
     center = v.mean(axis=0)
-    knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** PLACE_GRADING, degree, mode="edge")
+    # Denser towards the edges of Δ, where a patch with real knots may have no second derivative: with 16 spans on eight
+    # patches, the exponent 1 leaves up to 4e-4 of the size, 2 up to 3e-5.
+    knots = np.pad(np.linspace(0.0, 1.0, segments + 1) ** 2.0, degree, mode="edge")
     # Greville's points: an interpolating spline of any degree does not oscillate between them.
     coarse = np.convolve(knots, np.full(degree, 1 / degree), "valid")[1:-1]
     coarse[-1] = 1.0
     fine = np.sort(np.concatenate([coarse, (coarse[1:] + coarse[:-1]) / 2]))
-    sheets, worst = [], 0.0
+    surfaces, worst = [], 0.0
     for k in range(r):
         corners = np.array([[v[k], middles[k - 1]], [middles[k], center]])
         points, weights = _points(patch, k, corners, fine, halves[k][0], halves[k - 1][1])
@@ -296,14 +302,14 @@ def _fitted(
         net[..., :3] /= net[..., 3:]
         if (weights == 1).all():
             net[..., 3] = 1.0
-        sheets.append(Sheet(_name(patch, index), (degree, degree), (knots, knots), net))
-    return sheets, worst
+        surfaces.append(SplineSurface(_name(patch, index), (degree, degree), (knots, knots), net))
+    return surfaces, worst
 
 
 def _points(
-    patch: Patch, corner: int, corners: FloatArray, places: FloatArray, along: Half | None, back: Half | None
+    patch: Patch, corner: int, corners: FloatArray, places: FloatArray, along: HalfEdge | None, back: HalfEdge | None
 ) -> tuple[FloatArray, FloatArray]:
-    """(k, k, 3) points on the quarter about a corner, and (k, k) weights; points of edges are exact.
+    """Return (k, k, 3) points on the quarter about a corner, and (k, k) weights; points of edges are exact.
 
     `along` and `back` are the halves of the edges after and before the corner, if these are exact. Places on the lines
     to the centroid do not depend on them, so that they are the same in the next quarter.
