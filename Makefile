@@ -50,7 +50,7 @@ golden: $(VENV)/.installed ## mesh every spec of specs/ into tests/golden, after
 	@$(RUN) gtb_cli mesh $(SPECS) -n 3 -o tests/golden
 
 gallery: $(VENV)/.development ## draw the pictures of specs/README.md anew, after a change that is meant
-	@$(RUN) tests.gallery
+	@$(RUN) tests.tools.gallery
 
 browser: $(VENV)/.development ## let Debian's Chromium and Firefox, those that are installed, show pages of gtb view
 	@{ { command -v chromium && command -v chromedriver; } || { command -v firefox-esr && command -v Xvfb; }; } >/dev/null \
@@ -61,13 +61,13 @@ bench: $(BUILD)/bench/.installed ## measure times beside floors and peers, as a 
 	@OPENBLAS_NUM_THREADS=1 $(BUILD)/bench/bin/python -m tests.benchmarks
 
 fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format imported, 5,000 models, meshes, command lines, 1,200 kills
-	@$(RUN) tests.fuzz
+	@$(RUN) tests.tools.fuzz
 
 guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers
-	@$(BUILD)/atheris/bin/python -m tests.fuzz_guided --minutes $(MINUTES) --folder $(BUILD)/guided
+	@$(BUILD)/atheris/bin/python -m tests.tools.guided --minutes $(MINUTES) --folder $(BUILD)/guided
 
 readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 5 GB below build
-	@$(RUN) tests.readers
+	@$(RUN) tests.tools.readers
 
 clean: ## remove what was built; .venv stays
 	rm -rf $(BUILD) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -96,8 +96,8 @@ BZR = b"1 2\n0 0 0\n0 1 1\n0 2 0\n3 0 0\n3 1 2\n3 2 0\n"
 
 DEGREES, KNOTS = (2, 1), (["0", "0", "0", "2/5", "1", "1", "1"], ["0", "0", "1/2", "1", "1"])
 WEIGHTS = [1, 1, 2, 1, 1, 0.5, 3, 1, 1, 1, 0.25, 1]
+# A NURBS surface of 4 × 3 points and 2 × 2 spans, the second index running fastest
 POINTS = [[i, j, (3 * i * j) % 5] for i in range(4) for j in range(3)]
-"""A NURBS surface of 4 × 3 points and 2 × 2 spans, the second index running fastest."""
 
 
 def floats(knots: Sequence[str]) -> list[float]:

@@ -19,17 +19,12 @@ from gtb_cli.theory.patch import Patch
 
 EPS = float(np.finfo(np.float64).eps)
 
-UNITY = 1e-14
-"""Error of the partition of unity: sixty roundings."""
+UNITY = 1e-14  # error of the partition of unity: sixty roundings
 
-RESIDUAL = 1e-12
-"""What mathematics.md and the issue ask of the inverse moment map, as a fraction of the hull's size."""
+RESIDUAL = 1e-12  # what mathematics.md and the issue ask of the inverse moment map, as a fraction of the hull's size
 
-SLIVER = 100.0
-"""How much steeper than between two knots a surface may be over a triangle of knots."""
 
-NEAR = (1e-12, 1e-6, 1e-2)
-"""Distances from edges, in units of the hull's size, at which laws are tested too."""
+NEAR = (1e-12, 1e-6, 1e-2)  # distances from edges, in units of the hull's size, at which laws are tested too
 
 
 def size(patch: Patch) -> float:
@@ -45,9 +40,10 @@ def error_of_points(patch: Patch) -> float:
 
 def error_of_linear_points(patch: Patch) -> float:
     """Bound for the error of points in the linear parametrisation: the residual of p, times the steepest rise."""
+    sliver = 100.0  # how much steeper than between two knots a surface may be over a triangle of knots
     gaps = np.abs(patch.knots[:, None] - patch.knots).max(axis=2)
     far = EPS * np.abs(patch.knots).max()
-    steepness = SLIVER * size(patch) / gaps[gaps > RESIDUAL * patch.domain.size + 16 * far].min()
+    steepness = sliver * size(patch) / gaps[gaps > RESIDUAL * patch.domain.size + 16 * far].min()
     return float(steepness * (RESIDUAL * patch.domain.size + 4 * far) + 4 * error_of_points(patch))
 
 

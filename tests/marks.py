@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import pytest
 
+# For a test that takes long by nature, or repeats with other seeds, sizes or specs what a short one shows
 long = pytest.mark.long
-"""For a test that takes long by nature, or repeats with other seeds, sizes or specs what a short one shows."""
 
 
 def mostly_long(values: Iterable[object], quick: int = 1) -> list[object]:

@@ -216,18 +216,16 @@ def named(name: str) -> Patch:
     return (CURVES | SURFACES)[name]()
 
 
-COORDINATES = st.one_of(
-    st.integers(0, 4).map(float), st.floats(-3, 3, allow_subnormal=False).map(lambda x: round(x, 3))
-)
-"""Places of knots: on a lattice, so that many are repeated or collinear, or anywhere."""
-
-
 @st.composite
 def any_patch(draw: st.DrawFn, dimension: int | None = None) -> Patch:
     """A patch of 2 to 12 knots, with weights of any size, perhaps far away, large or small."""
+    # Places of knots: on a lattice, so that many are repeated or collinear, or anywhere
+    coordinates = st.one_of(
+        st.integers(0, 4).map(float), st.floats(-3, 3, allow_subnormal=False).map(lambda x: round(x, 3))
+    )
     d = draw(st.sampled_from([1, 2, 2])) if dimension is None else dimension
     n = draw(st.integers(d + 1, 12))
-    knots = np.array(draw(st.lists(st.tuples(*[COORDINATES] * d), min_size=n, max_size=n)))
+    knots = np.array(draw(st.lists(st.tuples(*[coordinates] * d), min_size=n, max_size=n)))
     knots = (knots + draw(st.sampled_from([0, 0, 0, 100]))) * draw(st.sampled_from([1, 1, 1e-9, 1e-3, 20, 1e9]))
     points = np.array(draw(st.lists(st.tuples(*[st.integers(-9, 9)] * 3), min_size=n, max_size=n)), dtype=float)
     exponents = st.lists(st.floats(-12, 12), min_size=n, max_size=n)

@@ -22,11 +22,10 @@ PENTAGON = str(SPECS / "pentagon.toml")
 BICUBIC = str(SPECS / "bicubic.toml")
 CURVE = str(SPECS / "cubic-bezier.toml")
 
-TIMEOUT = 60
-"""Seconds after which a process hangs; each takes less than three."""
+TIMEOUT = 60  # seconds after which a process hangs; each takes less than three
 
+# Results of commands that failed, until a test looks at the status: what is left at its end fails it (conftest.py)
 unseen: list[Result] = []
-"""Results of commands that failed, until a test looks at the status: what is left at its end fails it (conftest.py)."""
 
 
 @dataclass(eq=False)

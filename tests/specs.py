@@ -17,8 +17,8 @@ SPECS = Path(__file__).parent.parent / "specs"
 BAD_SPECS = Path(__file__).parent / "bad_specs"
 GOOD_SPECS = sorted(SPECS.glob("*.toml"))
 
+# What takes longer hangs: bad input takes up to two on a slow machine; minutes, where time outgrows size
 SECONDS = 15.0
-"""What takes longer hangs: bad input takes up to two on a slow machine; minutes, where time outgrows size."""
 
 ARC = "knots = [0, 1, 2]\ncontrol_points = [[0, 0], [1, 1], [2, 0]]\n"
 TRIANGLE = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1]]\n"

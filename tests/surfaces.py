@@ -12,14 +12,14 @@ from tests.specs import SPECS, load
 
 HALF = 2**-0.5
 QUARTER = [[1, 0], [1, 1], [0, 1]]  # control points of a quarter of the unit circle, of weights 1, √½, 1
-BINOMIAL = [1, 2, 1]
 
 
 def product(rows: list[list[list[float]]], weights: list[float], other: list[float], **options) -> Patch:
     """A biquadratic rational tensor product patch; control points by rows."""
+    binomial = [1, 2, 1]
     knots = [[i, j] for j in range(3) for i in range(3)]
     w = [weights[i] * other[j] for j in range(3) for i in range(3)]
-    c = [BINOMIAL[i] * BINOMIAL[j] for j in range(3) for i in range(3)]
+    c = [binomial[i] * binomial[j] for j in range(3) for i in range(3)]
     return Patch(knots, [b for row in rows for b in row], w, c, **options)
 
 

@@ -18,9 +18,6 @@ from tests.shell import REPOSITORY, SPECS, environment, example_of, shell
 
 pytestmark = long
 
-PACKED = ("gtb_cli", "tests", "specs")
-"""Folders of the source archive."""
-
 
 def python(*arguments: object, folder: Path, path: Path = REPOSITORY) -> str:
     """What a process of Python prints that works in a folder and imports from another one."""
@@ -67,9 +64,10 @@ def installed(unpacked, tmp_path_factory) -> Path:
 
 
 def files(root: Path) -> set[Path]:
+    packed = ("gtb_cli", "tests", "specs")  # folders of the source archive
     return {
         path.relative_to(root)
-        for name in PACKED
+        for name in packed
         for path in (root / name).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }

@@ -15,15 +15,9 @@ from tests.marks import long, mostly_long
 from tests.shell import REPOSITORY, SPECS, Result, shell
 
 SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
-STEPS = re.findall(r"^ +- run: (.*)$", SECTION, re.MULTILINE)
-MAKEFILE = re.search(r"^```make\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
-FAILURE = re.search(r"^```\n(different.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
 
-CHOSEN = ("pentagon", "example-3.1", "box-corner")
-"""A surface, a curve and a model."""
+CHOSEN = ("pentagon", "example-3.1", "box-corner")  # a surface, a curve and a model
 
-DIAGONAL = 5.744562646538029
-"""Diagonal of the box of the pentagon's control points: √(2² + 2² + 5²)."""
 
 ELSEWHERE = [
     {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
@@ -35,11 +29,12 @@ ELSEWHERE = [
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory) -> Path:
     """A team's repository: some specs, and their golden meshes."""
+    makefile = re.search(r"^```make\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
     folder = tmp_path_factory.mktemp("team")
     (folder / "specs").mkdir()
     for name in CHOSEN:
         shutil.copy(SPECS / f"{name}.toml", folder / "specs")
-    (folder / "Makefile").write_text(MAKEFILE, encoding="utf-8")
+    (folder / "Makefile").write_text(makefile, encoding="utf-8")
     (folder / ".gitignore").write_text("out\n", encoding="utf-8")
     done = shell("make -s golden", folder)
     assert done.status == 0, done.err
@@ -54,9 +49,10 @@ def checkout(repository, tmp_path) -> Path:
 
 def job(folder: Path, **variables: str) -> Result:
     """Run the steps as GitHub does, each in a shell that stops at the first error; gtb is installed already."""
-    assert STEPS[0].startswith("pip install")
+    steps = re.findall(r"^ +- run: (.*)$", SECTION, re.MULTILINE)
+    assert steps[0].startswith("pip install")
     result = None
-    for step in STEPS[1:]:
+    for step in steps[1:]:
         result = shell(f"set -e; {step}", folder, **variables)
         if result.status:
             break
@@ -65,17 +61,19 @@ def job(folder: Path, **variables: str) -> Result:
 
 def nudge(folder: Path) -> None:
     """Move one control point of the pentagon by a millionth of its size."""
+    diagonal = 5.744562646538029  # diagonal of the box of the pentagon's control points: √(2² + 2² + 5²)
     spec = folder / "specs" / "pentagon.toml"
     text = spec.read_text(encoding="utf-8")
     assert text.count('["8/7", "8/7", 5]') == 1
-    spec.write_text(text.replace('["8/7", "8/7", 5]', f'["8/7", "8/7", {5 + 1e-6 * DIAGONAL!r}]'), encoding="utf-8")
+    spec.write_text(text.replace('["8/7", "8/7", 5]', f'["8/7", "8/7", {5 + 1e-6 * diagonal!r}]'), encoding="utf-8")
 
 
 def assert_as_shown(text: str) -> None:
     """Compare with what the README shows; the last digits may differ here, too."""
+    failure = re.search(r"^```\n(different.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
     number = re.compile(r"\d[\d.]*(?:e-\d+)?")
-    assert number.sub("#", text) == number.sub("#", FAILURE)
-    found, shown = (np.array(number.findall(each), dtype=float) for each in (text, FAILURE))
+    assert number.sub("#", text) == number.sub("#", failure)
+    found, shown = (np.array(number.findall(each), dtype=float) for each in (text, failure))
     assert np.allclose(found, shown, rtol=0.02, atol=0)
 
 

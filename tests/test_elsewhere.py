@@ -10,8 +10,6 @@ from pathlib import Path
 
 from tests.shell import CURVE, PENTAGON, REPOSITORY, environment, gtb
 
-ACTION = REPOSITORY / ".github" / "actions" / "diff" / "action.yml"
-
 
 def test_hooks_are_commands_that_take_files():
     text = (REPOSITORY / ".pre-commit-hooks.yaml").read_text(encoding="utf-8")
@@ -24,13 +22,14 @@ def test_hooks_are_commands_that_take_files():
 
 
 def test_the_action_compares_with_golden_meshes(tmp_path):
-    text = ACTION.read_text(encoding="utf-8")
+    action = REPOSITORY / ".github" / "actions" / "diff" / "action.yml"
+    text = action.read_text(encoding="utf-8")
     runs = re.findall(r"^    - run: (.*)$", text, re.MULTILINE)
     given = dict(re.findall(r"^        ([A-Z]+): \$\{\{ inputs\.(\w+) \}\}$", text, re.MULTILINE))
     defaults = dict(re.findall(r"^  (\w+):\n    description: .*\n    default: (.*)$", text, re.MULTILINE))
     assert set(given.values()) == set(defaults)
     assert "$GITHUB_ACTION_PATH/../../.." in runs[0]
-    assert (ACTION.parent / "../../../pyproject.toml").resolve() == REPOSITORY / "pyproject.toml"
+    assert (action.parent / "../../../pyproject.toml").resolve() == REPOSITORY / "pyproject.toml"
     command = tmp_path / "gtb" / "bin" / "gtb"
     command.parent.mkdir(parents=True)
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m gtb_cli "$@"\n', encoding="utf-8")

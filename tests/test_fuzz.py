@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fuzz import foreign_files, imports, kill, models, mutate, overwriting, polygons
 from tests.marks import long, mostly_long
+from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting, polygons
 
 
 @pytest.mark.parametrize("count", mostly_long([100, 500]))

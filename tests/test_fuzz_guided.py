@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fuzz_guided import CORPUS, READERS, judge, seeds
+from tests.tools.guided import CORPUS, READERS, judge, seeds
 
 
 def test_the_corpus_has_folders_for_what_is_read():

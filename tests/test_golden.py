@@ -17,16 +17,13 @@ from tests.marks import long
 from tests.shell import REPOSITORY, gtb
 from tests.specs import GOOD_SPECS, load
 
-GOLDEN = REPOSITORY / "tests" / "golden"
 OPTIONS = ("-n", 3)
-
-MILLIONTH = 1e-6
-"""Fraction of the model's size: a control point that moves by this is not a rounding error."""
 
 
 def test_the_meshes_of_the_specs_stay_what_they_were(tmp_path):
+    golden = REPOSITORY / "tests" / "golden"
     assert gtb("mesh", *GOOD_SPECS, *OPTIONS, "-o", tmp_path, "-q").status == 0
-    result = gtb("diff", GOLDEN, tmp_path)
+    result = gtb("diff", golden, tmp_path)
     assert result.status == 0, result.text
     assert result.text.startswith(f"{len(GOOD_SPECS)} same")
 
@@ -40,12 +37,13 @@ def test_they_are_renewed_with_the_same_options():
 
 def nudged(spec: Patch | Model) -> Patch | Model:
     """The spec with that control point of its first patch moved which moves the surface least."""
+    millionth = 1e-6  # fraction of the model's size: a control point that moves by this is not a rounding error
     patches = list(spec.patches) if isinstance(spec, Model) else [spec]
     patch = patches[0]
     influence = patch.basis(tessellate(patch, 8).parameters).max(axis=0)
     size = np.linalg.norm(np.ptp(np.vstack([part.control_points for part in patches]), axis=0))
     points = patch.control_points.copy()
-    points[influence.argmin(), 1] += MILLIONTH * size
+    points[influence.argmin(), 1] += millionth * size
     patches[0] = Patch(
         patch.knots,
         points,

@@ -12,8 +12,7 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.specs import GOOD_SPECS, SPECS, load
 
-ROUNDING = 4e-16
-"""Relative: one or two float operations."""
+ROUNDING = 4e-16  # relative: one or two float operations
 
 
 @pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.name)

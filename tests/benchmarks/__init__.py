@@ -15,9 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-COARSEST = 0.05
-"""Tolerance, as a part of the diagonal, that is coarse enough to see that all still works."""
-
 _scale = 1.0
 
 
@@ -83,7 +80,8 @@ def segments(count: int) -> int:
 
 def coarser(tolerance: float) -> float:
     """The same for a tolerance, as a part of the diagonal, to which the number of triangles is nearly inverse."""
-    return tolerance if _scale == 1 else min(COARSEST, tolerance / _scale)
+    coarsest = 0.05  # tolerance, as a part of the diagonal, that is coarse enough to see that all still works
+    return tolerance if _scale == 1 else min(coarsest, tolerance / _scale)
 
 
 def paired(

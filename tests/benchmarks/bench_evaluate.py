@@ -15,21 +15,8 @@ from tests.benchmarks.peers import by_geomdl, by_scipy, by_splinepy, by_splipy
 
 SPECS = Path(__file__).parent.parent.parent / "specs"
 POINTS = 1_000_000
-SLOW_POINTS = 2_000
-"""What is enough of a peer in plain Python."""
 
-SAME = 1e-13
-"""Largest difference, in units of a model of size 3, of results that differ by rounding."""
-
-NDBSPLINE = 1 / 3 if has_avx512() else 1 / 1.5
-"""Part of its time that is allowed: it computes no exponentials."""
-
-BLOCK = 8192
-MESH = 632
-"""Segments of each edge of a pentagon's mesh of a million vertices."""
-
-NEAR = 1e-9
-"""Distance from the edges, as a fraction of the size of Δ, of points where most exponentials underflow."""
+SAME = 1e-13  # largest difference, in units of a model of size 3, of results that differ by rounding
 
 
 def spec(name: str) -> Patch:
@@ -61,13 +48,14 @@ def along_edges(patch: Patch, distance: float, count: int) -> np.ndarray:
 
 def floor(knots: int, edges: int, count: int) -> Callable[[], None]:
     """The logarithms and exponentials of as many points, in blocks that fit the cache, and nothing else."""
-    heights = np.random.default_rng(3).uniform(0.1, 3, (edges, BLOCK))
-    exponents = np.random.default_rng(4).uniform(-5, 0, (knots, BLOCK))
+    block = 8192
+    heights = np.random.default_rng(3).uniform(0.1, 3, (edges, block))
+    exponents = np.random.default_rng(4).uniform(-5, 0, (knots, block))
     logs, exps = np.empty_like(heights), np.empty_like(exponents)
 
     def run() -> None:
-        for start in range(0, count, BLOCK):
-            width = min(BLOCK, count - start)
+        for start in range(0, count, block):
+            width = min(block, count - start)
             np.log(heights[:, :width], out=logs[:, :width])
             np.exp(exponents[:, :width], out=exps[:, :width])
 
@@ -82,16 +70,18 @@ def rows() -> Iterator[Row]:
 
 def scattered_points() -> Iterator[Row]:
     """The rational bicubic, which other libraries can evaluate, too."""
+    slow_points = 2_000  # what is enough of a peer in plain Python
+    ndbspline = 1 / 3 if has_avx512() else 1 / 1.5  # part of its time that is allowed: it computes no exponentials
     patch = spec("bicubic")
     u = scattered(patch, sized(POINTS))
-    few = u[: sized(SLOW_POINTS)]
+    few = u[: sized(slow_points)]
 
     def ours() -> np.ndarray:
         return patch.evaluate(u)
 
     what = "1M points of the rational bicubic"
     yield paired(f"{what}, beside their logs and exps", ours, floor(16, 4, len(u)), budget=3.0)
-    yield compared(f"{what}, beside scipy's NdBSpline", ours, lambda: by_scipy(patch, u), within=SAME, budget=NDBSPLINE)
+    yield compared(f"{what}, beside scipy's NdBSpline", ours, lambda: by_scipy(patch, u), within=SAME, budget=ndbspline)
     yield compared(f"{what}, beside splinepy", ours, lambda: by_splinepy(patch, u), within=SAME)
     yield compared(
         f"{what}, beside geomdl's time for {len(few):,}, scaled",
@@ -121,8 +111,8 @@ def near_edges() -> Iterator[Row]:
     pentagon = spec("pentagon")
     patch = Patch(pentagon.knots * 50, pentagon.control_points, pentagon.weights)
     count = sized(POINTS)
-    inside, near, on_edges = scattered(patch, count), along_edges(patch, NEAR, count), along_edges(patch, 0.0, count)
-    mesh = triangulation(patch.domain, segments(MESH)).parameters
+    inside, near, on_edges = scattered(patch, count), along_edges(patch, 1e-9, count), along_edges(patch, 0.0, count)
+    mesh = triangulation(patch.domain, segments(632)).parameters  # a million vertices
     for what, u, budget in (
         ("1M vertices of a mesh, knots of size 100, beside scattered points", mesh, 1.3),
         ("1M points very near to its edges (exponentials underflow), likewise", near, 1.3),

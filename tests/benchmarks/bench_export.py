@@ -20,12 +20,6 @@ from tests.benchmarks import Row, missing, paired, segments
 from tests.benchmarks.peers import by_vtk
 from tests.tiny_meshes import surface
 
-SEGMENTS = 1000
-SEGMENTS_COMPARED = 30
-
-SIX_DIGITS = 1e-5
-"""Largest difference of coordinates up to 2 of which one file has six digits."""
-
 BINARY: dict[str, Callable[[trimesh.Trimesh], bytes]] = {
     "ply": lambda mesh: export_ply(mesh, vertex_normal=False),
     "stl": export_stl,
@@ -52,7 +46,7 @@ def as_trimesh(mesh: Mesh) -> trimesh.Trimesh:
 
 
 def rows() -> Iterator[Row]:
-    mesh = surface(segments(SEGMENTS))
+    mesh = surface(segments(1000))
     yield from text(mesh)
     for kind, export in BINARY.items():
         assert b"".join(encode_mesh(mesh, kind)) == export(as_trimesh(mesh))
@@ -85,9 +79,10 @@ def text(mesh: Mesh) -> Iterator[Row]:
 
 def beside_vtk(what: str, mesh: Mesh) -> Row:
     """Both write a file; that they have the same vertices and triangles is seen with a smaller mesh."""
+    six_digits = 1e-5  # largest difference of coordinates up to 2 of which one file has six digits
     with tempfile.TemporaryDirectory() as folder:
         path, other = Path(folder) / "ours.obj", Path(folder) / "vtk.obj"
-        small = surface(SEGMENTS_COMPARED)
+        small = surface(30)
         try:
             by_vtk(small, other)()
         except ImportError as error:
@@ -96,5 +91,5 @@ def beside_vtk(what: str, mesh: Mesh) -> Row:
         a, b = read_mesh(path), read_mesh(other)
         assert (a.cells == b.cells).all()
         apart = float(np.abs(a.vertices - b.vertices).max())
-        assert apart < SIX_DIGITS
+        assert apart < six_digits
         return paired(what, lambda: write_mesh(mesh, path), by_vtk(mesh, other), runs=5, apart=apart)

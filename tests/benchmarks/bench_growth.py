@@ -18,48 +18,40 @@ import numpy as np
 from tests.benchmarks import Row
 from tests.benchmarks.bench_startup import REPOSITORY
 
-KNOTS = (10, 100, 1000, 2500, 5000)
-PATCHES = (1, 10, 100, 1000, 5000)
-FACES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 20_000_000)
-
-LINEARITHMIC = 1.25
-"""Exponent of n log n over these ranges, with room for caches that are too small for the largest."""
-
-FITTED = 3
-"""Sizes, the largest ones, to which the exponent is fitted."""
-
-GROWN = 1.25
-"""Time, in units of the smallest size's, from which on growth is told from the time of starting."""
-
 
 def rows() -> Iterator[Row]:
     """Each command at each size, beside the smallest one, and then the exponent of its growth."""
+    knot_counts = (10, 100, 1000, 2500, 5000)
+    patch_counts = (1, 10, 100, 1000, 5000)
+    faces = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 20_000_000)
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         knots, patches = scattered(place), strips(place)
-        yield from growth("gtb mesh -n 8", "knots", KNOTS, lambda n: ["mesh", knots(n), "-n", 8, "-o", place / "x.obj"])
+        yield from growth(
+            "gtb mesh -n 8", "knots", knot_counts, lambda n: ["mesh", knots(n), "-n", 8, "-o", place / "x.obj"]
+        )
         yield from growth(
             "gtb mesh --tolerance 1%",
             "knots",
-            KNOTS,
+            knot_counts,
             lambda n: ["mesh", knots(n), "--tolerance", "1%", "-o", place / "x.obj"],
         )
         for name in ("check", "info", "decompose"):
-            yield from growth(f"gtb {name}", "knots", KNOTS, lambda n, name=name: [name, knots(n)])  # type: ignore[misc]
+            yield from growth(f"gtb {name}", "knots", knot_counts, lambda n, name=name: [name, knots(n)])  # type: ignore[misc]
         yield from growth(
-            "gtb mesh -n 2", "patches", PATCHES, lambda n: ["mesh", patches(n), "-n", 2, "-o", place / "x.obj"]
+            "gtb mesh -n 2", "patches", patch_counts, lambda n: ["mesh", patches(n), "-n", 2, "-o", place / "x.obj"]
         )
         yield from growth(
             "gtb degenerate -x 5 -n 1",
             "knots",
-            KNOTS,
+            knot_counts,
             lambda n: ["degenerate", knots(n), "-x", 5, "-n", 1, "-o", place / f"x-{n}"],
         )
-        yield from growth("gtb info", "patches", PATCHES, lambda n: ["info", patches(n)])
+        yield from growth("gtb info", "patches", patch_counts, lambda n: ["info", patches(n)])
         yield from growth(
             "gtb check (5,000 take minutes, and are left out)",
             "patches",
-            PATCHES[:-1],
+            patch_counts[:-1],
             lambda n: ["check", patches(n)],
         )
         pentagon = REPOSITORY / "specs" / "pentagon.toml"
@@ -67,7 +59,7 @@ def rows() -> Iterator[Row]:
             yield from growth(
                 f"gtb mesh -f {kind}",
                 "faces",
-                FACES,
+                faces,
                 lambda n, kind=kind: [  # type: ignore[misc]
                     *("mesh", pentagon, "-n", round(math.sqrt(n / 5)), "--max-faces", 2 * n, "-o", place / f"x.{kind}")
                 ],
@@ -76,6 +68,10 @@ def rows() -> Iterator[Row]:
 
 def growth(what: str, unit: str, sizes: tuple[int, ...], arguments: Callable[[int], list[object]]) -> Iterator[Row]:
     """A line for each size, with its peak of memory, and one for the exponent of the time beyond the smallest's."""
+    # Exponent of n log n over these ranges, with room for caches that are too small for the largest
+    linearithmic = 1.25
+    fitted = 3  # sizes, the largest ones, to which the exponent is fitted
+    threshold = 1.25  # time, in units of the smallest size's, from which on growth is told from the time of starting
     times: list[float] = []
     for size in sizes:
         seconds, megabytes = cost(arguments(size))
@@ -83,11 +79,11 @@ def growth(what: str, unit: str, sizes: tuple[int, ...], arguments: Callable[[in
         yield Row(
             f"{what}, {size:,} {unit}, {megabytes:,.0f} MB, beside {sizes[0]:,}", seconds, times[0], seconds / times[0]
         )
-    grown = [(n, t - times[0]) for n, t in zip(sizes, times, strict=True) if t > GROWN * times[0]][-FITTED:]
+    grown = [(n, t - times[0]) for n, t in zip(sizes, times, strict=True) if t > threshold * times[0]][-fitted:]
     exponent = 0.0
     if len(grown) > 1:
         exponent = float(np.polyfit(*np.log(np.array(grown)).T, 1)[0])
-    yield Row(f"{what}: exponent of time in {unit}", times[-1], times[0], exponent, LINEARITHMIC)
+    yield Row(f"{what}: exponent of time in {unit}", times[-1], times[0], exponent, linearithmic)
 
 
 def cost(arguments: list[object]) -> tuple[float, float]:

@@ -17,12 +17,6 @@ from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, paired, segments, sized
 from tests.benchmarks.bench_evaluate import SPECS, scattered, spec
 
-MILLION = {3: 1413, 4: 999, 5: 632, 6: 577}
-"""Segments of each edge of a polygon with so many corners whose mesh has a million vertices."""
-
-FIXED = 0.15
-"""Seconds that a mesh may take besides its evaluation."""
-
 
 def rows() -> Iterator[Row]:
     yield from beside_evaluation()
@@ -31,6 +25,7 @@ def rows() -> Iterator[Row]:
 
 def beside_evaluation() -> Iterator[Row]:
     """Without normals, as `gtb mesh` does it, and with them, which are made when they are first read."""
+    fixed = 0.15  # seconds that a mesh may take besides its evaluation
     patch = spec("bicubic")
     n = segments(1000)
     mosaic = joined_complex((patch,), None, n)
@@ -47,7 +42,7 @@ def beside_evaluation() -> Iterator[Row]:
                 ),
                 points,
                 budget=budget,
-                allowance=0.0 if normals else FIXED,
+                allowance=0.0 if normals else fixed,
                 runs=3 if normals else 7,
             )
 
@@ -69,6 +64,8 @@ def evaluation(patch: Patch, kind: Parametrization, mosaic: Complex, resolution:
 
 def beside_toric() -> Iterator[Row]:
     """What the default parametrisation costs, for knots on a lattice and others."""
+    # Segments of each edge of a polygon with so many corners whose mesh has a million vertices
+    million = {3: 1413, 4: 999, 5: 632, 6: 577}
     teapot = load(SPECS / "teapot.toml")
     assert isinstance(teapot, Model)
     body = next(patch for patch in teapot.patches if patch.name == "body-upper-1")
@@ -78,7 +75,7 @@ def beside_toric() -> Iterator[Row]:
         ("pentagon, 8 rational knots", spec("pentagon")),
         ("hexagon, 19 irrational knots", spec("hexagon")),
     ):
-        n = segments(MILLION[len(patch.domain.vertices)])
+        n = segments(million[len(patch.domain.vertices)])
         mosaic = joined_complex((patch,), None, n)
         yield paired(
             f"1M vertices of an even mesh ({what}), linear beside toric",

@@ -17,15 +17,9 @@ from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, coarser, paired
 from tests.benchmarks.bench_evaluate import SPECS, spec
 
-BUDGET = 8.0
-"""Issue: cost per triangle at most eight times the uniform mesh's."""
-
 PLACES = np.array([[1, 1, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=float)
 PLACES /= PLACES.sum(axis=1, keepdims=True)
 """Where in a triangle, in barycentric coordinates, its distance from the surface is measured."""
-
-STEP = 1.1
-"""By how much more than expected a uniform mesh that is not near enough is made finer."""
 
 
 def rows() -> Iterator[Row]:
@@ -43,6 +37,7 @@ def tolerance_of(shape: Patch | Model, part: float) -> float:
 
 def cost_of_a_triangle(name: str, part: float) -> Row:
     """Compare the time per triangle of a mesh to a part of the diagonal with a uniform one of about as many."""
+    budget = 8.0  # issue: cost per triangle at most eight times the uniform mesh's
     shape = load(SPECS / f"{name}.toml")
     tolerance = tolerance_of(shape, part)
     count = len(tessellate(shape, tolerance=tolerance).faces)
@@ -56,11 +51,12 @@ def cost_of_a_triangle(name: str, part: float) -> Row:
         lambda: tessellate(shape, resolution, parametrization="linear"),
         runs=3,
     )
-    return replace(row, ratio=row.ratio * uniform / count, budget=BUDGET)
+    return replace(row, ratio=row.ratio * uniform / count, budget=budget)
 
 
 def triangles_at_equal_error(name: str, part: float) -> Row:
     """Compare the number of triangles with that of the coarsest uniform mesh which is as near to the surface."""
+    step = 1.1  # by how much more than expected a uniform mesh that is not near enough is made finer
     patch = spec(name)
     mesh = tessellate(patch, tolerance=tolerance_of(patch, part))
     error, n = largest_error(patch, mesh), max(1, round((len(mesh.faces) / len(patch.domain.vertices)) ** 0.5))
@@ -68,7 +64,7 @@ def triangles_at_equal_error(name: str, part: float) -> Row:
     while errors[max(errors)] > error:
         errors[n] = largest_error(patch, tessellate(patch, n))
         # Errors go down with the square of n, or more slowly.
-        n = math.ceil(STEP * n * (errors[n] / error) ** 0.5)
+        n = math.ceil(step * n * (errors[n] / error) ** 0.5)
     fine = max(errors)
     coarse = max(n for n, found in errors.items() if found > error)
     while fine > coarse + 1:

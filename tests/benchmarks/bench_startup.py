@@ -12,7 +12,6 @@ from pathlib import Path
 from tests.benchmarks import Row, paired
 
 REPOSITORY = Path(__file__).parent.parent.parent
-RUNS = 21
 
 
 def process(*arguments: object, **variables: str) -> Callable[[], None]:
@@ -29,6 +28,7 @@ def process(*arguments: object, **variables: str) -> Callable[[], None]:
 
 
 def rows() -> list[Row]:
+    runs = 21
     with tempfile.TemporaryDirectory() as folder:
         spec = REPOSITORY / "specs" / "pentagon.toml"
         mesh = process("-m", "gtb_cli", "mesh", "-q", "-n", 8, spec, "-o", Path(folder) / "x.obj")
@@ -39,19 +39,19 @@ def rows() -> list[Row]:
                 mesh,
                 process(*floor),
                 budget=1.3,
-                runs=RUNS,
+                runs=runs,
             ),
             paired(
                 "the same, beside the same import with one thread, as gtb does it",
                 mesh,
                 process(*floor, OPENBLAS_NUM_THREADS="1"),
-                runs=RUNS,
+                runs=runs,
             ),
             paired(
                 "gtb --help, whole, beside import click",
                 process("-m", "gtb_cli", "--help"),
                 process("-c", "import click"),
-                runs=RUNS,
+                runs=runs,
             ),
             *(
                 paired(f"import {name}, whole, beside Python alone", process("-c", f"import {name}"), process("-c", ""))

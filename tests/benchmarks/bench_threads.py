@@ -14,9 +14,6 @@ from gtb_cli.shell.processes import processors
 from tests.benchmarks import Row, coarser, paired, segments, sized
 from tests.benchmarks.bench_startup import REPOSITORY, process
 
-BUDGET = 1 / 1.7
-"""On two processors; more should need less. Starting Python, numpy and click, and reading the spec, are not shared."""
-
 
 def rows() -> Iterator[Row]:
     yield of_threads("-n 1000", "bicubic", "-n", segments(1000))
@@ -43,6 +40,8 @@ def shared(work: Callable[[], object], times: int, count: int) -> None:
 
 def of_threads(what: str, name: str, *options: object) -> Row:
     """One command both ways; processes have all processors, whatever this one limits itself to."""
+    # On two processors; more should need less. Starting Python, numpy and click, and reading the spec, are not shared.
+    budget = 1 / 1.7
     with tempfile.TemporaryDirectory() as folder:
         paths = [Path(folder) / "all.obj", Path(folder) / "one.obj"]
         spec = REPOSITORY / "specs" / f"{name}.toml"
@@ -53,4 +52,4 @@ def of_threads(what: str, name: str, *options: object) -> Row:
         for run in runs:
             run()
         assert paths[0].read_bytes() == paths[1].read_bytes()
-        return paired(f"gtb mesh {what} of the {name} to OBJ, all threads beside one", *runs, budget=BUDGET, runs=3)
+        return paired(f"gtb mesh {what} of the {name} to OBJ, all threads beside one", *runs, budget=budget, runs=3)

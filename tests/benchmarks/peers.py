@@ -13,11 +13,10 @@ from gtb_cli.theory.patch import Patch
 
 Evaluation = Callable[[], np.ndarray]
 
+# Degree of bicubic patches; their knots are the integers 0 to 3 both ways, the first coordinate running first
 DEGREE = 3
-"""Degree of bicubic patches; their knots are the integers 0 to 3 both ways, the first coordinate running first."""
 
-ENDS = [0.0] * (DEGREE + 1) + [float(DEGREE)] * (DEGREE + 1)
-"""Knots of the splines, with one span."""
+ENDS = [0.0] * (DEGREE + 1) + [float(DEGREE)] * (DEGREE + 1)  # knots of the splines, with one span
 
 
 def bezier_weights(patch: Patch) -> np.ndarray:

@@ -452,8 +452,8 @@ def test_a_file_is_not_a_folder(specs, tmp_path):
     assert (tmp_path / "out").read_text(encoding="utf-8") == "mine"
 
 
+# Its number, but for halves of pairs, which no text has
 ANY_CHARACTER = st.integers(0, 0xD7FF) | st.integers(0xE000, 0x10FFFF)
-"""Its number, but for halves of pairs, which no text has."""
 
 
 @given(st.lists(ANY_CHARACTER.map(chr)).map("".join) | st.text("aé😀 .-", min_size=100, max_size=300))

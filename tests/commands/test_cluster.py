@@ -18,8 +18,7 @@ from tests.marks import long
 from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
 
 SPECS = 10
-SECONDS = 90
-"""Within which a process that was started does what is waited for, on a busy machine."""
+SECONDS = 90  # within which a process that was started does what is waited for, on a busy machine
 
 
 def test_dask_is_an_extra(monkeypatch, tmp_path):

@@ -18,9 +18,6 @@ from tests.test_architecture import loaded_by
 
 BOX = str(SPECS / "hebesphenorotunda.toml")
 
-SINGLE = 1e-5
-"""Relative: 32-bit numbers, differences of which are summed."""
-
 
 def manifest_of(*arguments: object, path: Path) -> dict:
     result = gtb("mesh", *arguments, "--manifest", path)
@@ -30,6 +27,7 @@ def manifest_of(*arguments: object, path: Path) -> dict:
 
 @pytest.mark.parametrize("kind", mostly_long(["obj", "glb", "ply", "stl"], 2))
 def test_it_says_what_the_files_are(kind, tmp_path):
+    single = 1e-5  # relative: 32-bit numbers, differences of which are summed
     found = manifest_of(PENTAGON, BOX, "-n", 5, "-f", kind, "-o", tmp_path / "out", path=tmp_path / "out" / "m.json")
     assert [entry["file"] for entry in found["files"]] == [f"pentagon.{kind}", f"hebesphenorotunda.{kind}"]
     for entry in found["files"]:
@@ -38,11 +36,11 @@ def test_it_says_what_the_files_are(kind, tmp_path):
         theirs = trimesh.load_mesh(tmp_path / "out" / entry["file"])
         theirs.merge_vertices(digits_vertex=5)
         assert entry["faces"] == len(theirs.faces)
-        assert entry["area"] == pytest.approx(theirs.area, rel=SINGLE)
-        assert np.allclose(entry["bounds"], theirs.bounds, rtol=0, atol=SINGLE)
+        assert entry["area"] == pytest.approx(theirs.area, rel=single)
+        assert np.allclose(entry["bounds"], theirs.bounds, rtol=0, atol=single)
         assert (entry["volume"] is not None) == theirs.is_watertight
         if entry["volume"] is not None:
-            assert entry["volume"] == pytest.approx(theirs.volume, rel=SINGLE)
+            assert entry["volume"] == pytest.approx(theirs.volume, rel=single)
 
 
 def test_it_says_what_they_were_made_with(tmp_path):

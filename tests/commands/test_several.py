@@ -10,8 +10,6 @@ import pytest
 
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 
-BOX = str(SPECS / "box-corner.toml")
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
@@ -27,12 +25,13 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_info_has_a_line_for_each(folder):
-    result = gtb("info", folder, BOX)
+    box = str(SPECS / "box-corner.toml")
+    result = gtb("info", folder, box)
     assert result.status == 0, result.err
     assert result.text.splitlines() == [
         f"{folder / 'bicubic.toml'}: rational Bézier tensor product of degree 3 × 3, 16 knots",
         f"{folder / 'cubic-bezier.toml'}: rational Bézier curve of degree 3, 4 knots",
-        f"{BOX}: model of 7 surfaces, 6 open edges",
+        f"{box}: model of 7 surfaces, 6 open edges",
     ]
     in_full = gtb("info", "--long", folder).text
     assert in_full.count("linear precision") == 2

@@ -34,11 +34,10 @@ from tests.shell import (
     shell,
 )
 
-SOON = 30.0
-"""Seconds within which what should end at once has ended, on a busy machine."""
+SOON = 30.0  # seconds within which what should end at once has ended, on a busy machine
 
+# Options of a mesh whose writing takes about a second, and much longer than making it
 LARGE = ["-n", "150", "-f", "stl", "--ascii", "-q"]
-"""Options of a mesh whose writing takes about a second, and much longer than making it."""
 
 
 @pytest.fixture
@@ -48,8 +47,8 @@ def workplace(tmp_path):
     return tmp_path
 
 
+# Signals that a shell lets background jobs ignore, and their children with them
 STOPPING = (signal.SIGINT, signal.SIGHUP)
-"""Signals that a shell lets background jobs ignore, and their children with them."""
 
 
 @pytest.fixture

@@ -13,16 +13,15 @@ import pytest
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
 
-BROKEN = 'knots = "none"\n'
-
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
     """Three specs and a broken one in the working folder."""
+    broken = 'knots = "none"\n'
     monkeypatch.chdir(tmp_path)
     for path in (PENTAGON, BICUBIC, CURVE, PENTAGON.replace("pentagon", "hexagon")):
         Path(Path(path).name).write_bytes(Path(path).read_bytes())
-    Path("broken.toml").write_text(BROKEN)
+    Path("broken.toml").write_text(broken)
     return tmp_path
 
 

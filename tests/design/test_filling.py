@@ -16,9 +16,9 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.test_fill import CUP, HERE, TRIANGLE
 from tests.marks import mostly_long
-from tests.mutations import ODD_BYTES, ODD_NUMBERS
 from tests.shell import SPECS
 from tests.specs import SECONDS
+from tests.tools.mutations import ODD_BYTES, ODD_NUMBERS
 
 
 def triangle() -> Model:

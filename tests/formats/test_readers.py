@@ -6,9 +6,9 @@ import copy
 
 import pytest
 
-from tests.readers import libraries
-from tests.readers.kinds import KINDS, Cells, Different, Film, Kind, agreement
-from tests.readers.roster import LIBRARIES, PROGRAMS, WEB
+from tests.tools.readers import libraries
+from tests.tools.readers.kinds import KINDS, Cells, Different, Film, Kind, agreement
+from tests.tools.readers.roster import LIBRARIES, PROGRAMS, WEB
 
 LIGHT = [reader for reader in LIBRARIES if reader.key in ("trimesh", "meshio", "plyfile", "numpy_stl")]
 

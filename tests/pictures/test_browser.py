@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 
-from tests.pictures.browser import BROWSERS, WINDOW, Browser
 from tests.pictures.images import near
 from tests.shell import SPECS, command, environment, gtb
+from tests.tools.browser import BROWSERS, WINDOW, Browser
 
 pytestmark = pytest.mark.long
 

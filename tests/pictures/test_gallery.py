@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from tests.gallery import LARGEST, PICTURES, README, pictures
 from tests.marks import long
 from tests.pictures.images import pixels
+from tests.tools.gallery import LARGEST, PICTURES, README, pictures
 
 PICTURES_OF_PAGE = pictures()
 

@@ -9,50 +9,19 @@ import tomllib
 
 from tests.specs import GOOD_SPECS
 
+# Texts put in place of a number
 ODD_NUMBERS = [
     "0", "-1", "1e400", "-0.0", "nan", "inf", "1e-320", "1e308", "-1e308", "true", '"sqrt(2)"', '"1/0"', '"2**9999"',
     '"("', "9" * 400, "0x10", "1_000", '""', "[]", "{}", "null", '"nan"', '"1e9/3"', "1e7", "1e-9",
     "0.30000000000000004",
 ]  # fmt: skip
-"""Texts put in place of a number."""
 
-ODD_BYTES = [
-    b"\x00",
-    b"\xff",
-    b"\xef\xbb\xbf",
-    b"[",
-    b"]",
-    b'"',
-    b"'",
-    b"=",
-    b",",
-    b"\n",
-    b"\r",
-    b"#",
-    b"{",
-    b"}",
-    b"-",
-    b"e",
-]
+ODD_BYTES = [*(bytes([byte]) for byte in b"\x00\xff[]\"'=,\n\r#{}-e"), b"\xef\xbb\xbf"]
 
 KEYS = [
-    "knots",
-    "weights",
-    "control_points",
-    "coefficients",
-    "lifting",
-    "edge_normals",
-    "edge_scale",
-    "name",
-    "patches",
-    "wieghts",
-    "let",
-    "include",
-    "weld",
-    "copy",
-    "repeat",
-    "rotate",
-]
+    "knots", "weights", "control_points", "coefficients", "lifting", "edge_normals", "edge_scale", "name", "patches",
+    "wieghts", "let", "include", "weld", "copy", "repeat", "rotate",
+]  # fmt: skip
 
 VALUES = [
     None, True, 0, -1, 1.5, "x", "binomial", "partition-of-unity", "unit", "primitive", [], [[]], {}, [1, 2],
@@ -62,6 +31,7 @@ VALUES = [
 ]  # fmt: skip
 
 
+# A model with all that models have, but for the file that it includes
 COPIES = b"""
 include = ["other.toml"]
 weld = "0.01%"
@@ -81,7 +51,6 @@ repeat = 3
 rotate = {axis = "z", degrees = "72*k", about = [0, 0, "k"]}
 translate = ["k/R", 0]
 """
-"""A model with all that models have, but for the file that it includes."""
 
 
 def mutation(rng: random.Random) -> tuple[bytes, str]:
@@ -149,11 +118,11 @@ def _change(rng: random.Random, data: dict) -> None:
         holder[key] = copy.deepcopy(rng.choice(VALUES))  # type: ignore[index]
 
 
+# What files of other programs get in some place: words of text, and whole and real numbers of binary files
 ODD_WORDS = [
     b"0", b"-1", b"1e400", b"nan", b"1e99", b"99999", b"\xff", b"\x00", b"\n", b"Group", b",", b";", b"{", b'"',
     b"1e-99", b"3D", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\xff\xff\xff\xff\xff\xff\xef\x7f", b"\x00\x00\x10\x00",
 ]  # fmt: skip
-"""What files of other programs get in some place: words of text, and whole and real numbers of binary files."""
 
 
 def mutated(rng: random.Random, data: bytes) -> bytes:

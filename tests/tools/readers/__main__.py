@@ -1,4 +1,4 @@
-"""`python -m tests.readers`: let other programs and libraries read every kind of file, and print tables.
+"""`python -m tests.tools.readers`: let other programs and libraries read every kind of file, and print tables.
 
 They are installed below `build/readers` (from PyPI and npm, about 5 GB) or found on the PATH. The exit status is 1 if a
 reader finds something else than a file contains, unless `roster` says so.
@@ -16,20 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tests.readers.kinds import KINDS, Different, Kind, agreement
-from tests.readers.roster import LIBRARIES, PROGRAMS, WEB, Reader
 from tests.shell import REPOSITORY
+from tests.tools.readers.kinds import KINDS, Different, Kind, agreement
+from tests.tools.readers.roster import LIBRARIES, PROGRAMS, WEB, Reader
 
-HERE = Path(__file__).parent
 BUILD = REPOSITORY / "build" / "readers"
-ENOUGH = 8
-"""Readers that each kind of file should have."""
-
-SECONDS = 180
-"""A reader that takes longer hangs; none takes 20 for all files."""
-
-NOT_LOADED = ("ImportError", "ModuleNotFoundError", "cannot open shared object file")
-"""What a library says that lacks one of the system's."""
 
 
 class Missing(Exception):
@@ -41,16 +32,17 @@ def installed(reader: Reader) -> tuple[list[str], Path]:
 
     Each library has an environment of its own, for what one needs may be what another refuses.
     """
+    here = Path(__file__).parent
     if reader in PROGRAMS:
         if shutil.which(reader.source) is None:
             raise Missing(f"there is no {reader.source} on the PATH")
-        return [sys.executable, "-m", "tests.readers.programs", reader.key], REPOSITORY
+        return [sys.executable, "-m", "tests.tools.readers.programs", reader.key], REPOSITORY
     if reader in WEB:
         folder = BUILD / "npm"
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / "node_modules" / reader.source).exists():
             _install(["npm", "install", "--no-audit", "--no-fund", "--prefix", str(folder), reader.source])
-        return ["node", str(HERE / "node.mjs"), reader.key], folder
+        return ["node", str(here / "node.mjs"), reader.key], folder
     packages = reader.source.split()
     folder = BUILD / reader.key
     python = str(folder / "bin" / "python")
@@ -59,7 +51,7 @@ def installed(reader: Reader) -> tuple[list[str], Path]:
         venv.create(folder, clear=True)
         _install([sys.executable, "-m", "pip", "--python", python, "install", "--only-binary", ":all:", *packages])
         stamp.write_text(reader.source)
-    return [python, str(HERE / "libraries.py"), reader.key, packages[0]], REPOSITORY
+    return [python, str(here / "libraries.py"), reader.key, packages[0]], REPOSITORY
 
 
 def _install(command: list[str]) -> None:
@@ -77,6 +69,9 @@ def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, di
 
     What crashes it may be the file before, so that the one at which it does is tried again, as the first.
     """
+    seconds = 180  # a reader that takes longer hangs; none takes 20 for all files
+    # What a library says that lacks one of the system's
+    not_loaded = ("ImportError", "ModuleNotFoundError", "cannot open shared object file")
     command, folder = installed(reader)
     results = BUILD / "results" / reader.key
     shutil.rmtree(results, ignore_errors=True)
@@ -93,7 +88,7 @@ def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, di
                 capture_output=True,
                 text=True,
                 errors="replace",
-                timeout=SECONDS,
+                timeout=seconds,
                 check=False,
             )
             lines = done.stderr.splitlines() or [""]
@@ -105,13 +100,14 @@ def readings(reader: Reader, kinds: Sequence[Kind], files: Path) -> dict[str, di
         if left and left[0] is first:
             found[left.pop(0).name] = {"error": reason}
     errors = {result.get("error", "") for result in found.values()}
-    if all(any(sign in error for sign in NOT_LOADED) for error in errors):
+    if all(any(sign in error for sign in not_loaded) for error in errors):
         raise Missing(min(errors))
     return found
 
 
 def main() -> int:
     """Print a table for each format."""
+    enough = 8  # readers that each kind of file should have
     files = BUILD / "files"
     files.mkdir(parents=True, exist_ok=True)
     for kind in KINDS:
@@ -149,7 +145,7 @@ def main() -> int:
     _print_summary(cells, versions)
     for kind in KINDS:
         count = sum(cells.get((name, kind.name), "").startswith("yes") for name in versions)
-        if count < ENOUGH:
+        if count < enough:
             notes.append(f"{kind.name} has {count} readers")
     print("\n".join(notes))
     return 1 if bad else 0

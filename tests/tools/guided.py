@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz_guided`: inputs that reach new lines of the readers, found by atheris, and what they do there.
+"""`python -m tests.tools.guided`: inputs that reach new lines of the readers, found by atheris, and what they do there.
 
 Reads specs, expressions and mesh files. What comes out must be a patch, a number or a mesh that is sound, or one clear
 error, within a second and a gigabyte, and without a warning. Finds are written to a folder; those that were mended are
@@ -24,21 +24,13 @@ from pathlib import Path
 
 # Nothing of gtb_cli is imported here: atheris watches only modules that are imported after it was asked to.
 
-CORPUS = Path(__file__).parent / "corpus"
-"""Folders with finds of earlier runs, and a list of expressions."""
+CORPUS = Path(__file__).parent / "corpus"  # folders with finds of earlier runs, and a list of expressions
 
-SECONDS = 1.0
-"""Longest that an input may take, in processor time."""
 
-MEGABYTES = 1024
-"""Most memory that an input may need, beyond the most that was needed before."""
+LONGEST = {"spec": 6000, "expression": 280, "mesh": 4000}  # longest inputs that are made, in bytes
 
-LONGEST = {"spec": 6000, "expression": 280, "mesh": 4000}
-"""Longest inputs that are made, in bytes."""
 
-SHARES = {"spec": 25, "expression": 15, "mesh": 20}
-"""Minutes of an hour."""
-
+# Words that are put in, beside what atheris sees the readers compare with
 WORDS = {
     "spec": """knots weights control_points coefficients lifting edge_normals edge_scale name patches [[patches]] [a.b]
         = , [ ] { } : " ' \"\"\" ''' # \\n \\r\\n \\u0000 \\ud800 nan inf -inf true false null 1e400 1e-320 -0.0 0x1f
@@ -53,7 +45,6 @@ WORDS = {
         byteOffset byteStride componentType 5126 5123 5125 count type VEC3 SCALAR scenes scene children matrix rotation
         translation scale sparse uri extensionsRequired { } [ ] , : \" """,
 }
-"""Words that are put in, beside what atheris sees the readers compare with."""
 
 
 def check_message(text: str, pattern: str) -> None:
@@ -128,6 +119,8 @@ READERS: dict[str, Callable[[bytes], None]] = {"spec": read_spec, "expression": 
 
 def judge(kind: str, data: bytes) -> tuple[str, str] | None:
     """What is wrong with how an input is read, if anything: in a word for this kind of fault, and at length."""
+    limit = 1.0  # longest that an input may take, in processor time
+    megabytes = 1024  # most memory that an input may need, beyond the most that was needed before
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.process_time()
     with warnings.catch_warnings(record=True) as warned:
@@ -142,9 +135,9 @@ def judge(kind: str, data: bytes) -> tuple[str, str] | None:
     if warned:
         return f"{warned[0].category.__name__}-{warned[0].lineno}", str(warned[0])
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    if grown > MEGABYTES:
+    if grown > megabytes:
         return "large", f"{grown:.0f} MB"
-    return ("slow", f"{seconds:.1f} s") if seconds > SECONDS else None
+    return ("slow", f"{seconds:.1f} s") if seconds > limit else None
 
 
 def seeds(kind: str) -> list[bytes]:
@@ -176,9 +169,8 @@ def fuzz(kind: str, seconds: float, folder: Path, seed: int) -> None:
     import atheris
 
     with atheris.instrument_imports(include=["gtb_cli", "tomllib", "json"]):
-        for module in ("spec", *(f"meshfiles.{name}" for name in ("obj", "ply", "stl", "glb"))):
-            importlib.import_module(f"gtb_cli.{module}")
-        importlib.import_module("tomllib")
+        for module in ("gtb_cli.language.loading", "gtb_cli.formats.meshfiles", "tomllib"):
+            importlib.import_module(module)
 
     inputs, finds = folder / kind, folder / "finds"
     inputs.mkdir(parents=True, exist_ok=True)
@@ -214,6 +206,7 @@ def fuzz(kind: str, seconds: float, folder: Path, seed: int) -> None:
 
 def main() -> None:
     """Fuzz each kind in a process of its own, again where an input ends it, and list the finds."""
+    shares = {"spec": 25, "expression": 15, "mesh": 20}  # minutes of an hour
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60, help="of processor time, for all kinds together")
     parser.add_argument("--folder", type=Path, default=Path("build/guided"), help="where inputs and finds are kept")
@@ -223,11 +216,11 @@ def main() -> None:
     if options.kind:
         fuzz(options.kind, 60 * options.minutes, options.folder, options.seed)
     ended = 0
-    for kind, share in SHARES.items():
-        left = options.minutes * share / sum(SHARES.values())
+    for kind, share in shares.items():
+        left = options.minutes * share / sum(shares.values())
         while left > 0:
             start = time.process_time() + sum(os.times()[2:4])
-            command = [sys.executable, "-m", "tests.fuzz_guided", "--kind", kind, "--minutes", str(left)]
+            command = [sys.executable, "-m", "tests.tools.guided", "--kind", kind, "--minutes", str(left)]
             status = subprocess.run(
                 [*command, "--folder", options.folder, "--seed", str(options.seed + ended)]
             ).returncode

@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz`: many mutated specs through the command, inputs made by rules, and processes that are killed.
+"""`python -m tests.tools.fuzz`: mutated specs through the command, inputs made by rules, and killed processes.
 
 Prints what it did; exits 1 at the first thing that should not be, with how to have it again.
 """
@@ -29,18 +29,14 @@ from gtb_cli.imports.readers import import_file
 from gtb_cli.language.writer import dump
 from gtb_cli.vocabulary import SEQUENCE_RECORD
 from tests import foreign
-from tests.generators import mesh_file, model, overwriting_line
-from tests.mutations import mutated, mutation
 from tests.shell import REPOSITORY, SPECS, command, environment, gtb
+from tests.tools.generators import mesh_file, model, overwriting_line
+from tests.tools.mutations import mutated, mutation
 
-SECONDS = 1.0
-"""Longest that a spec may take, in processor time."""
+SECONDS = 1.0  # longest that a spec may take, in processor time
 
-MODEL_SECONDS = 5.0
-"""Longest that a model of up to six patches may take, in processor time."""
 
-MEGABYTES = 200
-"""Memory that all specs together may need beyond what the program needs before the first."""
+MEGABYTES = 200  # memory that all specs together may need beyond what the program needs before the first
 
 
 def judge(text: bytes, suffix: str, folder: Path) -> str | None:
@@ -84,6 +80,7 @@ def mutate(count: int, seed: int) -> str | None:
 
 def models(count: int, seed: int) -> str | None:
     """Mesh models made by rules; the first complaint. A refusal is an answer, too: thickness has limits."""
+    model_seconds = 5.0  # longest that a model of up to six patches may take, in processor time
     with tempfile.TemporaryDirectory() as name:
         spec, folder = Path(name) / "model.json", Path(name) / "out"
         statuses = Counter()
@@ -103,7 +100,7 @@ def models(count: int, seed: int) -> str | None:
                 complaint = f"status {result.status}"
             elif len(made) != (result.status == 0):
                 complaint = f"status {result.status}, made {made}"
-            elif seconds > MODEL_SECONDS:
+            elif seconds > model_seconds:
                 complaint = f"{seconds:.2f} s"
             if complaint:
                 return f"model {number} of seed {seed}: {complaint}\n{' '.join(options)}\n{text.decode()}"
@@ -207,12 +204,12 @@ MESH = ("mesh", SPECS / "pentagon.toml", "-n", 150)
 DEGENERATE = ("degenerate", SPECS / "example-3.4.toml", "-n", 2000)
 KNOT_LIMIT = ("knot-limit", SPECS / "example-3.1.toml", "--merge", "1:2", "-n", 2000)
 
+# By what they write: the command that is killed, and that which made what was there before
 VICTIMS: dict[str, tuple[tuple[object, ...], tuple[object, ...]]] = {
     **{f"mesh.{kind}": (MESH, (*MESH[:-1], 120)) for kind in ("obj", "ply", "stl", "glb")},
     "degenerate": ((*DEGENERATE, "-x5", "-x100"), (*DEGENERATE, "-x7", "-x100")),
     "knot-limit": ((*KNOT_LIMIT, "--steps", "0.5,0.9"), (*KNOT_LIMIT, "--steps", "0,0.9", "--normals")),
 }
-"""By what they write: the command that is killed, and that which made what was there before."""
 
 
 def content(place: Path) -> dict[str, bytes]:

@@ -1,6 +1,6 @@
 """The pictures of specs/README.md: each is drawn by the command that stands beside it.
 
-``python -m tests.gallery`` draws all of them into specs/pictures, which ``make gallery`` is for.
+``python -m tests.tools.gallery`` draws all of them into specs/pictures, which ``make gallery`` is for.
 """
 
 from __future__ import annotations
@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gtb_cli.commands.cli import run
+from tests.shell import REPOSITORY
 
-REPOSITORY = Path(__file__).parent.parent
 README = REPOSITORY / "specs" / "README.md"
 PICTURES = REPOSITORY / "specs" / "pictures"
 
-COMMAND = re.compile(r"`gtb (plot [^`]*) -o specs/pictures/([\w.-]+)`")
 
-LARGEST = 60_000
-"""Bytes of a picture that the repository keeps."""
+LARGEST = 60_000  # bytes of a picture that the repository keeps
 
 
 class Picture(NamedTuple):
@@ -40,8 +38,9 @@ class Picture(NamedTuple):
 
 def pictures() -> list[Picture]:
     """All, in the order of the page."""
+    command = re.compile(r"`gtb (plot [^`]*) -o specs/pictures/([\w.-]+)`")
     text = README.read_text(encoding="utf-8")
-    return [Picture(name, shlex.split(line)) for line, name in COMMAND.findall(text)]
+    return [Picture(name, shlex.split(line)) for line, name in command.findall(text)]
 
 
 def main() -> int:

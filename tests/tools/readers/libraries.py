@@ -15,12 +15,11 @@ from typing import Any
 
 import numpy as np
 
-Found = dict[str, Any]
-"""What a reader found, for `kinds.agreement`."""
+Found = dict[str, Any]  # what a reader found, for `kinds.agreement`
 
 
+# Parameters at which curved cells are evaluated, three of them a triangle; of curves the first ones, two a segment
 SAMPLES = [(0.1, 0.2), (0.7, 0.1), (0.3, 0.6), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
-"""Parameters at which curved cells are evaluated, three of them a triangle; of curves the first ones, two a segment."""
 
 
 def joined(parts: Iterable[Found]) -> Found:

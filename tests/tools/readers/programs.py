@@ -1,4 +1,4 @@
-"""Readers that are programs. `python -m tests.readers.programs NAME FOLDER FILE...` puts what it reads there, as JSON.
+"""Readers that are programs; `python -m tests.tools.readers.programs NAME FOLDER FILE...` puts what they read there.
 
 Some of them print counts and bounds, others are made to write what they have read in a format that is simple to read.
 """
@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.readers.libraries import Found, joined, results
+from tests.tools.readers.libraries import Found, joined, results
 
-TIMEOUT = 60
-"""Seconds for a program and a file; none takes five."""
+TIMEOUT = 60  # seconds for a program and a file; none takes five
 
 
 def output(*command: str) -> str:
@@ -131,23 +130,21 @@ def read_f3d(path: str) -> Found:
     return {"cells": counts["polygons"] + counts["lines"], "vertices": counts["points"]}
 
 
-VERSIONS = {
-    "admesh": ("admesh", "--version"),
-    "assimp": ("assimp", "version"),
-    "prusa_slicer": ("prusa-slicer", "--help"),
-    "openscad": ("openscad", "--version"),
-    "pcl": ("pcl_ply2ply", "--version"),
-    "gltfpack": ("gltfpack", "-h"),
-    "f3d": ("f3d", "--version"),
-}
-"""What makes each say its version, if anything."""
-
-
 def version(name: str) -> str:
     """Return the first number with a point in it that a program says of itself."""
-    if name not in VERSIONS:
+    # What makes each say its version, if anything
+    versions = {
+        "admesh": ("admesh", "--version"),
+        "assimp": ("assimp", "version"),
+        "prusa_slicer": ("prusa-slicer", "--help"),
+        "openscad": ("openscad", "--version"),
+        "pcl": ("pcl_ply2ply", "--version"),
+        "gltfpack": ("gltfpack", "-h"),
+        "f3d": ("f3d", "--version"),
+    }
+    if name not in versions:
         return ""
-    done = subprocess.run(VERSIONS[name], capture_output=True, timeout=TIMEOUT, check=False)
+    done = subprocess.run(versions[name], capture_output=True, timeout=TIMEOUT, check=False)
     match = re.search(r"(?<![\d:.])\d+\.\d+(\.\d+)?", (done.stdout + done.stderr).decode("utf-8", "replace"))
     return match[0] if match else ""
 

@@ -22,17 +22,12 @@ from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.theory.model import Model
-from tests.readers.libraries import SAMPLES
 from tests.shell import SPECS
+from tests.tools.readers.libraries import SAMPLES
 
-SINGLE = 2.0**-22
-"""Relative error of 32-bit numbers, and of readers of text whose last bits are not the nearest ones."""
+SINGLE = 2.0**-22  # relative error of 32-bit numbers, and of readers of text whose last bits are not the nearest ones
 
-SIX_DIGITS = 1e-5
-"""Relative error of what a program prints."""
-
-UNIT = 1e-3
-"""Error of a normal: Blender keeps them in 32 bits."""
+SIX_DIGITS = 1e-5  # relative error of what a program prints
 
 
 @dataclass(frozen=True)
@@ -174,6 +169,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     Different
         With what is.
     """
+    unit = 1e-3  # error of a normal: Blender keeps them in 32 bits
     if "points" not in found:
         _compare_counts(kind.mesh, found, tolerance)
         return _parts_kept(kind, found)
@@ -199,7 +195,7 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     if expected != read:
         raise Different(f"{len(found['cells'])} of {len(mesh.cells)} cells, {sum((expected & read).values())} the same")
     kept = []
-    for name, values, error in (("normals", _normals(kind), UNIT), ("uv", _uv(kind), tolerance)):
+    for name, values, error in (("normals", _normals(kind), unit), ("uv", _uv(kind), tolerance)):
         if values is not None and found.get(name):
             _compare_values(name, values, np.asarray(found[name], dtype=float), label, places, error)
             kept.append(name)

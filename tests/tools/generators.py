@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 # --- models
 
+# Hulls, by their number of corners
 CORNERS = {
     3: [[0, 0], [1, 0], [0, 1]],
     4: [[0, 0], [1, 0], [1, 1], [0, 1]],
     5: [[0, 2], [0, 0], [2, 0], [2, 1], [1, 2]],
     6: [[0, 1], [0, 0], [1, 0], [2, 1], [2, 2], [1, 2]],
 }
-"""Hulls, by their number of corners."""
 
 OPTIONS = (
     [], ["--normals"], ["--thickness", "0.1"], ["--thickness", "-0.01", "--normals"], ["-f", "ply", "--uv"],
@@ -135,6 +135,7 @@ def _ply_binary(rng: random.Random, vertices: list[list[float]], faces: list[lis
 
 # --- command lines
 
+# With a spec, parameters and a mesh, each followed by another name of it
 LINES = (
     "info {0} -o {1}", "check {0} -o {1}", "decompose {0} --lifting 0,1,0 -o {1}", "boundary {0} 0 -o {1}",
     "coefficients {0} -o {1}", "elevate {0} -o {1}", "eval {0} {2} -o {1}", "eval {0} {2} -o {3}", "fit {2} -o {3}",
@@ -142,7 +143,6 @@ LINES = (
     "mesh {0} -n 1 -o new.obj --manifest {1}", "mesh {0} -n 1 -o new.obj --deps {1}", "mesh {0} {4} -n 1 -o meshes",
     "knot-limit {0} --merge 1:0 -f glb -o {1}", "degenerate {0} --lifting 0,1,0 -x 2 -n 1 -f glb -o {1}",
 )  # fmt: skip
-"""With a spec, parameters and a mesh, each followed by another name of it."""
 
 
 def overwriting_line(rng: random.Random) -> list[str]:

@@ -21,16 +21,16 @@ import numpy as np
 
 from tests.pictures.images import pixels
 
-WINDOW = (760, 560)
-"""Width and height of a window, with what the browser itself shows."""
+WINDOW = (760, 560)  # width and height of a window, with what the browser itself shows
 
+# No window, no graphics card, and no connections of its own
 CHROMIUM = (
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     *("--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
     *("--disable-sync", "--disable-default-apps", f"--window-size={WINDOW[0]},{WINDOW[1]}", "--hide-scrollbars"),
 )
-"""No window, no graphics card, and no connections of its own."""
 
+# Preferences: pages are drawn without a graphics card, and it has no connections of its own
 FIREFOX = {
     "webgl.force-enabled": True,  # its list of drivers to avoid has the one that draws in software
     "marionette.port": 0,
@@ -44,12 +44,8 @@ FIREFOX = {
     "toolkit.telemetry.server": "data:,",
     "dom.w3c_touch_events.enabled": 1,
 }
-"""Preferences: pages are drawn without a graphics card, and it has no connections of its own."""
 
 TIMEOUT = 60
-
-DARK = {"dark": 0, "light": 1}
-"""Values of Firefox's preference for what pages are told of the system's colours."""
 
 
 class Browser:
@@ -140,6 +136,7 @@ def _pointer(
     return {"type": "pointer", "id": name, "parameters": {"pointerType": kind}, "actions": moves}
 
 
+# What chromedriver has for the commands' names
 PATHS = {
     "Navigate": "url",
     "ExecuteScript": "execute/sync",
@@ -147,7 +144,6 @@ PATHS = {
     "PerformActions": "actions",
     "SetWindowRect": "window/rect",
 }
-"""What chromedriver has for the commands' names."""
 
 
 class Chromium(Browser):
@@ -268,8 +264,9 @@ class Firefox(Browser):
         )
 
     def prefer(self, colours: str) -> None:
+        dark = {"dark": 0, "light": 1}  # values of Firefox's preference for what pages are told of the system's colours
         name = "layout.css.prefers-color-scheme.content-override"
-        self._own(f"Services.prefs.setIntPref('{name}', {DARK[colours]})")
+        self._own(f"Services.prefs.setIntPref('{name}', {dark[colours]})")
 
     def close(self) -> None:
         self._opened.close()
@@ -299,5 +296,4 @@ def _gone() -> bytes:
     raise AssertionError("Firefox has ended")
 
 
-BROWSERS = [browser for browser in (Chromium, Firefox) if browser.THERE]
-"""Those that are installed here."""
+BROWSERS = [browser for browser in (Chromium, Firefox) if browser.THERE]  # those that are installed here

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from tests.readers.kinds import SINGLE, SIX_DIGITS
+from tests.tools.readers.kinds import SINGLE, SIX_DIGITS
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Tools beside the tests, each with a target of the Makefile; what is measured is in `tests/benchmarks`."""
