@@ -11,25 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, joined, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, rows_of
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-MAX_EXPONENT = 600.0
-"""Exponents are cut off here: such a large bound is of no use, and its triangle will be cut."""
-
-SIDE_ROUNDINGS = 64
-"""Roundings by which a side of a triangle may lie inside the line that it must be beyond."""
-
-PUSH_SHARE = 0.02
-"""Part of a triangle's height by which its sides are first pushed outwards."""
-
-MAX_EXCESS = 0.5
-"""Part of the height of a triangle of Δ by which a side may still lie inside it; a more curved triangle is cut."""
-
-MAX_PUSHES = 10
+MAX_EXPONENT = 600.0  # exponents are cut off here: so large a bound is of no use, and its triangle will be cut
 
 
 class Bounds(NamedTuple):
@@ -44,8 +32,8 @@ class Bounds(NamedTuple):
     exponent: FloatArray
 
 
-class Pieces(NamedTuple):
-    """Triangles with (m, 3, 2) corners in the coordinates of a chart.
+class TorusTriangles(NamedTuple):
+    """Triangles with (m, 3, 2) corners in the coordinates of `TorusCoordinates`.
 
     The (m, 2) `origin` has the torus coordinates at 0 (across an edge, at z = 1); the (m,) `layer` is δ.
     """
@@ -56,19 +44,19 @@ class Pieces(NamedTuple):
 
 
 @frozen
-class Chart:
-    """Coordinates inside Δ, or along and across an edge, and the (n, 2) knots in them, exactly 0 on the edge."""
+class TorusCoordinates:
+    """Torus coordinates for the inside of Δ, or along and across an edge, on which the (n, 2) knots in them are 0."""
 
     knots: FloatArray
     log_weights: FloatArray
     is_edge: bool
 
-    def pieces(self, s: FloatArray) -> Pieces:
+    def triangles(self, s: FloatArray) -> TorusTriangles:
         """Triangles whose corners have (m, 3, 2) torus coordinates; the second one is −inf on the edge."""
         origin = s.mean(axis=1)
         layer = np.ones(len(s))
         if not self.is_edge:
-            return Pieces(s - origin[:, None], origin, layer)
+            return TorusTriangles(s - origin[:, None], origin, layer)
         origin[:, 1] = s[:, :, 1].max(axis=1)
         # In the layer that moves μ most, z is nearly proportional to the distance from the edge.
         logs = self.knots @ origin.T + self.log_weights[:, None]
@@ -77,11 +65,11 @@ class Chart:
         corners = np.empty_like(s)
         corners[:, :, 0] = s[:, :, 0] - origin[:, :1]
         corners[:, :, 1] = np.exp(layer[:, None] * (s[:, :, 1] - origin[:, 1:]))
-        return Pieces(corners, origin, layer)
+        return TorusTriangles(corners, origin, layer)
 
-    def bounds(self, pieces: Pieces) -> Bounds:
+    def bounds(self, triangles: TorusTriangles) -> Bounds:
         """Enclose T over triangles, or over segments with (m, 2, 2) corners."""
-        return self._across(pieces) if self.is_edge else self._inside(pieces)
+        return self._across(triangles) if self.is_edge else self._inside(triangles)
 
     def _shares(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, m) T at (m, 2) torus coordinates, and the (m,) largest exponents."""
@@ -91,29 +79,31 @@ class Chart:
         t = np.exp(np.maximum(e, UNDERFLOW_EXPONENT))
         return t / t.sum(axis=0), size
 
-    def _inside(self, pieces: Pieces) -> Bounds:
-        middle = pieces.corners.mean(axis=1)
-        t, size = self._shares(pieces.origin + middle)
+    def _inside(self, triangles: TorusTriangles) -> Bounds:
+        middle = triangles.corners.mean(axis=1)
+        t, size = self._shares(triangles.origin + middle)
         mean = t.T @ self.knots
-        steps = pieces.corners - middle[:, None]
+        steps = triangles.corners - middle[:, None]
         slopes = np.stack([self.knots @ step.T - np.einsum("md,md->m", mean, step) for step in steps.swapaxes(0, 1)])
         return Bounds(t * np.exp(np.minimum(slopes, MAX_EXPONENT)), t * (1 + slopes), size)
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # segments on the edge: their bounds are not used
-    def _across(self, pieces: Pieces) -> Bounds:
+    def _across(self, triangles: TorusTriangles) -> Bounds:
         """Products of bounds along the edge and across it."""
-        along, across = (pieces.corners[:, :, axis].T for axis in (0, 1))
+        along, across = (triangles.corners[:, :, axis].T for axis in (0, 1))
         low, high = (np.stack([f(along, axis=0), f(across, axis=0)]) for f in (np.min, np.max))
         middle = (low + high) / 2
         t, size = self._shares(
-            np.column_stack([pieces.origin[:, 0] + middle[0], pieces.origin[:, 1] + np.log(middle[1]) / pieces.layer])
+            np.column_stack(
+                [triangles.origin[:, 0] + middle[0], triangles.origin[:, 1] + np.log(middle[1]) / triangles.layer]
+            )
         )
         slope = self.knots[:, :1] - self.knots[:, 0] @ t
         ends = [np.exp(np.minimum(slope * (end[0] - middle[0]), MAX_EXPONENT)) for end in (low, high)]
         chord = _interpolated(along, low[0], high[0], ends)
         tangent = 1 + slope * (along - middle[0])[:, None]
         center, radius = (chord + tangent) / 2, (chord - tangent) / 2
-        power = self.knots[:, 1:] / pieces.layer
+        power = self.knots[:, 1:] / triangles.layer
         logs = [np.where(power > 0, power * np.log(end[1] / middle[1]), 0.0) for end in (low, high)]
         ends = [np.exp(np.maximum(each, UNDERFLOW_EXPONENT)) for each in logs]
         above = _interpolated(across, low[1], high[1], ends)
@@ -136,8 +126,8 @@ def _interpolated(x: FloatArray, low: FloatArray, high: FloatArray, ends: list[F
     return np.asarray((1 - part) * ends[0] + part * ends[1])
 
 
-class Charts:
-    """All charts of a surface, and where triangles of Δ lie in them."""
+class Coverings:
+    """Torus coordinates of a surface, inside Δ and at each edge, and triangles in them that cover triangles of Δ."""
 
     def __init__(self, patch: Patch) -> None:
         self.domain = domain = patch.domain
@@ -146,13 +136,13 @@ class Charts:
         self.linear = LinearParametrization(domain, weights)
         self.across = domain.normals / domain.normal_lengths[:, None]
         distances = domain.heights / domain.normal_lengths
-        self.charts = [Chart(self.knots, weights, False)]
+        self.coordinates = [TorusCoordinates(self.knots, weights, False)]
         for edge in range(len(domain.vertices)):
             places = np.column_stack([domain.along(edge, domain.knots), distances[:, edge]])
-            self.charts.append(Chart(places, weights, True))
+            self.coordinates.append(TorusCoordinates(places, weights, True))
 
     def located(self, u: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(m,) faces that hold (m, 2) points of Δ, and (m, 2) torus coordinates, on an edge the one along it first."""
+        """(m,) faces that hold (m, 2) points of Δ, and (m, 2) torus coordinates: on an edge those along it, and 0."""
         face, s = np.zeros(len(u), dtype=np.int64), np.zeros((len(u), 2))
         centred = self.knots - self.knots.mean(axis=0)
         for location in self.linear.locations(u):
@@ -165,18 +155,24 @@ class Charts:
         return face, s
 
     def numbers(self, face: IntArray) -> IntArray:
-        """(m,) charts of triangles with (m, 3) faces of their corners; −1 if one touches a corner of Δ or two edges."""
+        """(m,) coordinates for triangles with (m, 3) faces of their corners: 0 inside Δ, 1 + k for edge k.
+
+        They are −1 for a triangle that touches a corner of Δ or two edges.
+        """
         edge = face.max(axis=1)
         one = ((face == 0) | (face == edge[:, None])).all(axis=1)
-        return np.where(one & (edge < len(self.charts)), edge, -1)
+        return np.where(one & (edge < len(self.coordinates)), edge, -1)
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # NaN is never found to hold
-    def covers(self, number: int, u: FloatArray, face: IntArray, s: FloatArray) -> tuple[BoolArray, Pieces, IntArray]:
-        """Find triangles of a chart whose images under μ cover triangles of Δ.
+    def covering(
+        self, number: int, u: FloatArray, face: IntArray, s: FloatArray
+    ) -> tuple[BoolArray, TorusTriangles, IntArray]:
+        """Find triangles of torus coordinates whose images under μ cover triangles of Δ.
 
         Parameters
         ----------
         number : int
+            Of the coordinates.
         u : (m, 3, 2) float
             The triangles' corners.
         face : (m, 3) int
@@ -187,58 +183,57 @@ class Charts:
         -------
         found : (m,) bool
             Whether there are such triangles; if not, the triangle of Δ must be cut.
-        pieces : Pieces
+        triangles : TorusTriangles
         owner : (p,) int
-            The triangle of Δ that each piece helps to cover.
+            The triangle of Δ that each of them helps to cover.
 
         Notes
         -----
-        The straight triangle in the chart is enlarged until μ maps each side beyond the line through the same side of
-        the triangle of Δ: Σ T_i λ_k(a_i) ≤ 0 with the barycentric coordinate λ_k that is 0 on this line. The image of
-        the boundary then runs around the triangle of Δ, and as μ is one to one, all that it encloses is covered.
-        Sides on the edge of Δ stay there. If only one corner is on the edge, what lies beyond the edge is cut off.
+        The straight triangle of torus coordinates is enlarged until μ maps each side beyond the line through the same
+        side of the triangle of Δ: Σ T_i λ_k(a_i) ≤ 0 with the barycentric coordinate λ_k that is 0 on this line. The
+        image of the boundary then runs around the triangle of Δ, and as μ is one to one, all that it encloses is
+        covered. Sides on the edge of Δ stay there. If only one corner is on the edge, what lies beyond the edge is cut
+        off, and two triangles cover.
         """
-        chart = self.charts[number]
-        on_edge = face > 0
+        max_pushes, first_push = 10, 0.02  # parts of heights by which sides are pushed outwards
+        max_excess = 0.5  # part of a height by which a side may still lie inside; a more curved triangle is cut
+        coordinates, on_edge = self.coordinates[number], face > 0
         # The only corner on the edge comes first.
         single = on_edge.sum(axis=1) == 1
         order = (np.arange(3) + np.where(single, on_edge.argmax(axis=1), 0)[:, None]) % 3
         rows = np.arange(len(u))[:, None]
         u, s, on_edge = u[rows, order], s[rows, order], on_edge[rows, order]
-        if number:
-            logs = np.stack([s @ self.domain.direction(number - 1), s @ self.across[number - 1]], axis=2)
-            s = np.where(on_edge[:, :, None], np.stack([s[:, :, 0], np.full(s.shape[:2], -np.inf)], axis=2), logs)
-        pieces = chart.pieces(s)
-        fixed = np.roll(on_edge, -1, axis=1) & np.roll(on_edge, 1, axis=1)
+        start = coordinates.triangles(self._beside_edge(number - 1, s, on_edge) if number else s)
+        is_fixed = np.roll(on_edge, -1, axis=1) & np.roll(on_edge, 1, axis=1)
         values = barycentric(u - self.domain.center, self.knots)
-        push = np.where(fixed, 0.0, PUSH_SHARE)
-        todo = np.arange(len(u))
-        found = np.zeros(len(u), dtype=bool)
-        done: list[Pieces] = []
-        owner: list[IntArray] = []
-        for _ in range(MAX_PUSHES):
+        push = np.where(is_fixed, 0.0, first_push)
+        polygons = np.empty((len(u), 4, 2))
+        found, todo = np.zeros(len(u), dtype=bool), np.arange(len(u))
+        for _ in range(max_pushes):
+            here = rows_of(start, todo)
+            polygons[todo] = polygon = _clipped(_enlarged(here.corners, push[todo]), single[todo])
+            excess = np.full((len(todo), 3), -np.inf)
+            for side, (begin, end) in enumerate(((2, 3), (3, 0), (1, 2))):
+                bounds = coordinates.bounds(here._replace(corners=polygon[:, [begin, end]]))
+                excess[:, side] = _excess(bounds, values[side][:, todo])
+            excess[is_fixed[todo]] = -np.inf
+            is_inside = (polygon[:, 2:, 1] >= 0).all(axis=1) | (not number)
+            holds = np.asarray((excess <= 0).all(axis=1) & is_inside)
+            found[todo[holds]] = True
+            left = ~holds & (excess.max(axis=1) < max_excess) & is_inside
+            todo, excess = todo[left], excess[left]
             if not len(todo):
                 break
-            here = rows_of(pieces, todo)
-            polygon = _clipped(_enlarged(here.corners, push[todo]), single[todo])
-            excess = np.full((len(todo), 3), -np.inf)
-            for side, (start, end) in enumerate(((2, 3), (3, 0), (1, 2))):
-                bounds = chart.bounds(here._replace(corners=polygon[:, [start, end]]))
-                excess[:, side] = _excess(bounds, values[side][:, todo])
-            excess[fixed[todo]] = -np.inf
-            inside = (polygon[:, 2:, 1] >= 0).all(axis=1) | (not number)
-            holds = np.asarray((excess <= 0).all(axis=1) & inside)
-            for corners, some in (((1, 2, 3), holds), ((0, 1, 3), holds & single[todo])):
-                done.append(rows_of(here, some)._replace(corners=polygon[some][:, corners]))
-                owner.append(todo[some])
-            found[todo[holds]] = True
-            left = ~holds & (excess.max(axis=1) < MAX_EXCESS) & inside
-            todo, excess = todo[left], excess[left]
-            more = np.where(
-                excess > 0, 2 * excess + 1.5 * PUSH_SHARE, np.where(excess > -PUSH_SHARE / 2, PUSH_SHARE, 0.0)
-            )
-            push[todo] += np.where(fixed[todo], 0.0, more)
-        return found, joined([rows_of(pieces, slice(0)), *done]), np.concatenate([todo[:0], *owner])
+            beyond = np.where(excess > -first_push / 2, first_push, 0.0)
+            push[todo] += np.where(is_fixed[todo], 0.0, np.where(excess > 0, 2 * excess + 1.5 * first_push, beyond))
+        owner = np.concatenate([np.flatnonzero(found), np.flatnonzero(found & single)])
+        halves = np.repeat([[1, 2, 3], [0, 1, 3]], [np.count_nonzero(found), np.count_nonzero(found & single)], axis=0)
+        return found, rows_of(start, owner)._replace(corners=polygons[owner[:, None], halves]), owner
+
+    def _beside_edge(self, edge: int, s: FloatArray, on_edge: BoolArray) -> FloatArray:
+        """(m, 3, 2) torus coordinates along an edge and across it, which are −inf on the edge."""
+        along = np.where(on_edge, s[:, :, 0], s @ self.domain.direction(edge))
+        return np.stack([along, np.where(on_edge, -np.inf, s @ self.across[edge])], axis=2)
 
 
 def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -269,6 +264,7 @@ def _clipped(corners: FloatArray, single: BoolArray) -> FloatArray:
 
 def _excess(bounds: Bounds, values: FloatArray) -> FloatArray:
     """(m,) upper bounds of Σ T_i v_i for (n, m) values v, less the rounding."""
+    side_roundings = 64  # by which a side may lie inside the line that it must be beyond
     positive, negative = np.maximum(values, 0.0), np.minimum(values, 0.0)
     most = (positive * bounds.upper + negative * bounds.lower).sum(axis=1).max(axis=0)
-    return np.asarray(most - SIDE_ROUNDINGS * EPS * (np.abs(values) * bounds.upper.max(axis=0)).sum(axis=0))
+    return np.asarray(most - side_roundings * EPS * (np.abs(values) * bounds.upper.max(axis=0)).sum(axis=0))

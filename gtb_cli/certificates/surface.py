@@ -7,12 +7,14 @@ In the linear parametrisation Σ T_i a_i = u. So for the affine map l from a tri
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, groups, joined, rows_of
-from gtb_cli.certificates.enclosures import Charts, Pieces, barycentric
+from gtb_cli.certificates.enclosures import Coverings, TorusTriangles, barycentric
 from gtb_cli.errors import ToleranceError
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.patch import Patch
@@ -20,27 +22,13 @@ from gtb_cli.theory.patch import Patch
 WAY_OUT = "take a larger one, or leave out --certify"
 
 SPENT_SHARE = 0.02
-"""Part of the tolerance: a triangle with a piece whose error is known this well, yet not to hold, is too far."""
-
-MAX_QUARTERINGS = 6
-"""Times that a piece is cut in quarters, after which its error is known 4096 times better; if it is still open, its
-triangle fails."""
+"""Part of the tolerance: what is known this well, yet not to hold, is too far."""
 
 MAX_CUTS = 4
 """Times that a triangle of Δ is cut in quarters if it is too curved in torus coordinates; then it fails."""
 
-MAX_CORNER_CUTS = 48
-"""The same for triangles at corners of Δ, which are cut until what is left is nearly a point."""
-
-MAX_DEPTH_CREDIT = 6.0
-"""Most by which the depth λ of a point inside a triangle counts against its error along the plane, in units of this
-error: more would add more doubt than it takes away."""
-
 SLIVER_RATIO = 1e-6
 """Height of a triangle in units of its longest side, below which it counts as this side."""
-
-WORK_ARRAYS = 6
-"""Arrays as large as the bounds of T that are alive at once."""
 
 QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 """(4, 3): corners of the quarters of a triangle; 3 … 5 are the middles of its sides."""
@@ -95,8 +83,8 @@ def triangles(u: FloatArray, points: FloatArray) -> Triangles:
     return Triangles(u, points, along, cross(normal, along), normal, outwards, heights, cosines)
 
 
-class Places(NamedTuple):
-    """Parts of triangles of Δ, their owners; corners from `Charts.located`; and how often each may still be cut."""
+class Parts(NamedTuple):
+    """Parts of triangles of Δ, their owners; corners from `Coverings.located`; and how often each may still be cut."""
 
     owner: IntArray
     u: FloatArray
@@ -104,26 +92,39 @@ class Places(NamedTuple):
     s: FloatArray
     cuts: IntArray
 
-    def quartered(self, charts: Charts, at_corner: BoolArray) -> Places:
+    def quartered(self, coverings: Coverings, at_corner: BoolArray) -> Parts:
         """Cut each part in quarters."""
         middles = (self.u + np.roll(self.u, -1, axis=1)) / 2
-        face, s = charts.located(middles.reshape(-1, 2))
+        face, s = coverings.located(middles.reshape(-1, 2))
         own = (self.u, self.face, self.s)
         new = (middles, face.reshape(-1, 3), s.reshape(-1, 3, 2))
         columns = [np.concatenate(pair, axis=1)[:, QUARTER_CORNERS] for pair in zip(own, new, strict=True)]
         cuts = np.where(at_corner, MAX_CUTS, self.cuts - 1)
         owner, cuts = (np.repeat(each, len(QUARTERS)) for each in (self.owner, cuts))
         u, face, s = (each.reshape(-1, *each.shape[2:]) for each in columns)
-        return Places(owner, u, face, s, cuts)
+        return Parts(owner, u, face, s, cuts)
 
 
-class _Lateral(NamedTuple):
-    """(m,) each: the error in the triangle's plane, how well it is known, and whether a piece is beside or inside."""
+class _Side(NamedTuple):
+    """Errors of parts of the surface at one side of their triangles, in the triangles' planes.
 
-    lateral: FloatArray
-    doubts: FloatArray
-    beside: BoolArray
-    inside: BoolArray
+    Attributes
+    ----------
+    beyond : (m,) float
+        Upper bounds of the distance beyond the side; negative inside.
+    off : (m,) float
+        The same, but not negative; at parts on the side itself also of the distance inside it.
+    doubt : (m,) float
+        How well they are known.
+    is_outside, is_inside : (m,) bool
+        Whether the whole part of Δ is beyond the side, and whether it is not.
+    """
+
+    beyond: FloatArray
+    off: FloatArray
+    doubt: FloatArray
+    is_outside: BoolArray
+    is_inside: BoolArray
 
 
 class _Enclosure(NamedTuple):
@@ -164,24 +165,25 @@ class SurfaceCertificate:
     """
 
     def __init__(self, patch: Patch) -> None:
-        self.charts = Charts(patch)
+        self.coverings = Coverings(patch)
         domain = patch.domain
         self.points = patch.control_points - patch.control_points.mean(axis=0)
         self.middle = patch.control_points.mean(axis=0)
         self.scale = float(np.abs(patch.control_points).max())
         # How far the knots are from each corner along the bisector of its edges; 0 for those at the corner.
-        across = self.charts.across
+        across = self.coverings.across
         bisectors = across + np.roll(across, 1, axis=0)
         self.bisectors = bisectors / np.sqrt(dot(bisectors, bisectors))[:, None]
         self.corners = domain.vertices - domain.center
-        ahead = (self.charts.knots[:, None] - self.corners) * self.bisectors
+        ahead = (self.coverings.knots[:, None] - self.corners) * self.bisectors
         at_corner = domain.incidence & np.roll(domain.incidence, 1, axis=1)
         self.ahead = np.where(at_corner, 0.0, ahead.sum(axis=2))
-        self.block = max(64, block_length(len(patch.knots)) // WORK_ARRAYS)
+        alive = 6  # arrays as large as the bounds of T
+        self.block = max(64, block_length(len(patch.knots)) // alive)
         self.work, self.most_work = 0, math.inf
 
     def failing(self, u: FloatArray, points: FloatArray, tolerance: float, most_work: float = math.inf) -> BoolArray:
-        """Which triangles are not certified.
+        """Tell which triangles are not certified.
 
         Parameters
         ----------
@@ -198,23 +200,24 @@ class SurfaceCertificate:
         ToleranceError
             It would grow further.
         """
-        charts, self.most_work = self.charts, most_work
-        whole = triangles(u - charts.domain.center, points - self.middle)
+        max_corner_cuts = 48  # of triangles at corners of Δ, which are cut until what is left is nearly a point
+        coverings, self.most_work = self.coverings, most_work
+        whole = triangles(u - coverings.domain.center, points - self.middle)
         fails = np.zeros(len(u), dtype=bool)
-        face, s = charts.located(u.reshape(-1, 2))
-        todo = Places(np.arange(len(u)), u, face.reshape(-1, 3), s.reshape(-1, 3, 2), np.full(len(u), MAX_CUTS))
-        for _ in range(MAX_CORNER_CUTS):
-            number = charts.numbers(todo.face)
-            left = [np.flatnonzero(number < 0)]
-            for chart, rows in groups(number + 1):
-                for begin in range(0, len(rows) if chart else 0, self.block):
+        face, s = coverings.located(u.reshape(-1, 2))
+        todo = Parts(np.arange(len(u)), u, face.reshape(-1, 3), s.reshape(-1, 3, 2), np.full(len(u), MAX_CUTS))
+        for _ in range(max_corner_cuts):
+            numbers = coverings.numbers(todo.face)
+            left = [np.flatnonzero(numbers < 0)]
+            for number, rows in groups(numbers + 1):
+                for begin in range(0, len(rows) if number else 0, self.block):
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
                     here = rows_of(todo, some)
                     self._spend(len(some), tolerance)
-                    found, pieces, which = charts.covers(chart - 1, here.u, here.face, here.s)
+                    found, pieces, which = coverings.covering(number - 1, here.u, here.face, here.s)
                     left.append(some[~found])
-                    self._bound(chart - 1, pieces, here.owner[which], whole, tolerance, fails)
+                    self._bound(number - 1, pieces, here.owner[which], whole, tolerance, fails)
             todo = rows_of(todo, np.concatenate(left))
             at_corner = todo.face.max(axis=1) > len(self.corners)
             fails[todo.owner[~at_corner & (todo.cuts == 0)]] = True
@@ -223,7 +226,7 @@ class SurfaceCertificate:
             open_[rows] = ~self._near_corner(rows_of(todo, rows), rows_of(whole, todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
-            todo = rows_of(todo, open_).quartered(charts, at_corner[open_])
+            todo = rows_of(todo, open_).quartered(coverings, at_corner[open_])
         fails[todo.owner] = True
         return fails
 
@@ -232,8 +235,8 @@ class SurfaceCertificate:
         if self.work > self.most_work:
             raise ToleranceError(f"tolerance: {tolerance:g} takes too long to certify: {WAY_OUT}")
 
-    def _near_corner(self, here: Places, whole: Triangles, tolerance: float) -> BoolArray:
-        """Whether the error is within the tolerance because all T_i but those of the corner's knots are small.
+    def _near_corner(self, here: Parts, whole: Triangles, tolerance: float) -> BoolArray:
+        """Tell whether the error is within the tolerance because all T_i but those of the corner's knots are small.
 
         With the bisector m of corner v, Σ T_i <a_i − v, m> = <u − v, m>, which bounds each T_i.
         """
@@ -243,7 +246,7 @@ class SurfaceCertificate:
         count = len(self.corners)
         for corner in range(count):
             rows = np.flatnonzero((here.face == 1 + count + corner).any(axis=1))
-            steps = here.u[rows] - self.charts.domain.center - self.corners[corner]
+            steps = here.u[rows] - self.coverings.domain.center - self.corners[corner]
             ahead = (steps @ self.bisectors[corner]).max(axis=1)
             others = self.ahead[:, corner] > 0
             rate = (size[others][:, rows] / self.ahead[others, corner][:, None]).max(axis=0)
@@ -253,21 +256,22 @@ class SurfaceCertificate:
 
     def _residuals(self, whole: Triangles) -> FloatArray:
         """(3, n, m) vectors b_i − l(a_i)."""
-        shares = barycentric(whole.u, self.charts.knots)
+        shares = barycentric(whole.u, self.coverings.knots)
         images = [sum(shares[k] * whole.points[:, k, axis] for k in range(3)) for axis in range(3)]
         return np.stack([self.points[:, axis, None] - images[axis] for axis in range(3)])
 
     def _rounding(self, whole: Triangles, exponent: FloatArray | float) -> FloatArray:
-        """(m,) how much too small a bound may be."""
+        """(m,) amounts by which bounds may be too small."""
         count = len(self.points)
         extent = np.abs(self.points).max() + np.abs(whole.points).max(axis=(1, 2))
         return np.asarray(EPS * (8 * self.scale + (count + 16 + exponent) * extent))
 
     def _bound(
-        self, number: int, pieces: Pieces, owner: IntArray, whole: Triangles, tolerance: float, fails: BoolArray
+        self, number: int, pieces: TorusTriangles, owner: IntArray, whole: Triangles, tolerance: float, fails: BoolArray
     ) -> None:
         """Note which triangles fail; pieces of which too little is known are cut in quarters."""
-        for quartering in range(MAX_QUARTERINGS + 1):
+        max_quarterings = 6  # the error is then known 4096 times better
+        for quartering in range(max_quarterings + 1):
             left, owners = [], []
             for begin in range(0, len(owner), self.block):
                 rows = np.arange(begin, min(begin + self.block, len(owner)))
@@ -282,16 +286,18 @@ class SurfaceCertificate:
             if not left:
                 return
             pieces, owner = joined(left), np.concatenate(owners)
-            if quartering == MAX_QUARTERINGS:
+            if quartering == max_quarterings:
                 break
             corners = np.einsum("qvc,mcd->mqvd", QUARTERS, pieces.corners).reshape(-1, 3, 2)
             pieces = rows_of(pieces, np.repeat(np.arange(len(owner)), 4))._replace(corners=corners)
             owner = np.repeat(owner, 4)
         fails[owner] = True
 
-    def _compared(self, number: int, pieces: Pieces, whole: Triangles, tolerance: float) -> tuple[BoolArray, BoolArray]:
+    def _compared(
+        self, number: int, pieces: TorusTriangles, whole: Triangles, tolerance: float
+    ) -> tuple[BoolArray, BoolArray]:
         """(m,) whether the triangle fails on each piece, and whether that is still open."""
-        bounds = self.charts.charts[number].bounds(pieces)
+        bounds = self.coverings.coordinates[number].bounds(pieces)
         least = bounds.lower.sum(axis=1)
         known = (least > 0).all(axis=0)
         basis = _Enclosure(
@@ -313,47 +319,55 @@ class SurfaceCertificate:
         if not len(rows):
             return far, open_
         left = rows_of(whole, rows)
-        place = self._lateral(basis.at(rows), errors[:, :, rows], left, slide[rows], rounding[rows])
-        line = (left.heights == 0).any(axis=1) | (slide[rows] < place.lateral)
-        lateral = np.where(line, slide[rows], place.lateral)
-        settled = (np.hypot(height[rows], lateral) <= tolerance) | place.beside
+        sides = self._sides(basis.at(rows), errors[:, :, rows], left, slide[rows], rounding[rows])
+        lateral, lateral_doubts = _in_plane(sides, left.cosines)
+        # A triangle that is a line has no sides to be beyond.
+        is_line = (left.heights == 0).any(axis=1) | (slide[rows] < lateral)
+        lateral = np.where(is_line, slide[rows], lateral)
+        is_outside = np.any([side.is_outside for side in sides], axis=0)
+        settled = (np.hypot(height[rows], lateral) <= tolerance) | is_outside
         open_[rows[settled]] = False
-        certain = doubts[rows] + np.where(line, slide_doubts[rows], place.doubts) <= SPENT_SHARE * tolerance
-        far[rows] = ~settled & certain & place.inside
+        certain = doubts[rows] + np.where(is_line, slide_doubts[rows], lateral_doubts) <= SPENT_SHARE * tolerance
+        far[rows] = ~settled & certain & np.all([side.is_inside for side in sides], axis=0)
         open_ &= ~far
         return far, open_
 
-    def _lateral(
+    def _sides(
         self, basis: _Enclosure, errors: FloatArray, whole: Triangles, slide: FloatArray, rounding: FloatArray
-    ) -> _Lateral:
-        """Bound the errors in the planes of triangles that are left; those along them are at most `slide`."""
-        shares = barycentric(whole.u, self.charts.knots)
-        beside, inside = np.zeros(len(slide), dtype=bool), np.ones(len(slide), dtype=bool)
-        beyond, off, loose = [], [], []
-        for k in range(3):
-            mean, doubt = basis.sums(shares[k])
-            beside |= (mean + doubt < 0).all(axis=0)
+    ) -> list[_Side]:
+        """Bound the errors at each side of triangles; those in their planes are at most `slide`."""
+        # The depth λ of a point inside a triangle counts against its error along the plane at most so many times this
+        # error: more would add more doubt than it takes away.
+        max_depth_credit = 6.0
+        found = []
+        for k, share in enumerate(barycentric(whole.u, self.coverings.knots)):
+            mean, doubt = basis.sums(share)
             depth = basis.lowest(mean - doubt)
-            inside &= depth >= -SLIVER_RATIO
             # Where λ ≥ 0, a point is beyond the side by no more than its error less a part of λ times the height.
-            steep = shares[k] * np.minimum(whole.heights[:, k], MAX_DEPTH_CREDIT * slide)
+            steep = share * np.minimum(whole.heights[:, k], max_depth_credit * slide)
             outwards = _component(errors, whole.outwards[:, k])
-            (out, doubt), (back, _) = basis.sums(outwards - steep), basis.sums(-outwards - steep)
-            beyond.append(basis.highest(out + doubt) + rounding)
+            (out, loose), (back, _) = basis.sums(outwards - steep), basis.sums(-outwards - steep)
+            beyond = basis.highest(out + loose) + rounding
             # On the side itself the surface must not lie far inside, either.
-            inwards = np.where(depth <= SLIVER_RATIO, basis.highest(back + doubt) + rounding, 0.0)
-            off.append(np.maximum(np.maximum(beyond[k], inwards), 0.0))
-            loose.append(basis.highest(doubt))
-        lateral, doubts = np.max(off, axis=0), np.max(loose, axis=0)
-        for k in range(3):
-            for other in (k - 1, k - 2):
-                cosine = np.abs(whole.cosines[:, 3 - k - other % 3])
-                sine = np.sqrt(np.maximum(1 - cosine**2, SLIVER_RATIO**2))
-                over = np.maximum(beyond[other] + cosine * off[k], 0.0) / sine
-                counts = (off[k] > 0) & (over > 0)
-                lateral = np.where(counts, np.maximum(lateral, np.hypot(off[k], over)), lateral)
-                doubts = np.where(counts, np.maximum(doubts, loose[other] / sine), doubts)
-        return _Lateral(lateral, doubts, beside, inside)
+            inwards = np.where(depth <= SLIVER_RATIO, basis.highest(back + loose) + rounding, 0.0)
+            off = np.maximum(np.maximum(beyond, inwards), 0.0)
+            is_outside = np.asarray((mean + doubt < 0).all(axis=0))
+            found.append(_Side(beyond, off, basis.highest(loose), is_outside, depth >= -SLIVER_RATIO))
+        return found
+
+
+def _in_plane(sides: Sequence[_Side], cosines: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(m,) bounds of the errors in the planes of triangles, and how well they are known."""
+    error, doubt = (np.max([side[column] for side in sides], axis=0) for column in (1, 2))
+    for k, other in permutations(range(3), 2):
+        # Beyond two sides, a point may be farther from the corner between them than from either.
+        cosine = np.abs(cosines[:, 3 - k - other])
+        sine = np.sqrt(np.maximum(1 - cosine**2, SLIVER_RATIO**2))
+        over = np.maximum(sides[other].beyond + cosine * sides[k].off, 0.0) / sine
+        counts = (sides[k].off > 0) & (over > 0)
+        error = np.where(counts, np.maximum(error, np.hypot(sides[k].off, over)), error)
+        doubt = np.where(counts, np.maximum(doubt, sides[other].doubt / sine), doubt)
+    return error, doubt
 
 
 def _component(errors: FloatArray, direction: FloatArray) -> FloatArray:

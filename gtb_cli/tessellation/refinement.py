@@ -13,12 +13,12 @@ from functools import reduce
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_columns, dot, rows_of
+from gtb_cli.certificates.cells import Certificates
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
 from gtb_cli.moment.newton import dot as column_dot
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
-from gtb_cli.tessellation.certificate import Certificates
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.peaks import Peaks
@@ -90,8 +90,8 @@ class _Refinement:
         points = sampler.points(start.patch, start.parameters, start.face)
         refuse_rounding(tolerance, points)
         self.mesh = Subdivision(start, points, sampler.patches, thin_height)
-        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler)
-        self.certify = certify or not is_surface
+        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.evaluated)
+        self.certify, self.rounds = certify or not is_surface, 0
         self.peaks = Peaks(self.mesh.domains) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
@@ -189,12 +189,22 @@ class _Refinement:
 
     def marks_of_certificates(self) -> BoolArray:
         """(e,) the worst edge of each cell that must be certified and cannot be."""
+        max_rounds = 40  # of certifying triangles, and splitting those that fail, before this gives up
         mesh, marked = self.mesh, np.zeros(len(self.mesh.edges.ends), dtype=bool)
         todo = np.flatnonzero(~mesh.cells.certified) if self.certify else np.empty(0, dtype=np.int64)
-        if len(todo):
-            failing = self.certificates.failing(mesh, todo, self.asked)
-            mesh.cells.certified[todo] = ~np.isin(todo, failing)
-            self.mark_worst(marked, failing)
+        if not len(todo):
+            return marked
+        cells, corners = rows_of(mesh.cells, todo), np.stack(mesh.corners(todo), axis=1)
+        fails = self.certificates.failing(cells.patch, cells.corners, corners, self.asked)
+        self.rounds += 1
+        if mesh.is_surface and self.rounds > max_rounds and fails.any():
+            place = ", ".join(f"{x:.4g}" for x in corners[fails][0].mean(axis=0))
+            raise ToleranceError(
+                f"tolerance: {self.asked:g} cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near "
+                f"({place})"
+            )
+        mesh.cells.certified[todo] = ~fails
+        self.mark_worst(marked, todo[fails])
         return marked
 
     def marks_of_samples(self) -> BoolArray:

@@ -8,12 +8,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gtb_cli.certificates.enclosures import Charts
+from gtb_cli.certificates import cells
+from gtb_cli.certificates.enclosures import Coverings
 from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation import certificate
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
@@ -104,30 +104,30 @@ def basis(shape: Patch, s: mp.matrix) -> list[mp.mpf]:
 def test_enclosures_hold_the_basis(name, number):
     """Between Bernstein polynomials, up to one factor, at places all over triangles: in 40 digits."""
     shape = load(SPECS / f"{name}.toml")
-    charts = Charts(shape)
+    coverings = Coverings(shape)
     corners = shape.domain.vertices
     near = corners[number - 1] * 0.6 + corners[number % len(corners)] * 0.4  # on edge 1
     inner = corners.mean(axis=0)
     u = np.array([[0.98 * near + 0.02 * inner, near, 0.98 * near + 0.02 * corners[1]]]) if number else (
         0.8 * inner + 0.2 * corners[None, :3]
     )  # fmt: skip
-    face, s = charts.located(u[0])
-    assert charts.numbers(face[None])[0] == number
-    found, pieces, owner = charts.covers(number, u, face[None], s[None])
+    face, s = coverings.located(u[0])
+    assert coverings.numbers(face[None])[0] == number
+    found, triangles, owner = coverings.covering(number, u, face[None], s[None])
     assert found.all()
-    bounds = charts.charts[number].bounds(pieces)
+    bounds = coverings.coordinates[number].bounds(triangles)
     rng = np.random.default_rng(0)
     for row in range(len(owner)):
         for share in rng.dirichlet(np.ones(3), 12):
-            place = share @ pieces.corners[row]
+            place = share @ triangles.corners[row]
             if number:
-                along, across = shape.domain.direction(number - 1), charts.across[number - 1]
-                logs = pieces.origin[row] + np.array([place[0], np.log(place[1]) / pieces.layer[row]])
+                along, across = shape.domain.direction(number - 1), coverings.across[number - 1]
+                logs = triangles.origin[row] + np.array([place[0], np.log(place[1]) / triangles.layer[row]])
                 s = logs @ np.stack([along, across])
                 bernstein = [share[i] * share[j] * (1 if i == j else 2)
                              for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]]  # fmt: skip
             else:
-                s, bernstein = pieces.origin[row] + place, share
+                s, bernstein = triangles.origin[row] + place, share
             exact = basis(shape, s)
             high = np.tensordot(bernstein, bounds.upper[:, :, row], 1)
             low = np.tensordot(bernstein, bounds.lower[:, :, row], 1)
@@ -141,18 +141,18 @@ def test_enclosures_hold_the_basis(name, number):
 def test_what_covers_a_triangle_holds_its_places(name):
     """Places of the triangle, in torus coordinates, are in the triangles that are said to hold them."""
     shape = load(SPECS / f"{name}.toml")
-    charts = Charts(shape)
+    coverings = Coverings(shape)
     u = np.array([0.7 * shape.domain.vertices[:3] + 0.3 * shape.domain.center])
     while True:
-        face, s = charts.located(u[0])
-        found, pieces, _ = charts.covers(0, u, face[None], s[None])
+        face, s = coverings.located(u[0])
+        found, triangles, _ = coverings.covering(0, u, face[None], s[None])
         if found.all():
             break
         u = (u + u[:, :1]) / 2
     shares = np.random.default_rng(1).dirichlet(np.full(3, 0.5), 500)
-    _, s = charts.located(shares @ u[0])
+    _, s = coverings.located(shares @ u[0])
     inside = np.linalg.solve(
-        np.vstack([pieces.corners[0].T, np.ones(3)]), np.vstack([(s - pieces.origin[0]).T, np.ones(500)])
+        np.vstack([triangles.corners[0].T, np.ones(3)]), np.vstack([(s - triangles.origin[0]).T, np.ones(500)])
     )
     assert inside.min() >= -1e-12
     assert inside.min() < 0.1  # it is not just large
@@ -205,7 +205,7 @@ def test_what_cannot_be_certified_is_refused(tmp_path, options):
 
 @long
 def test_certificates_that_take_too_long_are_refused(monkeypatch):
-    monkeypatch.setattr(certificate, "MAX_WORK", 1000)
+    monkeypatch.setattr(cells, "MAX_WORK", 1000)
     with pytest.raises(ToleranceError, match=r"0\.5 takes too long to certify: .* or leave out --certify"):
         tessellate(load(SPECS / "pentagon.toml"), tolerance=0.5, certify=True, normals=False)
 
@@ -222,7 +222,7 @@ def test_certificates_of_many_faces_are_refused_before_the_work(monkeypatch):
     spent = []
     spend = SurfaceCertificate._spend
     monkeypatch.setattr(SurfaceCertificate, "_spend", lambda self, n, t: spent.append(n) or spend(self, n, t))
-    monkeypatch.setattr(certificate, "MAX_WORK", 300_000)
+    monkeypatch.setattr(cells, "MAX_WORK", 300_000)
     with pytest.raises(ToleranceError, match=r"faces about [\d.]+ times as long as is allowed: take a larger one"):
         tessellate(load(SPECS / "bicubic.toml"), tolerance=0.0005, certify=True, normals=False)
     assert 16 * sum(spent) < 300_000
