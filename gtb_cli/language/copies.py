@@ -13,7 +13,17 @@ from gtb_cli.language.document import Faults, shown
 from gtb_cli.language.names import COUNTER
 from gtb_cli.language.reader import COPY_KEYS
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import COORDINATE, MAX_SIZE, SCALE, Check, Values, likely_word, name_fault, suggestion
+from gtb_cli.language.values import (
+    COORDINATE,
+    MAX_SIZE,
+    SCALE,
+    Check,
+    Table,
+    Values,
+    likely_word,
+    name_fault,
+    suggestion,
+)
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -96,100 +106,84 @@ def _edge_ends(patch: Patch) -> list[tuple[int, int]]:
     return list(zip(corners, corners[1:] + corners[:1], strict=True))
 
 
-def read_copy(table: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
+def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int) -> Copy | None:
     """Read a table with the key ``copy``; the model may have `allowed` more patches."""
-    faults = values.faults
-    before = faults.count
-    values.unknown_keys(table, path, COPY_KEYS)
-    original = table["copy"]
+    table = Table(entries, path, values)
+    before = values.faults.count
+    table.unknown_keys(COPY_KEYS)
+    original = entries["copy"]
     if not isinstance(original, str):
-        faults.add((*path, "copy"), f"must be the name of a patch, got {shown(original)}")
+        table.fault("copy", f"must be the name of a patch, got {shown(original)}")
         return None
-    count = 1
-    if "repeat" in table:
-        whole: Check = (
-            f"must be a whole number from 1 to {max(allowed, 1)}",
-            lambda x: 1 <= x <= max(allowed, 1) and x == int(x),
-        )
-        count = int(values.number(table["repeat"], (*path, "repeat"), whole) or 1)
-    name = values.name(table, path, None)
-    names = (name,) if name and "repeat" not in table else tuple(f"{name or original}-{k + 1}" for k in range(count))
+    most = max(allowed, 1)
+    whole: Check = (f"must be a whole number from 1 to {most}", lambda x: 1 <= x <= most and x == int(x))
+    count = int(table.number("repeat", whole) or 1)
+    name = table.name(None)
+    names = (name,) if name and "repeat" not in entries else tuple(f"{name or original}-{k + 1}" for k in range(count))
     if fault := name_fault(names[-1]):
-        faults.add((*path, "name"), fault)
-    mirror = values.choice(table, path, "mirror", AXES)
+        table.fault("name", fault)
+    mirror = table.choice("mirror", AXES)
     motions = []
     for k in range(1, count + 1):
-        motions.append(_motion(table, path, values, mirror, {COUNTER: float(k)} if "repeat" in table else {}))
-        if faults.count > before:  # the same for the others
+        table.extra = {COUNTER: float(k)} if "repeat" in entries else {}
+        motions.append(_motion(table, mirror))
+        if values.faults.count > before:  # the others have them, too
             return None
     return Copy(path, original, names, tuple(motions), mirror is not None)
 
 
-def _motion(table: dict[str, Any], path: Path, values: Values, mirror: str | None, counter: dict[str, float]) -> Motion:
-    factors = np.ones(3)
-    if "scale" in table:
-        scale, place = table["scale"], (*path, "scale")
-        if isinstance(scale, list) and len(scale) != 3:
-            values.faults.add(place, f"must be one number or three, got a list of {len(scale)}")
-        elif isinstance(scale, list):
-            factors = _or(values.numbers(scale, place, SCALE, counter), factors)
-        else:
-            factors = factors * (values.number(scale, place, SCALE, counter) or 1.0)
-    if mirror is not None:
-        factors = factors * [-1.0 if axis == mirror else 1.0 for axis in AXES]
-    rotation, about = None, np.zeros(3)
-    if "rotate" in table:
-        rotation, about = _rotation(table["rotate"], (*path, "rotate"), values, counter)
-    translation = _vector(table, path, "translate", values, counter)
-    return Motion(factors, rotation, about, translation)
+def _motion(table: Table, mirror: str | None) -> Motion:
+    scale, factors = table.entries.get("scale"), None
+    if not isinstance(scale, list):
+        factors = np.full(3, table.number("scale", SCALE) or 1.0)
+    elif len(scale) == 3:
+        factors = table.numbers("scale", SCALE)
+    else:
+        table.fault("scale", f"must be one number or three, got a list of {len(scale)}")
+    factors = np.ones(3) if factors is None else factors
+    factors = factors * [-1.0 if axis == mirror else 1.0 for axis in AXES]
+    rotation, about = _rotation(table) if "rotate" in table.entries else (None, np.zeros(3))
+    return Motion(factors, rotation, about, _vector(table, "translate"))
 
 
-def _or(found: FloatArray | None, otherwise: FloatArray) -> FloatArray:
-    return otherwise if found is None else found
-
-
-def _vector(table: dict[str, Any], path: Path, key: str, values: Values, counter: dict[str, float]) -> FloatArray:
+def _vector(table: Table, key: str) -> FloatArray:
     """Read two or three coordinates; missing ones are 0."""
-    if key not in table:
-        return np.zeros(3)
-    entries = table[key]
+    vector = np.zeros(3)
+    entries = table.entries.get(key, [0, 0])
     if not isinstance(entries, list) or len(entries) not in (2, 3):
-        values.faults.add((*path, key), f"must be a list of 2 or 3 coordinates, got {shown(entries)}")
-        return np.zeros(3)
-    found = _or(values.numbers(entries, (*path, key), COORDINATE, counter), np.zeros(3))
-    return np.append(found, np.zeros(3 - len(found)))
+        table.fault(key, f"must be a list of 2 or 3 coordinates, got {shown(entries)}")
+    elif key in table.entries and (found := table.numbers(key, COORDINATE)) is not None:
+        vector[: len(found)] = found
+    return vector
 
 
-def _rotation(
-    table: object, path: Path, values: Values, counter: dict[str, float]
-) -> tuple[FloatArray | None, FloatArray]:
-    """Read ``rotate``: its matrix, and the fixed point."""
-    rotate_keys = frozenset(("axis", "degrees", "about"))
+def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
+    """Read ``rotate``: its matrix, None if it is wrong, and the fixed point."""
     nothing = None, np.zeros(3)
-    if not isinstance(table, dict):
-        values.faults.add(path, f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(table)}')
+    entries = outer.entries["rotate"]
+    if not isinstance(entries, dict):
+        outer.fault("rotate", f'must be a table such as {{axis = "z", degrees = 72}}, got {shown(entries)}')
         return nothing
-    values.unknown_keys(table, path, rotate_keys)
-    missing = [key for key in ("axis", "degrees") if key not in table]
+    table = Table(entries, (*outer.path, "rotate"), outer.values, outer.extra)
+    table.unknown_keys(frozenset(("axis", "degrees", "about")))
+    missing = [key for key in ("axis", "degrees") if key not in entries]
     for key in missing:
-        values.faults.add((*path, key), "is missing")
+        table.fault(key, "is missing")
     if missing:
         return nothing
-    about = _vector(table, path, "about", values, counter)
-    degrees = values.number(table["degrees"], (*path, "degrees"), COORDINATE, counter)
-    axis = table["axis"]
-    if isinstance(axis, list):
-        direction = _vector(table, path, "axis", values, counter)
-        if not direction.any():
-            values.faults.add((*path, "axis"), "must not be 0")
-            return nothing
-        direction = direction / np.abs(direction).max()
+    about = _vector(table, "about")
+    degrees = table.number("degrees", COORDINATE)
+    axis = entries["axis"]
+    if not isinstance(axis, list):
+        letter = table.choice("axis", AXES, "a direction of 3 coordinates, ")
+        direction = np.array([float(letter == name) for name in AXES])
     else:
-        letter = values.choice(table, path, "axis", AXES, "a direction of 3 coordinates, ")
-        if letter not in AXES:
-            return nothing
-        direction = np.array([1.0 if axis == letter else 0.0 for axis in AXES])
-    return rotation_matrix(direction, degrees or 0.0), about
+        direction = _vector(table, "axis")
+        if not direction.any():
+            table.fault("axis", "must not be 0")
+    if not direction.any():
+        return nothing
+    return rotation_matrix(direction / np.abs(direction).max(), degrees or 0.0), about
 
 
 def rotation_matrix(axis: FloatArray, degrees: float) -> FloatArray:

@@ -11,7 +11,7 @@ from gtb_cli.language.document import shown
 from gtb_cli.language.names import named_numbers
 from gtb_cli.language.reader import MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import POSITIVE, Values
+from gtb_cli.language.values import POSITIVE, Table, Values
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -46,8 +46,9 @@ class ModelReader:
         for key in data:
             if key in PATCH_KEYS - MODEL_KEYS:
                 self.faults.add((key,), "belongs in one of the [[patches]]")
-        self.values.unknown_keys({key: data[key] for key in data if key not in PATCH_KEYS}, (), MODEL_KEYS)
-        title = self.values.name(data, (), name)
+        table = Table(data, (), self.values)
+        table.unknown_keys(MODEL_KEYS, PATCH_KEYS)
+        title = table.name(name)
         weld = self._weld(data)
         included, owners = self._included(data)
         tables = data.get("patches")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast, get_args
+from typing import cast, get_args
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from gtb_cli.knots.domain import Domain, EdgeNormals
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.language.document import shown
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Values
+from gtb_cli.language.values import COORDINATE, POSITIVE, SCALE, Check, Table, Values
 from gtb_cli.theory.patch import COEFFICIENTS, Patch
 
 MAX_PATCHES = 20_000  # patches in a model, copies and included files counted
@@ -43,33 +43,35 @@ class Reader:
         self._second_row = second_row
         self._bases: dict[tuple[object, ...], Patch] = {}
 
-    def patch(self, table: object, path: Path, name: str | None) -> Patch | None:
+    def patch(self, entries: object, path: Path, name: str | None) -> Patch | None:
         """Read one patch; wrong parts are left out or replaced, so that the rest is still checked."""
-        if not isinstance(table, dict):
-            self.values.faults.add(path, f"must be a table, got {shown(table)}")
+        if not isinstance(entries, dict):
+            self.values.faults.add(path, f"must be a table, got {shown(entries)}")
             return None
-        self._check_keys(table, path)
-        title = self.values.name(table, path, name)
-        knots, n = self.knots(table, path)
-        points = self.points(table, path, n)
-        ribbon = self.points(table, path, n, RIBBON) if self._second_row else None
+        table = Table(entries, path, self.values)
+        self._check_keys(table)
+        title = table.name(name)
+        knots, n = _knots(table)
+        points = _points(table, "control_points", n)
+        ribbon = _points(table, RIBBON, n) if self._second_row else None
         if ribbon is not None:
             if points is not None and np.array_equal(with_heights(ribbon), with_heights(points)):
-                self.values.faults.add((*path, RIBBON), "is the curve itself, and leads nowhere")
+                table.fault(RIBBON, "is the curve itself, and leads nowhere")
             points = ribbon
-        weights = self.row(table, path, "weights", n, POSITIVE)
-        logarithms = self.row(table, path, "log_weights", n, COORDINATE)
-        if "weights" in table and "log_weights" in table:
-            self.values.faults.add((*path, "log_weights"), "stands in place of weights, leave out one of them")
+        weights = _row(table, "weights", n, POSITIVE)
+        logarithms = _row(table, "log_weights", n, COORDINATE)
+        if "weights" in entries and "log_weights" in entries:
+            table.fault("log_weights", "stands in place of weights, leave out one of them")
             logarithms = None
-        lifting = self.row(table, path, "lifting", n, COORDINATE)
+        lifting = _row(table, "lifting", n, COORDINATE)
         coefficients, named = None, None
-        if isinstance(table.get("coefficients"), str):
-            named = self.values.choice(table, path, "coefficients", NAMED_COEFFICIENTS, "a list of numbers, ")
+        if isinstance(entries.get("coefficients"), str):
+            named = table.choice("coefficients", NAMED_COEFFICIENTS, "a list of numbers, ")
         else:
-            coefficients = self.row(table, path, "coefficients", n, POSITIVE)
-        normals = self.values.choice(table, path, "edge_normals", get_args(EdgeNormals))
-        scale = self.scale(table, path)
+            coefficients = _row(table, "coefficients", n, POSITIVE)
+        normals = table.choice("edge_normals", get_args(EdgeNormals))
+        is_list = isinstance(entries.get("edge_scale"), list)
+        scale = table.numbers("edge_scale", SCALE) if is_list else table.number("edge_scale", SCALE)
         if knots is None:
             return None
         try:
@@ -90,108 +92,88 @@ class Reader:
                 name=title,
                 log_weights=logarithms,  # type: ignore[arg-type]
             )
-            self._bases[key] = (
-                patch if named is None else patch.replace(coefficients=_coefficients(patch.domain, named))
-            )
-            return self._bases[key]
+            if named is not None:
+                patch = patch.replace(coefficients=_coefficients(patch.domain, named))
+            self._bases[key] = patch
+            return patch
         except DomainError as error:
             self.domain_fault(path, error)
             return None
 
-    def _check_keys(self, table: dict[str, Any], path: Path) -> None:
+    def _check_keys(self, table: Table) -> None:
         """Note keys of a patch that are unknown, belong elsewhere, or are missing."""
-        for key in table:
-            if key in (MODEL_KEYS if path else {"weld"}) - PATCH_KEYS:
-                self.values.faults.add(
-                    (*path, key),
-                    "belongs to a model, before all [[patches]]"
-                    if key != "patches"
-                    else "belongs to the model, not to a patch",
-                )
+        inside = bool(table.path)  # of a model
+        elsewhere = (MODEL_KEYS if inside else {"weld"}) - PATCH_KEYS
+        for key in table.entries:
+            if key == "patches" and inside:
+                table.fault(key, "belongs to the model, not to a patch")
+            elif key in elsewhere:
+                table.fault(key, "belongs to a model, before all [[patches]]")
+            elif key in COPY_KEYS - PATCH_KEYS and inside:
+                table.fault(key, "belongs to a copy: copy = NAME says of which patch")
             elif key in COPY_KEYS - PATCH_KEYS:
-                fault = "belongs to a copy: copy = NAME says of which patch"
-                self.values.faults.add((*path, key), fault if path else "belongs in one of several [[patches]]")
-        own = {key: value for key, value in table.items() if key not in (MODEL_KEYS | COPY_KEYS) - PATCH_KEYS}
-        self._check_ribbon(own, path)
+                table.fault(key, "belongs in one of several [[patches]]")
+            elif key == RIBBON:
+                knots = table.entries.get("knots")
+                if self._second_row is None:
+                    table.fault(key, "is for gtb fill alone, in the curves of its loop")
+                elif isinstance(knots, list) and knots and isinstance(knots[0], list):
+                    table.fault(key, "belongs to a curve, this is a surface")
         known = PATCH_KEYS if self._second_row is None else PATCH_KEYS | {RIBBON}
-        meant = self.values.unknown_keys(own, path, known if path else known | MODEL_KEYS)
+        others = (MODEL_KEYS | COPY_KEYS | {RIBBON}) - PATCH_KEYS
+        meant = table.unknown_keys(known if inside else known | MODEL_KEYS, others)
         for key in ("knots", "control_points"):
-            if key not in table and key not in meant and "patches" not in meant:
-                self.values.faults.add((*path, key), "is missing")
-
-    def _check_ribbon(self, own: dict[str, Any], path: Path) -> None:
-        """Take the ribbon, if any, out of a table's keys; note one that does not belong there."""
-        if RIBBON not in own:
-            return
-        del own[RIBBON]
-        knots = own.get("knots")
-        if self._second_row is None:
-            self.values.faults.add((*path, RIBBON), "is for gtb fill alone, in the curves of its loop")
-        elif isinstance(knots, list) and knots and isinstance(knots[0], list):
-            self.values.faults.add((*path, RIBBON), "belongs to a curve, this is a surface")
+            if key not in table.entries and key not in meant and "patches" not in meant:
+                table.fault(key, "is missing")
 
     def domain_fault(self, path: Path, error: DomainError) -> None:
         """Note a constructor's error under the key with which its message begins."""
         key, _, message = str(error).partition(": ")
         self.values.faults.add((*path, key), message)
 
-    def knots(self, table: dict[str, Any], path: Path) -> tuple[FloatArray | None, int | None]:
-        """Read the knots; also return their number, even if some are wrong."""
-        if "knots" not in table:
-            return None, None
-        path = (*path, "knots")
-        entries = table["knots"]
-        surface = isinstance(entries, list) and bool(entries) and isinstance(entries[0], list)
-        if not isinstance(entries, list) or len(entries) < (3 if surface else 2):
-            expected = "a list of at least 2 numbers (curve) or 3 pairs of numbers (surface)"
-            self.values.faults.add(path, f"must be {expected}, got {shown(entries)}")
-            return None, None
-        if len(entries) > MAX_KNOTS:
-            self.values.faults.add(path, f"must be at most {MAX_KNOTS}, got {len(entries)}")
-            return None, None
-        return self.values.tuples(entries, path, (2,)) if surface else self.values.numbers(
-            entries, path, COORDINATE
-        ), len(entries)
 
-    def points(
-        self, table: dict[str, Any], path: Path, n: int | None, key: str = "control_points"
-    ) -> FloatArray | None:
-        """Read the control points, or another row of the same length."""
-        path = (*path, key)
-        entries = self.entries(table, path, n)
-        points = None if entries is None else self.values.tuples(entries, path, (2, 3))
-        return points if points is not None and len(points) == n else None
+def _knots(table: Table) -> tuple[FloatArray | None, int | None]:
+    """Read the knots; also return their number, even if some are wrong."""
+    if "knots" not in table.entries:
+        return None, None
+    entries = table.entries["knots"]
+    surface = isinstance(entries, list) and bool(entries) and isinstance(entries[0], list)
+    if not isinstance(entries, list) or len(entries) < (3 if surface else 2):
+        expected = "a list of at least 2 numbers (curve) or 3 pairs of numbers (surface)"
+        table.fault("knots", f"must be {expected}, got {shown(entries)}")
+    elif len(entries) > MAX_KNOTS:
+        table.fault("knots", f"must be at most {MAX_KNOTS}, got {len(entries)}")
+    elif surface:
+        return table.values.tuples(entries, (*table.path, "knots"), (2,)), len(entries)
+    else:
+        return table.numbers("knots", COORDINATE), len(entries)
+    return None, None
 
-    def row(self, table: dict[str, Any], path: Path, key: str, n: int | None, check: Check) -> FloatArray | None:
-        """Read one number for each knot."""
-        path = (*path, key)
-        entries = self.entries(table, path, n)
-        values = None if entries is None else self.values.numbers(entries, path, check)
-        return values if values is not None and len(values) == n else None
 
-    def entries(self, table: dict[str, Any], path: Path, n: int | None) -> list[object] | None:
-        """Return the list under the last key of a path, if present; it should have n entries."""
-        if path[-1] not in table:
-            return None
-        entries = table[str(path[-1])]
-        if not isinstance(entries, list):
-            self.values.faults.add(path, f"must be a list with an entry for each knot, got {shown(entries)}")
-            return None
-        if n is not None and len(entries) != n:
-            self.values.faults.add(path, f"must have {n} entries, one for each knot, got {len(entries)}")
-        return entries
+def _points(table: Table, key: str, n: int | None) -> FloatArray | None:
+    """Read the control points, or another row of points as long."""
+    if not _is_list(table, key, n):
+        return None
+    points = table.values.tuples(table.entries[key], (*table.path, key), (2, 3))
+    return points if points is not None and len(points) == n else None
 
-    def scale(self, table: dict[str, Any], path: Path) -> float | FloatArray | None:
-        """Read the factor, or factors, of the edge functions."""
-        if "edge_scale" not in table:
-            return None
-        path = (*path, "edge_scale")
-        value = table["edge_scale"]
-        return (
-            self.values.numbers(value, path, SCALE)
-            if isinstance(value, list)
-            else self.values.number(value, path, SCALE)
-        )
+
+def _row(table: Table, key: str, n: int | None, check: Check) -> FloatArray | None:
+    """Read one number for each knot."""
+    values = table.numbers(key, check) if _is_list(table, key, n) else None
+    return values if values is not None and len(values) == n else None
+
+
+def _is_list(table: Table, key: str, n: int | None) -> bool:
+    """Tell whether there is a list under a key; it should have n entries."""
+    if key not in table.entries:
+        return False
+    entries = table.entries[key]
+    if not isinstance(entries, list):
+        table.fault(key, f"must be a list with an entry for each knot, got {shown(entries)}")
+    elif n is not None and len(entries) != n:
+        table.fault(key, f"must have {n} entries, one for each knot, got {len(entries)}")
+    return isinstance(entries, list)
 
 
 def with_heights(points: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from keyword import kwlist
-from typing import Any, get_args
+from typing import Any, TypeAlias, get_args
 
 from gtb_cli.knots.domain import EdgeNormals
 from gtb_cli.language.copies import AXES
@@ -13,8 +13,10 @@ from gtb_cli.language.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PAT
 from gtb_cli.language.reader import MAX_KNOTS, MAX_PATCHES, NAMED_COEFFICIENTS
 from gtb_cli.language.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
 
+Schema: TypeAlias = dict[str, Any]
 
-def schema() -> dict[str, Any]:
+
+def schema() -> Schema:
     """Return the JSON Schema (draft 2020-12) of a spec, TOML or JSON.
 
     Returns
@@ -34,16 +36,13 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "GT-Bézier patch, or model of several patches",
         "if": {"type": "object", "anyOf": [{"required": ["patches"]}, {"required": ["include"]}]},
-        "then": {"$ref": "#/$defs/model"},
-        "else": {"$ref": "#/$defs/single"},
+        "then": _ref("model"),
+        "else": _ref("single"),
         "$defs": {
-            "model": _MODEL,
-            "patch": _PATCH,
-            "copy": _COPY,
-            "single": {
-                **_PATCH,
-                "properties": {**_PATCH["properties"], "let": {"$ref": "#/$defs/let"}},
-            },
+            "model": _model(),
+            "patch": _patch(),
+            "copy": _copy(),
+            "single": _patch(let=_ref("let")),
             "let": {
                 "description": "Named numbers, for all expressions; each may use those before it.",
                 "type": "object",
@@ -76,128 +75,123 @@ def schema() -> dict[str, Any]:
     }
 
 
-def _number(**limits: float) -> dict[str, Any]:
-    return {"anyOf": [{"type": "number", **limits}, {"$ref": "#/$defs/expression"}]}
+def _ref(kind: str) -> Schema:
+    return {"$ref": f"#/$defs/{kind}"}
 
 
-def _array(items: dict[str, Any], least: int, most: int) -> dict[str, Any]:
+def _number(**limits: float) -> Schema:
+    return {"anyOf": [{"type": "number", **limits}, _ref("expression")]}
+
+
+def _array(items: Schema, least: int, most: int) -> Schema:
     return {"type": "array", "items": items, "minItems": least, "maxItems": most}
 
 
-def _list(kind: str, least: int = 0, most: int = MAX_KNOTS) -> dict[str, Any]:
-    return _array({"$ref": f"#/$defs/{kind}"}, least, most)
+def _list(kind: str, least: int = 0, most: int = MAX_KNOTS) -> Schema:
+    return _array(_ref(kind), least, most)
 
 
-def _tuples(size: int, least: int = 0) -> dict[str, Any]:
+def _tuples(size: int, least: int = 0) -> Schema:
     return _array(_list("coordinate", size, size), least, MAX_KNOTS)
 
 
-def _vector(least: int) -> dict[str, Any]:
-    return _list("coordinate", least, 3)
+def _object(properties: Schema, **more: Any) -> Schema:
+    return {"type": "object", "properties": properties, **more, "additionalProperties": False}
 
 
-_MODEL = {
-    "type": "object",
-    "properties": {
-        "name": {"$ref": "#/$defs/name"},
-        "let": {"$ref": "#/$defs/let"},
-        "include": {
-            "description": "Files of this file's folder, or below it, whose patches come before these.",
-            "type": "array",
-            "items": {"type": "string", "minLength": 1},
-            "maxItems": MAX_FILES,
-        },
-        "weld": {
-            "description": "Edges within this distance are joined: model units, or a percentage of the model's size.",
-            "anyOf": [
-                {"$ref": "#/$defs/positive"},
-                {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"},
-            ],
-        },
-        "patches": {
-            "type": "array",
-            "items": {
-                "if": {"type": "object", "required": ["copy"]},
-                "then": {"$ref": "#/$defs/copy"},
-                "else": {"$ref": "#/$defs/patch"},
+def _model() -> Schema:
+    percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
+    patch = {"if": {"type": "object", "required": ["copy"]}, "then": _ref("copy"), "else": _ref("patch")}
+    return _object(
+        {
+            "name": _ref("name"),
+            "let": _ref("let"),
+            "include": {
+                "description": "Files of this file's folder, or below it, whose patches come before these.",
+                "type": "array",
+                "items": {"type": "string", "minLength": 1},
+                "maxItems": MAX_FILES,
             },
-            "minItems": 1,
-            "maxItems": MAX_PATCHES,
-        },
-    },
-    "additionalProperties": False,
-}
-
-_COPY = {
-    "description": "A copy of another patch, mirrored, scaled, rotated and translated, in this order.",
-    "type": "object",
-    "properties": {
-        "name": {"$ref": "#/$defs/name"},
-        "copy": {"description": "Name of the patch that is copied.", "type": "string"},
-        "mirror": {"description": "The coordinate that changes sign; normals stay outward.", "enum": list(AXES)},
-        "scale": {
-            "description": "Factor, or one for each coordinate.",
-            "anyOf": [{"$ref": "#/$defs/scale"}, _list("scale", 3, 3)],
-        },
-        "rotate": {
-            "type": "object",
-            "properties": {
-                "axis": {"anyOf": [{"enum": list(AXES)}, _vector(3)]},
-                "degrees": {"$ref": "#/$defs/coordinate"},
-                "about": {"description": "The fixed point; default: the origin.", **_vector(2)},
+            "weld": {
+                "description": "Edges within this distance are joined: model units, or a percentage of the model's "
+                "size.",
+                "anyOf": [_ref("positive"), percentage],
             },
-            "required": ["axis", "degrees"],
-            "additionalProperties": False,
-        },
-        "translate": _vector(2),
-        "repeat": {
-            "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their names.",
-            **_number(minimum=1, maximum=MAX_PATCHES),
-        },
-    },
-    "required": ["copy"],
-    "additionalProperties": False,
-}
+            "patches": _array(patch, 1, MAX_PATCHES),
+        }
+    )
 
-_PATCH: dict[str, Any] = {
-    "type": "object",
-    "properties": {
-        "name": {"$ref": "#/$defs/name"},
-        "knots": {
-            "description": "Knots a_i in any order: numbers for a curve, pairs for a surface.",
-            "anyOf": [_list("coordinate", 2), _tuples(2, 3)],
-        },
-        "weights": {"description": "Weights, one for each knot; default: all 1.", **_list("positive")},
-        "log_weights": {
-            "description": "Natural logarithms of the weights, in place of these, where they are beyond floats.",
-            **_list("coordinate"),
-        },
-        "control_points": {
-            "description": "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three.",
-            "anyOf": [_tuples(2), _tuples(3)],
-        },
-        "ribbon": {
-            "description": "For gtb fill, a curve's second row of control points, which goes into the hole.",
-            "anyOf": [_tuples(2), _tuples(3)],
-        },
-        "coefficients": {
-            "description": "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1.",
-            "anyOf": [{"enum": list(NAMED_COEFFICIENTS)}, _list("positive")],
-        },
-        "lifting": {"description": "Lifting values λ_i, one for each knot.", **_list("coordinate")},
-        "edge_normals": {
-            "description": "Length of the edge functions' normals.",
-            "enum": list(get_args(EdgeNormals)),
-            "default": "auto",
-        },
-        "edge_scale": {
-            "description": "Factor of the edge functions, or one for each edge, counter-clockwise from the lowest, "
-            "then leftmost, corner; for a curve [k0, k1].",
-            "anyOf": [{"$ref": "#/$defs/scale"}, _list("scale", 2)],
-            "default": 1,
-        },
-    },
-    "required": ["knots", "control_points"],
-    "not": {"required": ["weights", "log_weights"]},
-    "additionalProperties": False,
-}
+
+def _copy() -> Schema:
+    return {
+        "description": "A copy of another patch, mirrored, scaled, rotated and translated, in this order.",
+        **_object(
+            {
+                "name": _ref("name"),
+                "copy": {"description": "Name of the patch that is copied.", "type": "string"},
+                "mirror": {
+                    "description": "The coordinate that changes sign; normals stay outward.",
+                    "enum": list(AXES),
+                },
+                "scale": {
+                    "description": "Factor, or one for each coordinate.",
+                    "anyOf": [_ref("scale"), _list("scale", 3, 3)],
+                },
+                "rotate": _object(
+                    {
+                        "axis": {"anyOf": [{"enum": list(AXES)}, _list("coordinate", 3, 3)]},
+                        "degrees": _ref("coordinate"),
+                        "about": {"description": "The fixed point; default: the origin.", **_list("coordinate", 2, 3)},
+                    },
+                    required=["axis", "degrees"],
+                ),
+                "translate": _list("coordinate", 2, 3),
+                "repeat": {
+                    "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their "
+                    "names.",
+                    **_number(minimum=1, maximum=MAX_PATCHES),
+                },
+            },
+            required=["copy"],
+        ),
+    }
+
+
+def _patch(**more: Schema) -> Schema:
+    points = {"anyOf": [_tuples(2), _tuples(3)]}
+    texts_and_schemas = {
+        "knots": (
+            "Knots a_i in any order: numbers for a curve, pairs for a surface.",
+            {"anyOf": [_list("coordinate", 2), _tuples(2, 3)]},
+        ),
+        "weights": ("Weights, one for each knot; default: all 1.", _list("positive")),
+        "log_weights": (
+            "Natural logarithms of the weights, in place of these, where they are beyond floats.",
+            _list("coordinate"),
+        ),
+        "control_points": (
+            "Control points b_i, one for each knot, all with two coordinates (z = 0) or all with three.",
+            points,
+        ),
+        "ribbon": ("For gtb fill, a curve's second row of control points, which goes into the hole.", points),
+        "coefficients": (
+            "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1.",
+            {"anyOf": [{"enum": list(NAMED_COEFFICIENTS)}, _list("positive")]},
+        ),
+        "lifting": ("Lifting values λ_i, one for each knot.", _list("coordinate")),
+        "edge_normals": (
+            "Length of the edge functions' normals.",
+            {"enum": list(get_args(EdgeNormals)), "default": "auto"},
+        ),
+        "edge_scale": (
+            "Factor of the edge functions, or one for each edge, counter-clockwise from the lowest, then leftmost, "
+            "corner; for a curve [k0, k1].",
+            {"anyOf": [_ref("scale"), _list("scale", 2)], "default": 1},
+        ),
+    }
+    described = {key: {"description": text, **schema} for key, (text, schema) in texts_and_schemas.items()}
+    return _object(
+        {"name": _ref("name"), **described, **more},
+        required=["knots", "control_points"],
+        **{"not": {"required": ["weights", "log_weights"]}},
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import ChainMap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -60,41 +60,6 @@ class Values:
         self.names: dict[str, float] = {}
         self.budget = budget
         self._evaluated: dict[str, float | str] = {}  # values, or faults
-
-    def unknown_keys(self, table: dict[str, Any], path: Path, known: frozenset[str]) -> set[str]:
-        """Note unknown keys; return the known ones that were probably meant."""
-        meant = set()
-        for key in [key for key in table if key not in known]:
-            likely = likely_word(key, known - table.keys()) if self.faults.count < Faults.SHOWN else None
-            hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
-            self.faults.add((*path, key), f"is not a key of a spec{hint}")
-            meant.add(likely or "")
-        return meant
-
-    def name(self, table: dict[str, Any], path: Path, default: str | None) -> str | None:
-        """Read the name, if present."""
-        if "name" not in table:
-            return default
-        name = table["name"]
-        fault = name_fault(name) if isinstance(name, str) else f"must be a string, got {shown(name)}"
-        if fault:
-            self.faults.add((*path, "name"), fault)
-            return default
-        return str(name)
-
-    def choice(
-        self, table: dict[str, Any], path: Path, key: str, words: tuple[str, ...], others: str = ""
-    ) -> str | None:
-        """Read one of the given words."""
-        if key not in table:
-            return None
-        value = table[key]
-        if isinstance(value, str) and value in words:
-            return value
-        likely = likely_word(value, words) if isinstance(value, str) else None
-        expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
-        self.faults.add((*path, key), f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
-        return None
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
         """Read pairs or triples of coordinates, all of the same size."""
@@ -172,6 +137,71 @@ class Values:
             self.faults.add(path, found + _where(extra))
             return None
         return found
+
+
+class Table:
+    """Reads the values of one table of a file by their keys; what is absent, or wrong and noted, is None.
+
+    Attributes
+    ----------
+    entries : dict
+        The table itself.
+    path : tuple
+        Its key path.
+    values : Values
+    extra : dict of str to float
+        Further names that its expressions may use.
+    """
+
+    def __init__(
+        self, entries: dict[str, Any], path: Path, values: Values, extra: dict[str, float] = NO_VALUES
+    ) -> None:
+        self.entries, self.path, self.values, self.extra = entries, path, values, extra
+
+    def fault(self, key: str, message: str) -> None:
+        """Note a fault of the value under a key."""
+        self.values.faults.add((*self.path, key), message)
+
+    def unknown_keys(self, known: frozenset[str], others: Container[str] = ()) -> set[str]:
+        """Note keys that are neither known nor among `others`; return the known ones that were probably meant."""
+        meant = set()
+        for key in [key for key in self.entries if key not in known and key not in others]:
+            faults = self.values.faults
+            likely = likely_word(key, known - self.entries.keys()) if faults.count < faults.SHOWN else None
+            hint = suggestion(likely) or f", known are {', '.join(sorted(known))}"
+            self.fault(key, f"is not a key of a spec{hint}")
+            meant.add(likely or "")
+        return meant
+
+    def name(self, default: str | None) -> str | None:
+        """Read the name; the default if it is absent or wrong."""
+        if "name" not in self.entries:
+            return default
+        name = self.entries["name"]
+        fault = name_fault(name) if isinstance(name, str) else f"must be a string, got {shown(name)}"
+        if fault:
+            self.fault("name", fault)
+        return default if fault else str(name)
+
+    def choice(self, key: str, words: tuple[str, ...], others: str = "") -> str | None:
+        """Read one of the given words."""
+        value = self.entries.get(key)
+        if key not in self.entries or (isinstance(value, str) and value in words):
+            return value
+        likely = likely_word(value, words) if isinstance(value, str) else None
+        expected = ", ".join(f'"{word}"' for word in words[:-1]) + f' or "{words[-1]}"'
+        self.fault(key, f"must be {others}{expected}, got {shown(value)}{suggestion(likely)}")
+        return None
+
+    def number(self, key: str, check: Check) -> float | None:
+        """Read a number."""
+        if key not in self.entries:
+            return None
+        return self.values.number(self.entries[key], (*self.path, key), check, self.extra)
+
+    def numbers(self, key: str, check: Check) -> FloatArray | None:
+        """Read a list of numbers, which must be there."""
+        return self.values.numbers(self.entries[key], (*self.path, key), check, self.extra)
 
 
 def _where(extra: dict[str, float]) -> str:
