@@ -17,11 +17,3 @@ def layers(heights: FloatArray) -> Iterator[IntArray]:
     order = np.argsort(heights, kind="stable")
     order = order[heights[order] > 0]
     yield from np.split(order, np.flatnonzero(np.diff(heights[order]) > LAYER_TOLERANCE * heights.max()) + 1)
-
-
-def ranks(values: FloatArray) -> IntArray:
-    """The number of each value's layer, lowest first; equal values have equal numbers."""
-    order = np.argsort(values, kind="stable")
-    result = np.empty(len(values), dtype=np.int64)
-    result[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > LAYER_TOLERANCE * values.max())])
-    return result

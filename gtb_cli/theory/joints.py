@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,13 @@ FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed 
 
 SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])  # different places hardly ever tie along it
 
-_Comparison = tuple[float, bool, tuple[float, ...]]
+
+class _Comparison(NamedTuple):
+    """The distance of two curves, whether one is reversed, and `Joint.places` if equal fractions are too far apart."""
+
+    distance: float
+    turned: bool
+    places: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -141,100 +148,105 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     curves = edge_curves(patches, refs)
     reach = max(tolerance, weld or 0.0)
     collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= reach]
-    followers = _same_data(curves, collapsed, tolerance)
-    heads: dict[int, tuple[int, bool]] = {}
-    distances: dict[int, float] = {}
+    groups = _same_data(curves, collapsed, tolerance)
+    near = _near_curves(curves, groups.others, reach) if surfaces else {}
+    distances = groups.weld(near, reach)
 
-    def head_of(i: int) -> tuple[int, bool]:
-        turned = False
-        while i in heads:
-            i, also = heads[i]
-            turned = turned != also
-        return i, turned
+    def joint(i: int, j: int, turned: bool) -> Joint:
+        distance = distances.get(j, 0.0)
+        places: tuple[float, ...] = ()
+        if i in groups.welded:
+            found = near.get((i, j)) or _compared(curves[i], curves[j], reach, np.inf)
+            places = found.places if found.turned == turned else ()
+        return Joint(refs[i], refs[j], turned, distance if distance > tolerance else 0.0, places)
 
-    def places(i: int, j: int, turned: bool) -> tuple[float, ...]:
-        _, way, places = near.get((i, j)) or _compared(curves[i], curves[j], reach, np.inf)
-        return places if way == turned else ()
-
-    almost, loose = [], set()
-    near = _near_curves(curves, followers, reach) if surfaces else {}
-    for (i, j), (distance, turned, _) in sorted(near.items(), key=lambda pair: pair[1][0]):
-        if distance > reach:
-            almost.append((i, j, distance))
-            continue
-        (one, one_turned), (other, other_turned) = sorted((head_of(i), head_of(j)))
-        if one == other:
-            continue
-        turned = (turned != one_turned) != other_turned
-        followers[one] += [(other, turned), *((k, turned != also) for k, also in followers.pop(other))]
-        followers[one].sort()
-        heads[other] = one, turned
-        distances[other] = distance if distance > tolerance else 0.0
-        loose.add(one)
-    almost.sort()
-    shared = tuple(
-        Joint(refs[i], refs[j], turned, distances.get(j, 0.0), places(i, j, turned) if i in loose else ())
-        for i, others in followers.items()
-        for j, turned in others
-    )
-    crowded = tuple((refs[i], *(refs[j] for j, _ in others)) for i, others in followers.items() if len(others) > 1)
+    shared = tuple(joint(i, j, turned) for i, others in groups.others.items() for j, turned in others)
+    crowded = tuple((refs[i], *(refs[j] for j, _ in others)) for i, others in groups.others.items() if len(others) > 1)
     flipped, one_sided = _orientation(len(patches), shared if surfaces else ())
-    single = {i for i, others in followers.items() if not others}
+    single = {i for i, others in groups.others.items() if not others}
+    apart = sorted((i, j, found.distance) for (i, j), found in near.items() if found.distance > reach)
     return Joints(
         shared=shared,
-        open=tuple(refs[i] for i in followers if i in single),
+        open=tuple(refs[i] for i in groups.others if i in single),
         collapsed=tuple(refs[i] for i in collapsed),
         crowded=crowded if surfaces else (),
-        almost=tuple((refs[i], refs[j], distance) for i, j, distance in almost if {i, j} <= single),
+        almost=tuple((refs[i], refs[j], distance) for i, j, distance in apart if {i, j} <= single),
         flipped=flipped,
         one_sided=one_sided,
     )
 
 
-def _same_data(
-    curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float
-) -> dict[int, list[tuple[int, bool]]]:
-    """For each first curve, the later ones with the same data, and whether they run in the opposite direction."""
-    followers: dict[int, list[tuple[int, bool]]] = {}
+class _Groups:
+    """Edges that carry one curve, by the first of them.
+
+    `others` has the later edges of each group, and whether they run in the opposite direction to the first; `welded`
+    the first edges of groups that were put together.
+    """
+
+    def __init__(self) -> None:
+        self.others: dict[int, list[tuple[int, bool]]] = {}
+        self.welded: set[int] = set()
+
+    def weld(self, near: Mapping[tuple[int, int], _Comparison], reach: float) -> dict[int, float]:
+        """Put groups together that are near, the nearest first; return distances by the first edges of those moved."""
+        group = {j: (i, turned) for i, others in self.others.items() for j, turned in ((i, False), *others)}
+        distances: dict[int, float] = {}
+        for (i, j), found in sorted(near.items(), key=lambda pair: pair[1].distance):
+            (one, one_turned), (other, other_turned) = sorted((group[i], group[j]))
+            if found.distance > reach or one == other:
+                continue
+            turned = found.turned ^ one_turned ^ other_turned
+            moved = [(k, also ^ turned) for k, also in ((other, False), *self.others.pop(other))]
+            self.others[one] = sorted(self.others[one] + moved)
+            group.update((k, (one, also)) for k, also in moved)
+            self.welded.add(one)
+            distances[other] = found.distance
+        return distances
+
+
+def _same_data(curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float) -> _Groups:
+    """Group the edges whose curves have the same data."""
+    groups = _Groups()
     heights = _heights(curves) / (2 * tolerance * SORTING_DIRECTION.sum())
-    shelves: dict[int, list[int]] = {}
+    bins: dict[int, list[int]] = {}
     for i in sorted(set(range(len(curves))).difference(collapsed)):
-        shelf = int(np.floor(heights[i]))
-        near = sorted(head for k in (shelf - 1, shelf, shelf + 1) for head in shelves.get(k, ()))
+        middle = int(np.floor(heights[i]))
+        near = sorted(first for k in (middle - 1, middle, middle + 1) for first in bins.get(k, ()))
         for turned, curve in ((False, curves[i]), (True, curves[i].reversed())) if near else ():
-            head = next((head for head in near if curve.same_as(curves[head], tolerance)), None)
-            if head is not None:
-                followers[head].append((i, turned))
+            first = next((first for first in near if curve.same_as(curves[first], tolerance)), None)
+            if first is not None:
+                groups.others[first].append((i, turned))
                 break
         else:
-            followers[i] = []
-            shelves.setdefault(shelf, []).append(i)
-    return followers
+            groups.others[i] = []
+            bins.setdefault(middle, []).append(i)
+    return groups
 
 
 def _near_curves(
-    curves: Sequence[Curve], followers: Mapping[int, Sequence[object]], reach: float
+    curves: Sequence[Curve], groups: Mapping[int, Sequence[object]], reach: float
 ) -> dict[tuple[int, int], _Comparison]:
-    """Comparisons of pairs of curves, one of them open, within a hundredth of their size or `reach`."""
-    heads, found = list(followers), {}
-    reaches = np.maximum(1e-2 * np.array([curves[i].size for i in heads]), reach)
-    for one, other in touching([curves[i] for i in heads], reaches):
-        i, j, most = heads[one], heads[other], min(reaches[one], reaches[other])
-        if not (followers[i] and followers[j]) and (near := _compared(curves[i], curves[j], reach, most))[0] <= most:
+    """Comparisons of pairs of groups' curves, one of them open, within a hundredth of their size or `reach`."""
+    firsts, found = list(groups), {}
+    reaches = np.maximum(1e-2 * np.array([curves[i].size for i in firsts]), reach)
+    for one, other in touching([curves[i] for i in firsts], reaches):
+        i, j, most = firsts[one], firsts[other], min(reaches[one], reaches[other])
+        if not (groups[i] and groups[j]) and (near := _compared(curves[i], curves[j], reach, most)).distance <= most:
             found[i, j] = near
     return found
 
 
 def _compared(one: Curve, other: Curve, reach: float, most: float) -> _Comparison:
-    """The distance of two curves, whether one is reversed, and `Joint.places` if equal fractions are beyond `reach`."""
-    ways: list[_Comparison] = [
-        (float(np.linalg.norm(one.samples - other.samples[::step], axis=1).max()), step < 0, ()) for step in (1, -1)
+    """Compare two curves at equal fractions and, if these are farther apart than `reach`, wherever they are nearest."""
+    ways = [
+        _Comparison(float(np.linalg.norm(one.samples - other.samples[::step], axis=1).max()), step < 0)
+        for step in (1, -1)
     ]
-    if min(ways)[0] > reach:
+    if min(ways).distance > reach:
         for step in (1, -1):
             meet = np.abs(one.ends - other.ends[::step]).max() <= most
             if meet and (match := correspondence(one, other, step < 0, most)) is not None:
-                ways.append((match[0], step < 0, tuple(match[1].tolist())))
+                ways.append(_Comparison(match[0], step < 0, tuple(match[1].tolist())))
     return min(ways)
 
 

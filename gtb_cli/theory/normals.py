@@ -17,7 +17,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.frame import PARALLEL_SINE, cleared, coordinate_rounding, frame
 from gtb_cli.knots.hull import knot_tolerance
-from gtb_cli.knots.layers import LAYER_TOLERANCE, layers, ranks
+from gtb_cli.knots.layers import LAYER_TOLERANCE, layers
 from gtb_cli.moment.torus import covariance, exponents, shares
 from gtb_cli.theory.basis import Location
 from gtb_cli.values import frozen
@@ -46,8 +46,8 @@ class NormalField:
     knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
     taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
     tangent × derivative towards the nearest layer of knots not parallel to it; at a corner it is the cross product of
-    the directions to the next knots along the two edges. A corner whose neighbours along the edges are farther away
-    than knots inside has no limit: it depends on the path.
+    the directions to the next knots along the two edges. At a corner of a collapsed edge it is the limit along this
+    edge. A corner whose neighbours along the edges are farther away than knots inside has other limits on other paths.
     """
 
     domain: Domain
@@ -190,52 +190,33 @@ class NormalField:
             for edge, other in ((after, before), (before, after))
         )
         normal = _unit_cross(first, second)[0]
-        points = [e for e in (before, after) if self._is_point(np.flatnonzero(shape.incidence[:, e]))]
-        return self._beside_point(points, before, after) if np.isnan(normal[0, 0]) and points else normal
+        for edge, other in ((before, after), (after, before)):
+            if np.isnan(normal[0, 0]) and self._is_point(np.flatnonzero(shape.incidence[:, edge])):
+                normal = self._at_end_of_point(edge, other)
+        return normal
 
-    def _beside_point(self, points: list[int], before: int, after: int) -> FloatArray:
-        """(1, 3) limit at a corner of collapsed edges; NaN if it depends on the path.
+    def _at_end_of_point(self, edge: int, other: int) -> FloatArray:
+        """(1, 3) limit of the normals along a collapsed edge, at its end on another edge; NaN if terms cancel.
 
-        The T of each triple is a product of powers of the distances from both edges. Each triple (or sum of triples
-        with the same powers) leads on some path to the corner, unless no power of another triple is larger.
+        A pair of knots in line with the end has no area with the knot there, but with the next one on the edge.
         """
-        direction_tolerance = 1e-6  # distance of unit vectors below which two paths to a corner have the same limit
-        heights, at = self.domain.heights, self.domain.incidence
-        j, k, crosses = self._pairs(np.flatnonzero(at[:, points[0]]), heights[:, before] + heights[:, after])
-        along, height = self.domain.along(points[0], self.domain.knots) / self.domain.size, heights[:, points[0]]
-        found = [(np.empty((3, 0), dtype=np.int64), np.empty((0, 3)))]
-
-        def in_line(rows: IntArray, knots: IntArray) -> IntArray:
-            """Note the triples of pairs with knots i; return the pairs collinear with all of them."""
-            i, b, c = knots[:, None], j[rows], k[rows]
-            areas = (along[b] - along[i]) * (height[c] - height[i]) - (along[c] - along[i]) * (height[b] - height[i])
-            proper = np.abs(areas) > LAYER_TOLERANCE * height.max()
-            one, pair = np.nonzero(proper)
-            found.append((np.array([knots[one], b[pair], c[pair]]), crosses[rows[pair]] * areas[proper, None]))
-            return np.asarray(rows[~proper.any(axis=0)])
-
-        # Knots at the corner lead; for a pair collinear with it, the next knots on each edge do.
-        left = in_line(np.arange(len(j)), np.flatnonzero(at[:, before] & at[:, after]))
-        for edge in points:
-            rows = left
-            for knots in layers(np.where(at[:, edge], heights[:, before + after - edge], 0.0)):
-                rows = in_line(rows, knots)
-        triples, terms = np.concatenate([x for x, _ in found], axis=1), np.concatenate([x for _, x in found])
-        nothing = np.full((1, 3), np.nan)
-        if not len(terms):
-            return nothing
-        first, second = (ranks(heights[:, edge][triples].sum(axis=0)) for edge in (before, after))
-        lowest = np.full(first.max() + 1, second.max() + 1)
-        np.minimum.at(lowest, first, second)
-        earlier = np.minimum.accumulate(np.concatenate([[second.max() + 1], lowest[:-1]]))
-        leading = (second == lowest[first]) & (second < earlier[first])
-        limits = []
-        for rank in np.unique(first[leading]):
-            group = np.flatnonzero(leading & (first == rank))
-            each = (terms[group] * shares(self.log_weights[triples[:, group]].sum(axis=0)[:, None])).T
-            size = np.sqrt((each**2).sum(axis=0)).sum(keepdims=True)
-            limits.append(_direction(each.sum(axis=1, keepdims=True), size))
-        return limits[0] if np.ptp(limits, axis=0).max() < direction_tolerance else nothing
+        shape, height = self.domain, self.domain.heights[:, edge]
+        along, beside = shape.along(edge, shape.knots), shape.heights[:, other]
+        at_end = np.flatnonzero(shape.incidence[:, edge] & shape.incidence[:, other])
+        away = along if (other + 1) % len(shape.vertices) == edge else -along
+        j, k, crosses = self._pairs(at_end, height)
+        i = np.concatenate([at_end, next(layers(np.where(shape.incidence[:, edge], beside, 0.0)))])[:, None]
+        for group in layers(height[j] + height[k]) if len(j) else ():
+            b, c = j[group], k[group]
+            areas = (along[b] - along[i]) * height[c] - (along[c] - along[i]) * height[b]
+            power, proper = away[i] + away[b] + away[c], np.abs(areas) > LAYER_TOLERANCE * shape.size * height.max()
+            if proper.any():
+                leading = proper & (power <= power[proper].min() + LAYER_TOLERANCE * shape.size)
+                weights = shares((self.log_weights[i] + self.log_weights[b] + self.log_weights[c])[leading, None])
+                terms = (areas[leading, None] * weights * crosses[group[np.nonzero(leading)[1]]]).T
+                size = np.sqrt((terms**2).sum(axis=0)).sum(keepdims=True)
+                return _direction(terms.sum(axis=1, keepdims=True), size)
+        return np.full((1, 3), np.nan)
 
 
 def on_edge(fields: Sequence[NormalField], location: Location) -> FloatArray:

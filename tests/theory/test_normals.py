@@ -241,20 +241,16 @@ def next_to(patch, edges, slopes):
 @pytest.mark.parametrize("kind", ["lattice", "triangle", "real"])
 def test_an_edge_that_is_a_point_has_the_limits_of_sums_in_many_digits(kind, mode, seed):
     patch, edge = collapsed(kind, mode, seed)
-    domain, ways = patch.domain, exact.numbers([0.03, 0.6, 1.7, 30])
+    domain = patch.domain
     corner = (edge + 1) % len(domain.vertices)
     u = domain.vertices[edge] * 0.4 + domain.vertices[corner] * 0.6
     others = [j for j in range(len(domain.vertices)) if j != edge]
     logs = [exact.CONTEXT.log(exact.height(domain, j, u.tolist())) for j in others]
     expected = next_to(patch, [edge, *others], [exact.Number(-100_000), *logs])
     assert np.abs(patch.normals(u[None])[0] - expected).max() < LIMIT_ERROR
-    for k in (edge, corner):
-        found = patch.normals(domain.vertices[k][None])[0]
-        limits = np.array([next_to(patch, [k - 1, k], [-100_000 * way, -100_000 / way]) for way in ways])
-        if np.ptp(limits, axis=0).max() > LIMIT_ERROR:
-            assert np.isnan(found).all()
-        else:
-            assert np.abs(found - limits[0]).max() < LIMIT_ERROR
+    for k, slopes in ((edge, [-1e6, -1e9]), (corner, [-1e9, -1e6])):  # along the edge to its ends
+        expected = next_to(patch, [k - 1, k], slopes)
+        assert np.abs(patch.normals(domain.vertices[k][None])[0] - expected).max() < LIMIT_ERROR
 
 
 def test_a_second_layer_of_knots_serves_where_the_first_is_parallel():
