@@ -5,8 +5,8 @@ from __future__ import annotations
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from struct import Struct
-from struct import error as StructError
+from itertools import islice
+from struct import Struct, unpack_from
 from typing import Any
 
 import numpy as np
@@ -16,37 +16,16 @@ from gtb_cli.arrays import IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.text import SAMPLED_VERTICES, float_rows, integer_rows, integers, lines_of, shown
 
-NUMBER_TYPES = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
-NUMBER_TYPES |= {b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2"}
-NUMBER_TYPES |= {b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8"}
-
-STRUCT_LETTERS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
-"""Letters of `struct` for the types of list lengths."""
-
-BYTE_ORDERS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
-
-MAX_HEADER = 1 << 20
-"""Largest size of a header in bytes; the longest have some thousands."""
-
-CORNER_LISTS = ("vertex_indices", "vertex_index")
-"""Possible names of a face's list of corners."""
-
-READ_ELEMENTS = {"vertex", "face", "edge"}
-"""Elements that are read; others are skipped."""
+CORNER_LISTS = ("vertex_indices", "vertex_index")  # possible names of a face's list of corners
 
 
 @dataclass(frozen=True)
 class Property:
-    """A column; `count_type` is the type of the lengths of lists."""
+    """A column; `type` is numpy's name of its numbers, and `count_type` that of the lengths of lists."""
 
     name: str
     type: str
     count_type: str | None = None
-
-    @property
-    def size(self) -> int:
-        """Number of bytes of a number."""
-        return int(self.type[1:])
 
 
 @dataclass
@@ -63,28 +42,79 @@ class Element:
     lists: dict[str, list[tuple[NDArray[Any], IntArray]]] = field(default_factory=dict)
 
     def column(self, name: str) -> NDArray[Any]:
-        """All numbers of a property that is not a list."""
+        """Return all numbers of a property that is not a list."""
         if self.type_of(name) is None:
             raise GtbError(f"element {self.name}: has no property {name}")
         return np.concatenate([np.empty(0, dtype=np.uint8), *self.scalars.get(name, [])])
 
     def type_of(self, name: str) -> str | None:
-        """The type of a property that is not a list; None if there is no such property."""
+        """Return the type of a property that is not a list; None if there is no such property."""
         return next((item.type for item in self.properties if item.name == name and item.count_type is None), None)
 
     def whole(self, name: str) -> NDArray[Any]:
-        """All numbers of a property of indices, which must be whole."""
+        """Return all numbers of a property of indices, which must be whole."""
         column = self.column(name)
         if (self.type_of(name) or "").startswith("f"):
             raise GtbError(f"{name}: expected whole numbers, got {self.type_of(name)}")
         return column.astype(np.int64)
 
+    def add(self, numbers: NDArray[Any], widths: IntArray, rows: Sequence[bytes] | None = None) -> None:
+        """Add rows to the columns.
+
+        Parameters
+        ----------
+        numbers : (c,) int or float
+            The numbers of all rows, one row after another; the length of a list stands before its numbers.
+        widths : (k,) int
+            How many each row has.
+        rows : sequence of bytes, optional
+            The rows as text, for errors. Others have been checked.
+
+        Raises
+        ------
+        GtbError
+            A row has too few numbers, too many, or one that is not whole.
+        """
+        ends = np.cumsum(widths)
+        place = ends - widths
+
+        def check(wrong: NDArray[np.bool_], what: str) -> None:
+            if rows is not None and wrong.any():
+                raise GtbError(f"{what}: {_shown_row(rows[int(wrong.argmax())])}")
+
+        def whole(values: NDArray[Any], of: IntArray) -> NDArray[Any]:
+            if values.dtype.kind != "f":
+                return values
+            wrong = np.zeros(len(ends), dtype=bool)
+            wrong[of[values != np.floor(values)]] = True
+            check(wrong, "expected a whole number")
+            return values.astype(np.int64)
+
+        every = np.arange(len(ends))
+        for item in self.properties:
+            check(place >= ends, "a row has too few numbers")
+            values = numbers[place]
+            place = place + 1
+            if item.count_type is None:
+                values = values if item.type.startswith("f") else whole(values, every)
+                self.scalars.setdefault(item.name, []).append(values)
+                continue
+            counts = whole(values, every)
+            check((counts < 0) | (counts > ends - place), "a row has too few numbers")
+            if item.name in CORNER_LISTS:
+                corners = _between(numbers, place, counts)
+                corners = corners if item.type.startswith("f") else whole(corners, np.repeat(every, counts))
+                self.lists.setdefault(item.name, []).append((corners, counts))
+            place = place + counts
+        check(place != ends, "a row has too many numbers")
+
 
 def read_header(data: bytes) -> tuple[list[Element], str, int]:
     """Return the elements, the byte order (empty for text), and the offset of the data."""
+    orders = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
     if not data.startswith((b"ply\n", b"ply\r")):
         raise GtbError("is not a PLY file: it does not begin with ply")
-    end = data.find(b"end_header", 0, MAX_HEADER)
+    end = data.find(b"end_header", 0, 1 << 20)  # the longest headers have some thousands of bytes
     stop = min((place for sign in (b"\n", b"\r") if (place := data.find(sign, end)) >= 0), default=-1)
     if end < 0 or stop < 0:
         raise GtbError("is cut off: no end_header")
@@ -99,8 +129,8 @@ def read_header(data: bytes) -> tuple[list[Element], str, int]:
         if not words or words[0] in (b"comment", b"obj_info"):
             continue
         try:
-            if words[0] == b"format" and len(words) == 3 and words[1] in BYTE_ORDERS:
-                order = BYTE_ORDERS[words[1]]
+            if words[0] == b"format" and len(words) == 3 and words[1] in orders:
+                order = orders[words[1]]
             elif words[0] == b"element" and len(words) == 3:
                 elements.append(Element(_name(words[1]), _count(words[2])))
                 columns = set()
@@ -136,96 +166,83 @@ def _count(word: bytes) -> int:
 
 
 def _property(words: Sequence[bytes]) -> Property:
+    known = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
+    known |= {b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2", b"int32": "i4", b"uint32": "u4"}
+    known |= {b"float": "f4", b"double": "f8", b"float32": "f4", b"float64": "f8"}
     types = words[1:3] if words[:1] == [b"list"] else words[:1]
     if len(words) != (4 if len(types) == 2 else 2):
         raise GtbError("expected property TYPE NAME or property list TYPE TYPE NAME")
     for word in types:
-        if word not in NUMBER_TYPES:
+        if word not in known:
             raise GtbError(f"unknown type {shown(word)}")
     if len(types) == 1:
-        return Property(_name(words[1]), NUMBER_TYPES[types[0]])
-    if NUMBER_TYPES[types[0]].startswith("f"):
+        return Property(_name(words[1]), known[types[0]])
+    if known[types[0]].startswith("f"):
         raise GtbError(f"the length of a list is a whole number, not {shown(types[0])}")
-    return Property(_name(words[3]), NUMBER_TYPES[types[1]], NUMBER_TYPES[types[0]])
+    return Property(_name(words[3]), known[types[1]], known[types[0]])
 
 
 def read_binary(data: bytes, start: int, element: Element, order: str) -> int:
-    """Read the rows of an element; return the offset of their end."""
+    """Read the rows of an element; return the offset of their end.
+
+    The rows of most files have the same length: their columns are then views of the file. Others are read one by one.
+    """
     if not element.count or not element.properties:
         return start
-    lengths = _lengths(data, start, element, order)
+    numbers, widths = array("d"), array("q")
+    plan = [
+        (np.dtype(item.type).char, np.dtype(item.type).itemsize, _length_of_list(item, order))
+        for item in element.properties
+    ]
+
+    def read_row(number: int, place: int) -> tuple[list[int], int]:
+        """Append the numbers of a row; return how many each property has, and the offset of the row's end."""
+        before, lengths = len(numbers), []
+        for letter, size, length in plan:
+            count = 1
+            if length and place + length.size <= len(data):
+                (count,) = length.unpack_from(data, place)
+                numbers.append(count)
+            place += length.size if length else 0
+            if count < 0 or place + count * size > len(data):
+                raise GtbError(_cut_off(element, number))
+            numbers.extend(unpack_from(f"{order}{count}{letter}", data, place))
+            place += count * size
+            lengths.append(count)
+        widths.append(len(numbers) - before)
+        return lengths, place
+
+    lengths, place = read_row(0, start)
     fields: list[tuple[Any, ...]] = []
-    for index, (item, length) in enumerate(zip(element.properties, lengths, strict=True)):
+    for index, (item, count) in enumerate(zip(element.properties, lengths, strict=True)):
         if item.count_type is not None:
             fields.append((f"count{index}", order + item.count_type))
-        fields.append((f"value{index}", order + item.type, () if length is None else (length,)))
+        fields.append((f"value{index}", order + item.type, () if item.count_type is None else (count,)))
     row = np.dtype(fields)
     rows = np.frombuffer(data, dtype=row, offset=start, count=min(element.count, (len(data) - start) // row.itemsize))
-    listed = [(index, item) for index, item in enumerate(element.properties) if item.count_type is not None]
-    if all((rows[f"count{index}"] == lengths[index]).all() for index, _ in listed) and len(rows) == element.count:
-        # The rows of most files have the same length; their columns are then views of the file.
-        for index, (item, length) in enumerate(zip(element.properties, lengths, strict=True)):
-            if length is None:
+    listed = [index for index, item in enumerate(element.properties) if item.count_type is not None]
+    even = all((rows[f"count{index}"] == lengths[index]).all() for index in listed)
+    if len(rows) < element.count and not listed:
+        raise GtbError(_cut_off(element, len(rows)))
+    if even and len(rows) == element.count:
+        for index, (item, count) in enumerate(zip(element.properties, lengths, strict=True)):
+            if item.count_type is None:
                 element.scalars[item.name] = [rows[f"value{index}"]]
             elif item.name in CORNER_LISTS:
-                element.lists[item.name] = [(rows[f"value{index}"].ravel(), np.full(len(rows), length))]
+                element.lists[item.name] = [(rows[f"value{index}"].ravel(), np.full(len(rows), count))]
         return start + element.count * row.itemsize
-    if not listed:
-        raise GtbError(_cut_off(element, len(rows)))
-    return _read_uneven(data, start, element, order)
-
-
-def _read_uneven(data: bytes, start: int, element: Element, order: str) -> int:
-    """Read rows whose lists have different lengths: first where each list begins, then all numbers at once."""
-    plan: list[tuple[int, Struct, int]] = []
-    passed = 0
-    for item in element.properties:
-        if item.count_type is None:
-            passed += item.size
-        else:
-            plan.append((passed, Struct(order + STRUCT_LETTERS[item.count_type]), item.size))
-            passed = 0
-    begins, counts = array("q"), array("q")
-    kept = element.name in READ_ELEMENTS
-    place = start
-    for row in range(element.count):
-        try:
-            for before, length, size in plan:
-                place += before
-                (count,) = length.unpack_from(data, place)
-                place += length.size
-                if kept:
-                    begins.append(place)
-                    counts.append(count)
-                if count < 0:
-                    raise GtbError(_cut_off(element, row))
-                place += count * size
-            place += passed
-        except StructError:
-            place = len(data) + 1
-        if place > len(data):
-            raise GtbError(_cut_off(element, row))
-    if not kept:
-        return place
-    content = np.frombuffer(data, dtype=np.uint8)
-    begin, count = (np.frombuffer(column, dtype=np.int64).reshape(-1, len(plan)) for column in (begins, counts))
-    at, index = begin[:, 0] - plan[0][1].size - plan[0][0], -1
-    for item in element.properties:
-        if item.count_type is None:
-            element.scalars[item.name] = [content[at[:, None] + np.arange(item.size)].view(order + item.type)[:, 0]]
-            at = at + item.size
-            continue
-        index += 1
-        sizes = count[:, index] * item.size
-        if item.name in CORNER_LISTS:
-            own = _between(content, begin[:, index], sizes).view(order + item.type)
-            element.lists[item.name] = [(own, count[:, index])]
-        at = begin[:, index] + sizes
+    for number in range(1, element.count):
+        _, place = read_row(number, place)
+    element.add(np.frombuffer(numbers), np.frombuffer(widths, dtype=np.int64))
     return place
 
 
+def _length_of_list(item: Property, order: str) -> Struct | None:
+    return None if item.count_type is None else Struct(order + np.dtype(item.count_type).char)
+
+
 def _between(values: NDArray[Any], begin: IntArray, count: IntArray) -> NDArray[Any]:
-    """The values in successive ranges that do not overlap."""
+    """Return the values in successive ranges that do not overlap."""
     begin, end = (column[count > 0] for column in (begin, begin + count))
     inside = np.zeros(len(values) + 1, dtype=np.int8)
     inside[begin] += 1
@@ -234,104 +251,35 @@ def _between(values: NDArray[Any], begin: IntArray, count: IntArray) -> NDArray[
     return np.asarray(values[inside[:-1].view(bool)])
 
 
-def _lengths(data: bytes, start: int, element: Element, order: str) -> list[int | None]:
-    """The lengths of the lists in the row that begins at `start`; None for scalars."""
-    lengths: list[int | None] = []
-    for item in element.properties:
-        if item.count_type is None:
-            lengths.append(None)
-            start += item.size
-            continue
-        width = int(item.count_type[1:])
-        if start + width > len(data):
-            raise GtbError(_cut_off(element, None))
-        length = int(np.frombuffer(data, dtype=order + item.count_type, offset=start, count=1)[0])
-        start += width + length * item.size
-        if length < 0 or start > len(data):
-            raise GtbError(_cut_off(element, None))
-        lengths.append(length)
-    return lengths
-
-
-def _cut_off(element: Element, row: int | None) -> str:
-    place = "" if row is None else f", the file ends in row {row}"
-    return f"is cut off: element {element.name} has {element.count} rows{place}"
+def _cut_off(element: Element, row: int) -> str:
+    return f"is cut off: element {element.name} has {element.count} rows, the file ends in row {row}"
 
 
 def read_text(data: bytes, start: int, elements: Sequence[Element]) -> list[bytes]:
     """Read all elements, one row per line; return the words of some coordinates."""
-    rows = _Rows(data, start)
+    most = 1 << 16  # rows that are read together
+    rows = (line for _, lines in lines_of(data, start) for line in lines if line and not line.isspace())
     sample: list[bytes] = []
     for element in elements:
-        left = element.count
-        while left and element.properties:
-            block = rows.take(left)
+        left = element.count if element.properties else 0
+        has_fractions = any(item.type.startswith("f") for item in element.properties)
+        while left:
+            block = list(islice(rows, min(left, most)))
             if not block:
                 raise GtbError(_cut_off(element, element.count - left))
             left -= len(block)
             try:
-                _read_rows(block, element)
+                numbers, widths = (float_rows if has_fractions else integer_rows)(b"\n".join(block))
+                element.add(numbers, widths, block)
             except GtbError as error:
                 raise GtbError(f"element {element.name}: {error}") from None
             if element.name == "vertex":
                 wanted = max(0, SAMPLED_VERTICES - len(sample) // 3)
                 sample += [word for row in block[:wanted] for word in row.split()[:3]]
-    extra = rows.take(1)
-    if extra:
-        raise GtbError(f"has more than its header says: {_shown_row(extra[0])}")
+    extra = next(rows, None)
+    if extra is not None:
+        raise GtbError(f"has more than its header says: {_shown_row(extra)}")
     return sample
-
-
-class _Rows:
-    """The non-empty lines, taken in order."""
-
-    def __init__(self, data: bytes, start: int) -> None:
-        self.blocks = lines_of(data, start)
-        self.waiting: list[bytes] = []
-        self.place = 0
-
-    def take(self, most: int) -> list[bytes]:
-        """The next rows: at least one, if any is left."""
-        while self.place == len(self.waiting):
-            _, lines = next(self.blocks, (0, None))
-            if lines is None:
-                return []
-            self.waiting, self.place = [line for line in lines if line and not line.isspace()], 0
-        found = self.waiting[self.place : self.place + most]
-        self.place += len(found)
-        return found
-
-
-def _read_rows(rows: list[bytes], element: Element) -> None:
-    """Read rows, column by column for all of them together."""
-    has_fractions = any(item.type.startswith("f") for item in element.properties)
-    numbers, widths = (float_rows if has_fractions else integer_rows)(b"\n".join(rows))
-    ends = np.cumsum(widths)
-    place = ends - widths
-
-    def check(wrong: NDArray[np.bool_], what: str) -> None:
-        if wrong.any():
-            raise GtbError(f"{what}: {_shown_row(rows[int(wrong.argmax())])}")
-
-    def column(is_whole: bool) -> NDArray[Any]:
-        check(place >= ends, "a row has too few numbers")
-        values = numbers[place]
-        if is_whole and has_fractions:
-            check(values != np.floor(values), "expected a whole number")
-        return np.asarray(values.astype(np.int64) if is_whole else values)
-
-    for item in element.properties:
-        if item.count_type is None:
-            element.scalars.setdefault(item.name, []).append(column(not item.type.startswith("f")))
-            place = place + 1
-            continue
-        counts = column(True)
-        check((counts < 0) | (counts > ends - place - 1), "a row has too few numbers")
-        if item.name in CORNER_LISTS:
-            own = _between(numbers, place + 1, counts)
-            element.lists.setdefault(item.name, []).append((own, counts))
-        place = place + 1 + counts
-    check(place != ends, "a row has too many numbers")
 
 
 def _shown_row(row: bytes) -> str:

@@ -271,6 +271,14 @@ def test_ply_edges():
     assert decoded(ply(body, *XYZ, *edges)).cells.tolist() == [[1, 2], [0, 1]]
 
 
+def test_ply_text_with_a_fraction_for_each_face():
+    face = ("element face 1", "property float quality", *FACE[1:])
+    body = "0 0 0\n1 0 0\n0 1 0\n0.5 3 0 1 2\n"
+    assert decoded(ply(body, *XYZ, *face)).cells.tolist() == [[0, 1, 2]]
+    message = "element face: expected a whole number: '0.5 3 0 1 1.5'"
+    assert message in refusal(ply(body.replace("1 2\n", "1 1.5\n"), *XYZ, *face))
+
+
 def test_ply_of_32_bit_numbers_as_text_holds_no_more():
     body = "0 0 0\n1 0 0\n0 0.30000000000000004 0\n3 0 1 2\n"
     assert decode_mesh(ply(body, *XYZ, *FACE), "file").half_steps.max() == pytest.approx(SINGLE, rel=1e-6)
