@@ -15,24 +15,12 @@ FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
-Table = TypeVar("Table", bound=tuple[Any, ...])
-"""A named tuple of arrays with as many rows."""
+Table = TypeVar("Table", bound=tuple[Any, ...])  # a named tuple of arrays with as many rows
 
-EPS = float(np.finfo(np.float64).eps)
-"""Distance from 1 to the next float."""
-
-SPLITTER = 2.0**27 + 1
-"""Factor that splits a float into two halves of 26 bits."""
-
-FOLDED_ROWS = 64
-"""Short rows of which numpy's loops make a long one: they take three to nine times as long for short ones."""
-
-MAX_PASSES = 8
-"""Largest number of groups for which an array is searched once for each, which is faster than sorting it."""
+EPS = float(np.finfo(np.float64).eps)  # distance from 1 to the next float
 
 
-INDEX_ROWS = 1 << 16
-"""Rows of indices that are used at once: their 64 bits fit in the cache."""
+INDEX_ROWS = 1 << 16  # rows of indices that are used at once: their 64 bits fit in the cache
 
 
 def read_only(values: ArrayLike) -> FloatArray:
@@ -112,7 +100,8 @@ def planar_cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """a * b as a float, and its rounding error: Dekker's product, with Veltkamp's splitting of 53 bits into halves."""
-    (a_high, a_low), (b_high, b_low) = ((high := x * SPLITTER - (x * SPLITTER - x), x - high) for x in (a, b))
+    splitter = 2.0**27 + 1  # factor that splits a float into two halves of 26 bits
+    (a_high, a_low), (b_high, b_low) = ((high := x * splitter - (x * splitter - x), x - high) for x in (a, b))
     product = np.asarray(a * b)
     return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 
@@ -125,12 +114,14 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 def bounds_of(points: NDArray[Any]) -> NDArray[Any]:
     """(2, d) lowest and highest coordinates of (m, d) points."""
+    # Short rows of which numpy's loops make a long one: they take three to nine times as long for short ones
+    folded_rows = 64
     low = high = points
-    if len(points) >= FOLDED_ROWS:
-        first = len(points) % FOLDED_ROWS
-        folded = points[first:].reshape(-1, FOLDED_ROWS * points.shape[1])
+    if len(points) >= folded_rows:
+        first = len(points) % folded_rows
+        folded = points[first:].reshape(-1, folded_rows * points.shape[1])
         low, high = (
-            np.concatenate([points[:first], extreme.reduce(folded).reshape(FOLDED_ROWS, -1)])
+            np.concatenate([points[:first], extreme.reduce(folded).reshape(folded_rows, -1)])
             for extreme in (np.minimum, np.maximum)
         )
     return np.array([[column.min() for column in low.T], [column.max() for column in high.T]])
@@ -187,9 +178,11 @@ def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
 
 def groups(numbers: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Each number that occurs among (m,) small numbers from 0, ascending, and its places."""
+    # Largest number of groups for which an array is searched once for each, which is faster than sorting it
+    max_passes = 8
     counts = np.bincount(numbers)
     present = np.flatnonzero(counts)
-    if len(present) <= MAX_PASSES:
+    if len(present) <= max_passes:
         for number in present.tolist():
             yield number, np.flatnonzero(numbers == number)
         return

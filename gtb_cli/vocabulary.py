@@ -11,21 +11,11 @@ def suffix_of(name: str) -> str:
     return os.path.splitext(name)[1][1:].lower()
 
 
-COMPLETION_VARIABLE = "_GTB_COMPLETE"
-"""Environment variable with which a shell asks `gtb` for completions."""
-
-SEQUENCE_RECORD = "sequence.json"
-"""File in the folder of a sequence that describes its meshes."""
-
-LFS_POINTER = b"version https://git-lfs"
-"""Beginning of the pointer to a file that Git LFS keeps elsewhere."""
-
+COMPLETION_VARIABLE = "_GTB_COMPLETE"  # environment variable with which a shell asks `gtb` for completions
+SEQUENCE_RECORD = "sequence.json"  # file in the folder of a sequence that describes its meshes
+LFS_POINTER = b"version https://git-lfs"  # beginning of the pointer to a file that Git LFS keeps elsewhere
 LFS_FAULT = "is a pointer of Git LFS in place of the file, which git lfs pull fetches"
-
-
-Up: TypeAlias = Literal["z", "y"]
-"""The axis of a file that stands for the spec's vertical z axis."""
-
+Up: TypeAlias = Literal["z", "y"]  # the axis of a file that stands for the spec's vertical z axis
 UP: tuple[Up, ...] = ("z", "y")
 
 
@@ -63,54 +53,29 @@ class Format(NamedTuple):
         return self.digits == "32 bits" and not self.is_text(ascii)
 
 
+# Mesh formats by name, the default first
 FORMATS = {
     "obj": Format(True, True, True, True, False, "always", "9 at the model's size", "z"),
     "ply": Format(True, False, True, True, True, "on request", "32 bits", "z"),
     "stl": Format(False, False, False, False, False, "on request", "32 bits", "z"),
     "glb": Format(True, True, True, True, False, "never", "32 bits", "y"),
 }
-"""Mesh formats by name, the default first."""
 
-CAD_FORMATS = ("step", "iges", "brep")
-"""Surface formats for CAD programs."""
-
+CAD_FORMATS = ("step", "iges", "brep")  # surface formats for CAD programs
 CAD_SUFFIXES = {"step": "step", "stp": "step", "iges": "iges", "igs": "iges", "brep": "brep"}
-
-CELL_FORMATS = ("vtu",)
-"""Formats of curved cells for ParaView; also the suffixes of their files."""
-
-UNITS = ("mm", "cm", "m", "in", "ft")
-"""Units of length that CAD files may have, the default first."""
-
-SPEC_FORMATS = ("toml", "json")
-"""Formats of specs; also the suffixes of their files."""
-
-IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")
-"""Formats of other programs that can be turned into specs."""
-
-ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")
-"""Scalars that a mesh may have at each vertex."""
-
-BASIS = "basis:"
-"""Prefix of the index of a basis function, whose values are a further scalar."""
-
-PARAMETRIZATIONS = ("linear", "toric")
-"""Placements of the vertices of a mesh, the default first."""
-
-TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")
-"""Starter specs."""
-
-SHELLS = ("bash", "zsh", "fish")
-"""Shells that complete names and options."""
-
-RESOLUTION = 32
-"""Segments along each edge of the domain if neither a number nor a tolerance is given."""
-
-MAX_FACES = 5_000_000
-"""Largest number of cells of a mesh unless the caller allows more."""
-
+CELL_FORMATS = ("vtu",)  # formats of curved cells for ParaView; also the suffixes of their files
+UNITS = ("mm", "cm", "m", "in", "ft")  # units of length that CAD files may have, the default first
+SPEC_FORMATS = ("toml", "json")  # formats of specs; also the suffixes of their files
+IMPORTS = ("trp", "bv", "bpt", "bzr", "iges", "3dm", "geomdl")  # formats of other programs
+ATTRIBUTES = ("u", "v", "gaussian_curvature", "mean_curvature")  # scalars that a mesh may have at each vertex
+BASIS = "basis:"  # prefix of the index of a basis function, whose values are a further scalar
+PARAMETRIZATIONS = ("linear", "toric")  # placements of the vertices of a mesh, the default first
+TEMPLATES = ("curve", "triangle", "rectangle", "pentagon", "n-gon", "model")  # starter specs
+SHELLS = ("bash", "zsh", "fish")  # shells that complete names and options
+RESOLUTION = 32  # segments along each edge of the domain if neither a number nor a tolerance is given
+MAX_FACES = 5_000_000  # largest number of cells of a mesh unless the caller allows more
+# Colour maps, by their names in matplotlib: readable in print and with colour-blindness
 COLOUR_MAPS = ("PuOr", "RdBu", "viridis", "cividis", "magma", "gray")
-"""Colour maps, by their names in matplotlib: readable in print and with colour-blindness."""
 
 
 def plain_name(name: str) -> str:

@@ -11,11 +11,8 @@ from gtb_cli.arrays import FloatArray, IntArray, as_indices
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.values import frozen
 
-STL_HEADER_BYTES = 84
-"""Bytes before the facets of a binary STL file; the last four are the number of facets."""
-
-SINGLE_FLOAT = np.dtype("<f4")
-"""Numbers of binary files."""
+STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
+SINGLE_FLOAT = np.dtype("<f4")  # numbers of binary files
 
 Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 

@@ -18,8 +18,7 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, two_product
 
 Words: TypeAlias = NDArray[np.uint32]
 
-BLOCK_ROWS = 8192
-"""Rows of a block, whose arrays fit in the cache."""
+BLOCK_ROWS = 8192  # rows of a block, whose arrays fit in the cache
 
 _WORD = np.dtype("<u4")
 _HALF_EXACT = 2.0**52  # below it every k + 1/2 is a double

@@ -16,9 +16,6 @@ from gtb_cli.formats.digits import BLOCK_ROWS, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
-VISIBLE_SHIFT = 1e-5
-"""Fraction of the model's diagonal; shading shows facets if vertices are shifted by more."""
-
 _SINGLE_LIMIT = (2.0 - 2.0**-23) * 2.0**127  # the largest finite 32-bit number
 _DOUBLE_LIMIT = 2.0**1022  # differences, such as a box's extents, are finite as well
 
@@ -253,6 +250,7 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
 
 
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
+    visible_shift = 1e-5  # fraction of the model's diagonal; shading shows facets if vertices are shifted by more
     with np.errstate(over="ignore", under="ignore"):
         single = [column.astype(np.float32) for column in mesh.vertices.T]
     if not all(np.isfinite(column).all() for column in single):
@@ -265,7 +263,7 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
         for start in range(0, len(x), BLOCK_ROWS)
     )
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    if moved > VISIBLE_SHIFT * diagonal > 0.0:
+    if moved > visible_shift * diagonal > 0.0:
         messages.append(
             f"{kind.upper()}: 32-bit numbers move vertices by up to {moved:.2g}, "
             f"{moved / diagonal:.2g} of the model's diagonal; {way_out}"

@@ -15,25 +15,8 @@ from gtb_cli.formats.gltf import HEADER_BYTES
 
 JSON, BIN = 0x4E4F534A, 0x004E4942
 
-COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-ELEMENT_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-
-KNOWN_EXTENSIONS = {"KHR_materials_unlit", "KHR_texture_transform", "KHR_lights_punctual", "KHR_materials_specular"}
-"""Required extensions that do not concern shapes."""
-
-MAX_NODE_DEPTH = 100
-"""Largest depth of nodes within nodes."""
-
-MAX_REPEATED = 3_000_000
-"""Largest number of vertices, or corners of cells, beyond those in the file: many nodes may share one mesh."""
-
-MAX_PIECES = 50_000
-"""Largest number of primitives in all nodes; even the smallest takes some time."""
 
 _IDENTITY = np.eye(4)
-
-TRANSFORMATIONS = {"matrix", "rotation", "scale", "translation"}
-"""Keys of a node's own transformation."""
 
 
 def read_glb(data: bytes) -> Content:
@@ -99,7 +82,10 @@ class _Scene:
         self.groups: list[tuple[str, int, int]] = []
 
     def read(self) -> None:
-        needed = set(self.tree.get("extensionsRequired", ())) - KNOWN_EXTENSIONS
+        harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
+        max_node_depth = 100  # largest depth of nodes within nodes
+        transformations = {"matrix", "rotation", "scale", "translation"}  # keys of a node's own transformation
+        needed = set(self.tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
         if needed:
             raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
         nodes = self.tree.get("nodes", [])
@@ -115,12 +101,12 @@ class _Scene:
             if index in seen:  # glTF has trees of nodes only; others can be longer than any file
                 raise GtbError(f"has node {index} in two places")
             seen.add(index)
-            if depth > MAX_NODE_DEPTH:
-                raise GtbError(f"has nodes within nodes more than {MAX_NODE_DEPTH} deep")
+            if depth > max_node_depth:
+                raise GtbError(f"has nodes within nodes more than {max_node_depth} deep")
             node = nodes[index]
             if "mesh" not in node and "children" not in node:
                 continue
-            place = above @ _matrix(node) if TRANSFORMATIONS & node.keys() else above
+            place = above @ _matrix(node) if transformations & node.keys() else above
             if "mesh" in node:
                 self._add(self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place)
             stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
@@ -157,17 +143,22 @@ class _Scene:
 
     def _count(self, vertices: int, corners: int = 0) -> None:
         """Refuse more vertices or corners than a file of this size can mean, before they are made."""
+        # Largest number of vertices, or corners of cells, beyond those in the file: many nodes may share one mesh
+        max_repeated = 3_000_000
+        max_pieces = 50_000  # largest number of primitives in all nodes; even the smallest takes some time
         self.count += vertices
         self.corners += corners
         self.pieces += corners == 0
-        most = len(self.binary) // 12 + MAX_REPEATED, len(self.binary) + MAX_REPEATED
+        most = len(self.binary) // 12 + max_repeated, len(self.binary) + max_repeated
         if self.count > most[0] or self.corners > most[1]:
             raise GtbError(f"has more than {most[0]} vertices or {most[1]} corners of cells in all nodes together")
-        if self.pieces > MAX_PIECES:
-            raise GtbError(f"has more than {MAX_PIECES} pieces in all nodes together")
+        if self.pieces > max_pieces:
+            raise GtbError(f"has more than {max_pieces} pieces in all nodes together")
 
     def _accessor(self, number: object) -> NDArray[Any]:
         """(count, width) numbers."""
+        component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+        element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
         accessor = self.tree["accessors"][_index(number)]
         if "sparse" in accessor or "bufferView" not in accessor:
             raise GtbError("sparse accessors are not known here")
@@ -175,8 +166,8 @@ class _Scene:
         buffer = self.tree["buffers"][_index(view.get("buffer", 0))]
         if "uri" in buffer or view.get("buffer", 0) != 0:
             raise GtbError("has its numbers in another file")
-        kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
-        width, count = ELEMENT_WIDTHS[accessor["type"]], _index(accessor["count"])
+        kind = np.dtype(component_types[accessor["componentType"]])
+        width, count = element_widths[accessor["type"]], _index(accessor["count"])
         stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
         start = _index(view.get("byteOffset", 0)) + _index(accessor.get("byteOffset", 0))
         end = _index(view.get("byteOffset", 0)) + _index(view["byteLength"])

@@ -19,22 +19,10 @@ from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
-MAX_FILE_BYTES = 1 << 31
-"""Largest size of a file in bytes; larger ones are refused."""
-
+MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused
+# Largest number of bytes read from a stream, which may have no end. Five million faces, the default limit, take 200 MB
+# of OBJ.
 MAX_STREAM_BYTES = 1 << 28
-"""Largest number of bytes read from a stream, which may have no end. Five million faces, the default limit, take 200 MB
-of OBJ."""
-
-TEXT_BYTES = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])
-"""Bytes that occur in text."""
-
-MAX_COORDINATE = 2.0**1000
-"""Largest absolute value of a coordinate; differences of larger ones may overflow."""
-
-
-MAX_NAME_CHARACTERS = 300
-"""Longest name, or message of an error, in characters."""
 
 
 def read_mesh(path: str | os.PathLike[str], format: str | None = None) -> Mesh:
@@ -91,10 +79,11 @@ def size_limit(start: bytes, otherwise: int) -> int:
     A mesh is read up to `MAX_FILE_BYTES`, or to the size that its beginning states; any other file only up to
     `otherwise`, since a device or a pipe may have no end.
     """
+    text_bytes = bytes([*b"\t\n\f\r", *range(32, 127), *range(128, 256)])  # bytes that occur in text
     if format_of(start) is not None or len(start) < STL_HEADER_BYTES:
         return MAX_FILE_BYTES
     said = STL_HEADER_BYTES + 50 * int.from_bytes(start[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    is_text = not start.translate(None, TEXT_BYTES)
+    is_text = not start.translate(None, text_bytes)
     return max(otherwise, 0 if is_text else min(said, MAX_FILE_BYTES))
 
 
@@ -133,12 +122,14 @@ def _content(data: bytes, kind: str) -> Content:
 
 def _printable(text: str) -> str:
     """Text of a file made fit for a terminal: short, and without control characters."""
-    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:MAX_NAME_CHARACTERS])
-    return kept + ("…" if len(text) > MAX_NAME_CHARACTERS else "")
+    max_name_characters = 300  # longest name, or message of an error, in characters
+    kept = "".join(c if c.isprintable() else "\ufffd" for c in text[:max_name_characters])
+    return kept + ("…" if len(text) > max_name_characters else "")
 
 
 def _check(content: Content) -> None:
     """Refuse a mesh without vertices or cells, with wrong indices, or with coordinates that are not finite."""
+    max_coordinate = 2.0**1000  # largest absolute value of a coordinate; differences of larger ones may overflow
     vertices, cells = content.vertices, content.cells
     if not len(vertices):
         raise GtbError("has no vertices")
@@ -152,7 +143,7 @@ def _check(content: Content) -> None:
             f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
         )
     with np.errstate(invalid="ignore"):
-        wrong = np.flatnonzero(~(np.abs(vertices) <= MAX_COORDINATE).all(axis=1))
+        wrong = np.flatnonzero(~(np.abs(vertices) <= max_coordinate).all(axis=1))
     if len(wrong):
         row = vertices[wrong[0]]
         reason = "too large" if np.isfinite(row).all() else "not finite"

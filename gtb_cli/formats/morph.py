@@ -23,11 +23,7 @@ from gtb_cli.formats.gltf import VERTICES, GlbFile
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import Up
 
-SECONDS_PER_MESH = 1.0
-"""Seconds from one mesh to the next."""
-
-MAX_MESHES = 1000
-"""Largest number of meshes of an animation, whose weights form a square table."""
+MAX_MESHES = 1000  # largest number of meshes of an animation, whose weights form a square table
 
 
 def animated_glb(
@@ -57,7 +53,7 @@ def animated_glb(
     Returns
     -------
     list of bytes
-        The blocks of the file. It has one mesh and an animation of its weights, which takes `SECONDS_PER_MESH` from
+        The blocks of the file. It has one mesh and an animation of its weights, which takes one second from
         each mesh to the next and is linear between them. The same meshes give the same bytes.
 
     Raises
@@ -74,6 +70,7 @@ def animated_glb(
     ----------
     glTF 2.0, sections 3.7.2.2 (morph targets) and 3.11 (animations).
     """
+    seconds_per_mesh = 1.0  # seconds from one mesh to the next
     first, *others = meshes
     check_count(len(meshes))
     if any(not np.array_equal(mesh.cells, first.cells) for mesh in others):
@@ -97,7 +94,7 @@ def animated_glb(
         mesh["weights"] = [0.0] * len(others)
         mesh["extras"]["targetNames"] = list(labels[1:])
         sampler = {
-            "input": file.add((np.arange(len(meshes)) * SECONDS_PER_MESH).astype(SINGLE_FLOAT)[:, None]),
+            "input": file.add((np.arange(len(meshes)) * seconds_per_mesh).astype(SINGLE_FLOAT)[:, None]),
             "output": file.add(np.eye(len(meshes), dtype=SINGLE_FLOAT)[:, 1:].reshape(-1, 1)),
             "interpolation": "LINEAR",
         }

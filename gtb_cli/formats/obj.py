@@ -14,16 +14,7 @@ from gtb_cli.formats.content import Content, joined, segments, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 
-IGNORED_KEYWORDS = set(
-    b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
-)
-"""Keywords of single points, and of anything but geometry."""
-
-FREE_FORM_KEYWORDS = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
-"""Keywords of free-form curves and surfaces."""
-
-MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}
-"""Fewest numbers in a line, by keyword."""
+MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
 Row = TypeVar("Row", FloatArray, IntArray)
 
@@ -124,6 +115,12 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
 
     A keyword followed by another separator is changed to have a blank after it.
     """
+    # Keywords of single points, and of anything but geometry
+    ignored_keywords = set(
+        b"vn vt p s mg mtllib usemtl maplib usemap bevel c_interp d_interp lod shadow_obj trace_obj".split()
+    )
+    # Keywords of free-form curves and surfaces
+    free_form_keywords = set(b"curv curv2 surf cstype deg bmat step vp parm trim hole scrv sp end con".split())
     known: dict[bytes, list[int]] = {b"v ": [], b"f ": [], b"l ": [], b"vn": [], b"vt": []}
     other: list[int] = []
     for place, line in enumerate(lines):
@@ -138,9 +135,9 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
             lines[place] = keyword + b" " + rest
         elif keyword in (b"g", b"o"):
             names.append((place, b" ".join(rest.split()).decode("utf-8", "replace")))
-        elif keyword in FREE_FORM_KEYWORDS:
+        elif keyword in free_form_keywords:
             raise GtbError(f"{shown(keyword)}: free-form curves and surfaces are not a mesh")
-        elif keyword and not keyword.startswith(b"#") and keyword not in IGNORED_KEYWORDS:
+        elif keyword and not keyword.startswith(b"#") and keyword not in ignored_keywords:
             raise GtbError(f"unknown keyword {shown(keyword)}")
     return {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}, names
 

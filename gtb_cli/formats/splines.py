@@ -18,8 +18,6 @@ from gtb_cli.theory.joints import Joint
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MIN_WEIGHT = 1e-12  # of a Bézier rectangle, relative to the largest: below it, a kernel's derivatives lose all digits
-
 
 class SplineSurface(NamedTuple):
     """A rational B-spline surface that becomes one face.
@@ -245,12 +243,11 @@ def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
 
 def homogeneous_points(patch: Patch) -> FloatArray:
     """Return (n, 4) control points and Bézier weights: the products c ω divided by the binomials."""
+    least = 1e-12  # relative to the largest weight: below it, a kernel's derivatives lose all digits
     logs = patch.log_products - np.log(binomial_coefficients(patch.domain))
     weights = np.exp(logs - logs.max())
-    if weights.min() < MIN_WEIGHT:
-        raise DomainError(
-            f"has weights in a range beyond {1 / MIN_WEIGHT:g}, which programs for such surfaces do not take"
-        )
+    if weights.min() < least:
+        raise DomainError(f"has weights in a range beyond {1 / least:g}, which programs for such surfaces do not take")
     return np.column_stack([patch.control_points, weights])
 
 

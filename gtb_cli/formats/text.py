@@ -14,23 +14,9 @@ from gtb_cli.errors import GtbError
 
 T = TypeVar("T", np.float64, np.int64)
 
-BLOCK_BYTES = 1 << 21
-"""Bytes of text parsed together; lines and words are objects, which would fill the memory."""
+BLOCK_BYTES = 1 << 21  # bytes of text parsed together; lines and words are objects, which would fill the memory
+SAMPLED_VERTICES = 10_000  # number of vertices used to infer the digits of a file
 
-SAMPLED_VERTICES = 10_000
-"""Number of vertices used to infer the digits of a file."""
-
-DEFAULT_DIGITS = 6
-"""Fewest digits, or decimals, that programs write by default; numbers with fewer count as exact."""
-
-EXACT_DIGITS = 16
-"""Number of digits from which a double may read back exactly."""
-
-SHOWN_CHARACTERS = 30
-"""Largest number of characters of a bad word shown in a message."""
-
-MAX_FAST_INTEGER = 2**62
-"""Largest whole number that is read fast; one that does not fit in 64 bits is read as a larger one."""
 
 _WHOLE = b"0123456789+- \t\n"
 _NUMBER = _WHOLE + b".eE"
@@ -66,6 +52,8 @@ def _counts(text: bytes) -> IntArray:
 
 def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntArray] | None:
     """Read a text of plain numbers fast; return None for any other text."""
+    # Largest whole number that is read fast; one that does not fit in 64 bits is read as a larger one
+    max_fast_integer = 2**62
     if text.translate(None, allowed):
         return None
     characters = np.frombuffer(text + b"\n", dtype=np.uint8)
@@ -80,7 +68,7 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
         return None
     # Numbers that run into each other outnumber the words; whole numbers that are too large become the largest.
     if len(numbers) != len(ends) or (
-        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > MAX_FAST_INTEGER
+        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > max_fast_integer
     ):
         return None
     return numbers, counts
@@ -132,25 +120,28 @@ def _first_wrong(words: Sequence[bytes], read: Callable[[Sequence[bytes]], objec
 
 def shown(word: bytes) -> str:
     """A word as shown in messages: printable, quoted and short."""
-    text = ascii(word[:SHOWN_CHARACTERS].decode("utf-8", "replace"))
-    return f"{text[:-1]}…{text[-1]}" if len(word) > SHOWN_CHARACTERS else text
+    shown_characters = 30  # largest number of characters of a bad word shown in a message
+    text = ascii(word[:shown_characters].decode("utf-8", "replace"))
+    return f"{text[:-1]}…{text[-1]}" if len(word) > shown_characters else text
 
 
 def half_step(words: Sequence[bytes], largest: float) -> float:
     """The largest rounding of a number written as one of these words, at the size of the largest.
 
     This is half a unit in the last place: of the decimals, if all words have equally many, and these are at least
-    `DEFAULT_DIGITS` or end in zeros; otherwise of the most significant digits that a word has. It is 0 for numbers with
+    six or end in zeros; otherwise of the most significant digits that a word has. It is 0 for numbers with
     so few digits that a person may have written them, or as many as a double needs.
     """
+    default_digits = 6  # fewest digits, or decimals, that programs write by default; numbers with fewer count as exact
+    exact_digits = 16  # number of digits from which a double may read back exactly
     sample = [word.lower() for word in words[: 3 * SAMPLED_VERTICES]]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
     if len(decimals) == 1 and not any(b"e" in word for word in sample):
         places = decimals.pop()
-        if places >= DEFAULT_DIGITS or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
+        if places >= default_digits or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
             return float(0.5 * 10.0 ** -min(places, 300))
     digits = max((len(mantissa.replace(b".", b"").lstrip(b"+-0")) for mantissa in mantissas), default=0)
-    if not DEFAULT_DIGITS <= digits < EXACT_DIGITS or not 0.0 < largest < np.inf:
+    if not default_digits <= digits < exact_digits or not 0.0 < largest < np.inf:
         return 0.0
     return float(0.5 * 10.0 ** (np.floor(np.log10(largest)) + 1 - digits))

@@ -13,12 +13,9 @@ from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
+# Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
+# rectangle with additional nets of normals (PN), rational triangle
 SEGMENT_KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
-"""Kinds of segments: polyhedron, triangle, rectangle of equal degrees, rectangle, rational rectangle, triangle and
-rectangle with additional nets of normals (PN), rational triangle."""
-
-MAX_SIDES = 100
-"""Largest number of sides of a polyhedron's face."""
 
 
 def read_bv(data: bytes, source: str) -> list[Patch]:
@@ -91,12 +88,13 @@ def _points(words: Words, count: int, rational: bool) -> tuple[FloatArray, Float
 
 
 def _polyhedron(words: Words) -> list[Patch]:
+    max_sides = 100  # largest number of sides of a polyhedron's face
     vertices = words.whole("the number of vertices", 3, 10**7)
     faces = words.whole("the number of faces", 1, MAX_PATCHES)
     points = words.rows(vertices, 3, "vertices x y z")
     patches = []
     for _ in range(faces):
-        sides = words.whole("the number of corners of a face", 3, MAX_SIDES)
+        sides = words.whole("the number of corners of a face", 3, max_sides)
         corners = [words.whole("the index of a vertex", 0, vertices - 1) for _ in range(sides)]
         patches.append(polygon(points[corners]))
     return patches

@@ -25,7 +25,6 @@ from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124
-
 ENTITY_KINDS = {
     100: "circular arcs",
     102: "composite curves",
@@ -49,17 +48,7 @@ ENTITY_KINDS = {
     508: "loops",
     510: "faces",
     514: "shells",
-}
-"""Names of entities that are left out; others are named by number."""
-
-UNIT_NAMES = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils"}
-UNIT_NAMES |= {9: "microns", 10: "centimetres", 11: "microinches"}
-
-MAX_NESTING = 20
-"""Largest number of transformations applied one after another."""
-
-RANGE_TOLERANCE = 1e-9
-"""Fraction of a knot range by which a given range must be smaller for a remark to say so."""
+}  # that are left out; others are named by number
 
 
 @dataclass(frozen=True)
@@ -158,13 +147,16 @@ class _File:
         if len(fields) < 14 or not fields[13].isdigit():
             return None
         other = fields[14] if len(fields) > 14 and fields[14].isprintable() else None
-        return UNIT_NAMES.get(int(fields[13])) or other
+        names = {1: "inches", 2: "millimetres", 4: "feet", 5: "miles", 6: "metres", 7: "kilometres", 8: "mils"}
+        names |= {9: "microns", 10: "centimetres", 11: "microinches"}
+        return names.get(int(fields[13])) or other
 
     def transformation(self, entity: Entity) -> FloatArray:
         """Return the (3, 4) rotation and translation of an entity."""
         total = np.eye(3, 4)
         number = entity.transformation
-        for _ in range(MAX_NESTING):
+        most = 20  # transformations one after another
+        for _ in range(most):
             if not number:
                 return total
             found = self.entities.get(number)
@@ -176,7 +168,7 @@ class _File:
             matrix = np.array(values[:12]).reshape(3, 4)
             total = np.column_stack([matrix[:, :3] @ total[:, :3], matrix[:, :3] @ total[:, 3] + matrix[:, 3]])
             number = found.transformation
-        raise self.fail(entity.line, f"more than {MAX_NESTING} transformations one after another")
+        raise self.fail(entity.line, f"more than {most} transformations one after another")
 
 
 def read_iges(data: bytes, source: str) -> Found:
@@ -273,5 +265,5 @@ def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -
 
 def _is_narrow(ends: list[float], knots: FloatArray, degree: int, count: int) -> bool:
     low, high = float(knots[degree]), float(knots[count])
-    slack = RANGE_TOLERANCE * (high - low)
+    slack = 1e-9 * (high - low)
     return len(ends) == 2 and ends[0] < ends[1] and (ends[0] > low + slack or ends[1] < high - slack)

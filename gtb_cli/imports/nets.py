@@ -8,8 +8,8 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.patch import Patch
 
+# Highest degree of a net: a rectangle of this degree in both directions has as many knots as a spec may have
 MAX_DEGREE = 60
-"""Highest degree of a net: a rectangle of this degree in both directions has as many knots as a spec may have."""
 
 
 def curve(points: FloatArray, weights: FloatArray | None = None, name: str | None = None) -> Patch:

@@ -14,11 +14,7 @@ from gtb_cli.imports.nets import MAX_DEGREE, curve, dehomogenized, rectangle
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
 
-MAX_CONTROL_POINTS = 100_000
-"""Largest number of control points of a curve or surface."""
-
-MIN_SPAN = 1e-12
-"""Spans shorter than this fraction of all are ignored: their knots were meant to be equal."""
+MAX_CONTROL_POINTS = 100_000  # largest number of control points of a curve or surface
 
 
 def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | None = None) -> list[Patch]:
@@ -84,6 +80,7 @@ def surface_spans(
 
 def span_numbers(degree: int, knots: FloatArray, count: int) -> IntArray:
     """Numbers k of the spans [t_k, t_{k+1}] of a B-spline basis that are not empty; refuse any other knots."""
+    min_span = 1e-12  # spans shorter than this fraction of all are ignored: their knots were meant to be equal
     if not 1 <= degree <= MAX_DEGREE:
         raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
     if not degree < count <= MAX_CONTROL_POINTS:
@@ -95,7 +92,7 @@ def span_numbers(degree: int, knots: FloatArray, count: int) -> IntArray:
         k = int(np.argmin(steps >= 0))
         raise DomainError(f"knots: must ascend, got {knots[k]:g} before {knots[k + 1]:g}")
     low, high = knots[degree], knots[count]
-    spans = degree + np.flatnonzero(steps[degree:count] > MIN_SPAN * (high - low))
+    spans = degree + np.flatnonzero(steps[degree:count] > min_span * (high - low))
     if not high > low or not len(spans):
         raise DomainError("knots: all spans are empty")
     if len(spans) > MAX_PATCHES:

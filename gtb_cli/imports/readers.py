@@ -36,6 +36,7 @@ class Found(NamedTuple):
     remarks: list[str]
 
 
+# Formats and their readers, imported when they are needed: `SpecError` says what a file has wrong, and where
 READERS = {
     "trp": "trp:read_trp",
     "bv": "bezierview:read_bv",
@@ -45,12 +46,11 @@ READERS = {
     "3dm": "rhino:read_3dm",
     "geomdl": "geomdl_json:read_geomdl",
 }
-"""Formats and their readers, imported when they are needed: `SpecError` says what a file has wrong, and where."""
 
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
 
+# Formats that hold little but numbers: a file has the one whose reader gets to its end
 NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
-"""Formats that hold little but numbers: a file has the one whose reader gets to its end."""
 
 
 def import_file(path: str, data: bytes, format: str | None = None) -> Imported:

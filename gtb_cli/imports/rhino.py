@@ -26,8 +26,8 @@ from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
+# Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time
 PATIENCE_SECONDS = 60.0
-"""Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time."""
 
 
 def read_3dm(data: bytes, source: str) -> Found:

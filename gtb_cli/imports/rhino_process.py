@@ -18,11 +18,8 @@ from itertools import product
 from math import prod
 from typing import Any
 
-MISSING_STATUS = 3
-"""Exit status if the library is not installed."""
-
-DAMAGED_STATUS = 4
-"""Exit status if the library refuses the file."""
+MISSING_STATUS = 3  # exit status if the library is not installed
+DAMAGED_STATUS = 4  # exit status if the library refuses the file
 
 SECONDS, SECONDS_PER_BYTE = 0.5, 2e-6
 """Processor seconds allowed for any file, and for each byte of it. A sound file of 8 MB takes 0.06 s to read and 3 s to
@@ -31,8 +28,8 @@ print, nearly all of it in Python."""
 MEMORY, MEMORY_PER_BYTE = 150_000_000, 10
 """Bytes of memory allowed for any file beyond what the process already has, and for each byte of the file."""
 
+# Largest number of control points of a form, as in `gtb_cli.imports.nurbs`; larger forms have no rows
 MAX_CONTROL_POINTS = 100_000
-"""Largest number of control points of a form, as in `gtb_cli.imports.nurbs`; larger forms have no rows."""
 
 
 def main() -> int:

@@ -18,9 +18,6 @@ from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.language.reader import MAX_KNOTS
 from gtb_cli.theory.patch import Patch
 
-MAX_LATTICE_COORDINATE = 10**6
-"""Largest coordinate of a lattice point."""
-
 
 def read_trp(data: bytes, source: str) -> list[Patch]:
     """Read the one patch of a ``.trp`` file."""
@@ -73,7 +70,8 @@ def _binomial(n: int, k: int) -> float:
 
 
 def _lattice_points(points: FloatArray, words: Words, line: int) -> FloatArray:
-    off = (points != np.rint(points)) | (np.abs(points) > MAX_LATTICE_COORDINATE)
+    max_lattice_coordinate = 10**6  # largest coordinate of a lattice point
+    off = (points != np.rint(points)) | (np.abs(points) > max_lattice_coordinate)
     if off.any():
-        words.fail(f"expected whole numbers u v up to {MAX_LATTICE_COORDINATE}, got {points[off][0]:g}", line)
+        words.fail(f"expected whole numbers u v up to {max_lattice_coordinate}, got {points[off][0]:g}", line)
     return points

@@ -9,14 +9,11 @@ from typing import NoReturn
 from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import SpecError
 
+# Numbers as C, C++ and Fortran write them
 NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
-"""Numbers as C, C++ and Fortran write them."""
+MAX_MAGNITUDE = 1e100  # largest coordinate or weight: the product of three of them does not overflow
 
-MAX_MAGNITUDE = 1e100
-"""Largest coordinate or weight: the product of three of them does not overflow."""
-
-SHOWN_CHARACTERS = 60
-"""Characters of a word that a message shows at most."""
+SHOWN_CHARACTERS = 60  # characters of a word that a message shows at most
 
 
 class Words:

@@ -19,14 +19,11 @@ T = TypeVar("T")
 
 SIGNALS = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
 
-WORTH_TASKS = 8
-"""Fewest tasks for which a copy is made: a copy takes as long as a task or two."""
+WORTH_TASKS = 8  # fewest tasks for which a copy is made: a copy takes as long as a task or two
 
-SIZE_BYTES = 8
-"""Bytes that say how long a result is."""
+SIZE_BYTES = 8  # bytes that say how long a result is
 
-PIPE_BYTES = 1 << 20
-"""Bytes that a pipe holds, where the system allows it: a copy goes on while its result waits."""
+PIPE_BYTES = 1 << 20  # bytes that a pipe holds, where the system allows it: a copy goes on while its result waits
 
 _allowed = False
 

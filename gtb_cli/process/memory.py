@@ -5,15 +5,6 @@ from __future__ import annotations
 from gtb_cli.errors import GtbError
 from gtb_cli.process.threads import forbid_threads
 
-LEAST_BYTES = 320 << 20
-"""Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses."""
-
-AMPLE_BYTES = 1 << 30
-"""Limit above which scipy, which takes long to load, is left to those that need it, and threads are allowed."""
-
-BUFFERED_SIZE = 200
-"""Rows of matrices whose product needs the buffer of BLAS, which it then keeps."""
-
 
 def prepare_for_limit() -> None:
     """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
@@ -23,6 +14,11 @@ def prepare_for_limit() -> None:
     GtbError
         The limit is so low that not even the libraries can be loaded.
     """
+    # Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
+    least_bytes = 320 << 20
+    # Limit above which scipy, which takes long to load, is left to those that need it, and threads are allowed
+    ample_bytes = 1 << 30
+    buffered_size = 200  # rows of matrices whose product needs the buffer of BLAS, which it then keeps
     try:
         import resource
     except ImportError:  # not on Windows
@@ -30,14 +26,14 @@ def prepare_for_limit() -> None:
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit == resource.RLIM_INFINITY:
         return
-    if limit < LEAST_BYTES:
-        needed = f"gtb needs at least {LEAST_BYTES >> 20} MB"
+    if limit < least_bytes:
+        needed = f"gtb needs at least {least_bytes >> 20} MB"
         raise GtbError(f"not enough memory: the limit (ulimit -v) is {limit >> 20} MB, {needed}")
     import numpy as np
 
-    matrix = np.ones((BUFFERED_SIZE, BUFFERED_SIZE))
+    matrix = np.ones((buffered_size, buffered_size))
     np.matmul(matrix, matrix)
-    if limit < AMPLE_BYTES:
+    if limit < ample_bytes:
         from scipy.linalg.blas import dgemm
 
         forbid_threads()  # each needs a buffer of its own
