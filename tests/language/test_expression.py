@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 import time
+from pathlib import Path
 
 import mpmath
 import pytest
@@ -18,37 +21,15 @@ ROUNDING = 1e-12
 """Relative to the largest number on the way: at most some dozen float operations and six functions' errors."""
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("0", 0.0),
-        ("42", 42.0),
-        ("1.", 1.0),
-        (".5", 0.5),
-        ("1e3", 1000.0),
-        ("2.5E-3", 0.0025),
-        ("6/5", 1.2),
-        ("8/7", 8 / 7),
-        ("sqrt(2)/4", 0.3535533905932738),
-        ("9 - 4*sqrt(2)", 3.3431457505076194),
-        ("-2**2", -4.0),
-        ("(-2)**2", 4.0),
-        ("2**3**2", 512.0),
-        ("2**-1", 0.5),
-        ("7 - 4 - 2", 1.0),
-        ("16/4/2", 2.0),
-        ("+-+-3", 3.0),
-        ("\t ( 1 + 2 ) * 3 ", 9.0),
-        ("log(e)", 1.0),
-        ("exp(1)", math.e),
-        ("cos(pi)", -1.0),
-        ("tan(pi/4)", 1.0),
-        ("sin(pi/6)", 0.5),
-        ("(8)**(1/3)", 2.0),
-    ],
+VALUES, REFUSED = (
+    [(text, line[end + 1 :]) for line in part.splitlines()[1:] for text, end in [json.JSONDecoder().raw_decode(line)]]
+    for part in (Path(__file__).parent / "expressions.txt").read_text(encoding="utf-8").split("\n\n")
 )
-def test_values(text: str, value: float) -> None:
-    assert evaluate_expression(text) == pytest.approx(value, rel=4e-16, abs=0)
+
+
+@pytest.mark.parametrize(("text", "value"), VALUES)
+def test_values(text: str, value: str) -> None:
+    assert evaluate_expression(text) == pytest.approx(float(value), rel=4e-16, abs=0)
 
 
 def test_integers_are_floats_from_the_start() -> None:
@@ -96,81 +77,9 @@ def test_values_agree_with_mpmath(case: tuple[str, mpmath.mpf, float]) -> None:
     assert abs(evaluate_expression(text) - value) <= ROUNDING * max(size, 1.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("", "is empty"),
-        (" \t", "is empty"),
-        ("1 +", "is not a complete expression"),
-        ("1 2", "is not a complete expression"),
-        ("2 pi", "is not a complete expression"),
-        ("2e", "is not a complete expression"),
-        ("01", "is not a complete expression"),
-        ("1..2", "is not a complete expression"),
-        ("()", "may hold numbers"),
-        ("sqrt(*2)", "may hold numbers"),
-        ("(1", "'(' is never closed"),
-        ("1)", "')' without '('"),
-        (")(", "')' without '('"),
-        ("sqrt", "sqrt needs a number in parentheses"),
-        ("sqrt()", "sqrt needs one number in parentheses"),
-        ("sqrt(1)(2)", "a product needs '*'"),
-        ("2(3)", "a product needs '*'"),
-        ("pi(2)", "a product needs '*'"),
-        ("sqr(2)", "unknown name 'sqr'"),
-        ("Sqrt(2)", "unknown name 'Sqrt'"),
-        ("True", "unknown name 'True'"),
-        ("None", "unknown name 'None'"),
-        ("nan", "unknown name 'nan'"),
-        ("inf", "unknown name 'inf'"),
-        ("lambda", "unknown name 'lambda'"),
-        ("1 if 1 else 2", "unknown name 'if'"),
-        ("1 and 2", "unknown name 'and'"),
-        ("0x1F", "unknown name 'x1F'"),
-        ("0b1", "unknown name 'b1'"),
-        ("2j", "unknown name 'j'"),
-        ("1_000", "unexpected '_'"),
-        ("__import__('os')", "unexpected '_'"),
-        ("pi.real", "unexpected '.'"),
-        ("sqrt(1, 2)", "unexpected ','"),
-        ("[1][0]", "unexpected '['"),
-        ("{1}", "unexpected '{'"),
-        ("1 // 2", "unexpected '//'"),
-        ("5 % 2", "unexpected '%'"),
-        ("1 @ 2", "unexpected '@'"),
-        ("1 << 2", "unexpected '<'"),
-        ("~1", "unexpected '~'"),
-        ("1 ^ 2", "unexpected '^'"),
-        ("1 = 1", "unexpected '='"),
-        ("1; 2", "unexpected ';'"),
-        ("1\n+ 2", r"unexpected '\\n'"),
-        ("1\x002", r"unexpected '\\x00'"),
-        ("f'1'", "unknown name 'f'"),
-        ("'1'", 'unexpected "\'"'),
-        ("# 1", "unexpected '#'"),
-        ("1\\", r"unexpected '\\\\'"),
-        ("²", "unexpected '²'"),
-        ("١", "unexpected '١'"),
-        ("1\N{NO-BREAK SPACE}", "unexpected"),
-        ("−1", "unexpected '−'"),
-        ("ｐｉ", "unexpected 'ｐ'"),
-        ("\ud800", "unexpected"),
-        ("1/0", "1/0 divides by zero"),
-        ("0**-1", "is not a finite real number"),
-        ("sqrt(-1)", r"sqrt\(-1\) is not a finite real number"),
-        ("log(0)", r"log\(0\) is not a finite real number"),
-        ("(-8)**(1/3)", r"\(-8\)\*\*0.333333 is not a finite real number"),
-        ("(-1)**0.5", "is not a finite real number"),
-        ("exp(1000)", r"exp\(1000\) is not finite"),
-        ("1e400", "is not finite"),
-        ("1e308*10", r"1e\+308\*10 is not finite"),
-        ("1/(1e308*10)", r"1e\+308\*10 is not finite"),
-        ("1e308*10 - 1e308*10", "is not finite"),
-    ],
-)
+@pytest.mark.parametrize(("text", "reason"), REFUSED)
 def test_refused(text: str, reason: str) -> None:
-    escaped = reason if "\\" in reason else "".join("\\" + c if c in "()*+?[]^$.|{}" else c for c in reason)
-    with pytest.raises(SpecError, match=escaped):
+    with pytest.raises(SpecError, match=re.escape(reason)):
         evaluate_expression(text)
 
 
@@ -213,13 +122,10 @@ def test_depth_counts_parentheses_powers_and_signs(nested) -> None:
         evaluate_expression(nested(MAX_NESTING + 1))
 
 
-@pytest.mark.parametrize("text", ["+".join("1" * 128), "-".join("1" * 128), "1*" * 127 + "1", "-1+" * 85 + "1"])
-def test_long_plain_sums_are_not_deep(text: str) -> None:
-    assert len(text) <= MAX_CHARACTERS
-    assert math.isfinite(evaluate_expression(text))
-
-
 def test_depth_is_of_the_deepest_part_not_of_all_parts_together() -> None:
+    for text in ("+".join("1" * 128), "-".join("1" * 128), "1*" * 127 + "1", "-1+" * 85 + "1"):
+        assert len(text) <= MAX_CHARACTERS
+        assert math.isfinite(evaluate_expression(text))
     assert evaluate_expression("+".join(["(-1)**2"] * 30)) == 30
 
 

@@ -48,39 +48,22 @@ def test_every_key() -> None:
         edge_scale = [1, 2, "1/2"]
         """
     )
-    assert isinstance(patch, Patch)
-    assert arrays(patch) == [
-        (
-            "sail",
-            {
-                "knots": [[0.0, 0.0], [2**0.5, 0.0], [0.0, 1.2], [0.25, 0.25]],
-                "control_points": [[0.0, 0.0, 0.0], [1.0, 0.0, -1.0], [np.pi, 0.0, 0.0], [0.0, 1.0, 2.0]],
-                "weights": [1.0, 2.0, np.e, 0.001],
-                "coefficients": [1.0, 1.0, 0.5, 4.0],
-                "lifting": [0.0, -1.0, 9 - 4 * 2**0.5, 0.0],
-                "edge_normals": "unit",
-                "edge_scale": [1.0, 2.0, 0.5],
-            },
-        )
-    ]
+    assert patch == Patch(
+        [[0, 0], [2**0.5, 0], [0, 1.2], [0.25, 0.25]],
+        [[0, 0, 0], [1, 0, -1], [np.pi, 0, 0], [0, 1, 2]],
+        [1, 2, np.e, 0.001],
+        [1, 1, 0.5, 4],
+        lifting=[0, -1, 9 - 4 * 2**0.5, 0],
+        edge_normals="unit",
+        edge_scale=[1, 2, 0.5],
+        name="sail",
+    )
 
 
 def test_defaults() -> None:
-    patch = parse(ARC)
-    assert arrays(patch) == [
-        (
-            None,
-            {
-                "knots": [[0.0], [1.0], [2.0]],
-                "control_points": [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [2.0, 0.0, 0.0]],
-                "weights": [1.0] * 3,
-                "coefficients": [1.0] * 3,
-                "lifting": None,
-                "edge_normals": "auto",
-                "edge_scale": 1.0,
-            },
-        )
-    ]
+    plain = Patch([0, 1, 2], [[0, 0, 0], [1, 1, 0], [2, 0, 0]], [1, 1, 1], [1, 1, 1], edge_normals="auto")
+    assert parse(ARC) == plain
+    assert (plain.lifting, plain.edge_scale, plain.name) == (None, 1.0, None)
 
 
 def test_curve_knots_keep_their_order_and_repetitions() -> None:
