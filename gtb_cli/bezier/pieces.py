@@ -1,9 +1,9 @@
 """Exact Bézier pieces: a patch with commensurable exponents as rational Bézier rectangles, a curve as two curves.
 
 Corner i of Δ has coordinates (s, t) in [0, 1]² in which all edge functions but h_{i−1} and h_i are 1. The basis there
-is ``β_a = c_a s^{h_{i−1}(a)} t^{h_i(a)}``. The r charts tile the patch because the cones of the normal fan tile the
-plane of torus coordinates. If the exponents are whole multiples of a step, monomials become Bernstein polynomials by
-``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
+is ``β_a = c_a s^{h_{i−1}(a)} t^{h_i(a)}`` (Krasauskas' charts of toric patches). The r charts tile the patch because
+the cones of the normal fan tile the plane of torus coordinates. If the exponents are whole multiples of a step,
+monomials become Bernstein polynomials by ``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
 """
 
 from __future__ import annotations
@@ -19,31 +19,10 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import KNOT_TOLERANCE
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import frozen
 
 MAX_DEGREE = 25  # of a piece, by default
 
 MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allowed one
-
-
-@frozen
-class Chart:
-    """The part of a patch about a corner of Δ, as a rational Bézier rectangle; for a curve, the half at one end.
-
-    Attributes
-    ----------
-    corner : int
-    steps : (d,) float
-        Values of the edge functions h_{i−1}, h_i (for a curve, of the end's own) that raise the power of s, t by one.
-    patch : Patch
-        Has the knots 0 … D_1 × 0 … D_2, by rows in ascending t, and binomial coefficients. Its parameter (D_1 s, D_2 t)
-        gives the point with coordinates (s, t). The second half of a curve runs towards its end: the parameter is N (1
-        − s).
-    """
-
-    corner: int
-    steps: FloatArray
-    patch: Patch
 
 
 def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
@@ -58,7 +37,9 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
     Returns
     -------
     Model
-        The charts of each patch, corner by corner. All weights are positive.
+        For each corner of each Δ, the part (s, t) ∈ [0, 1]² of the patch about it, with the knots 0 … D_1 × 0 … D_2,
+        by rows in ascending t, and binomial coefficients: its parameter (D_1 s, D_2 t) gives the point with coordinates
+        (s, t). For each curve its two halves, in its direction. All weights are positive.
 
     Raises
     ------
@@ -71,38 +52,22 @@ def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
     the edge: pieces of patches that share it are joined like the patches.
     """
     if isinstance(spec, Patch):
-        return Model(tuple(chart.patch for chart in bezier_charts(spec, max_degree)), spec.name)
+        return Model(_pieces_of(spec, max_degree), spec.name)
     pieces: list[Patch] = []
     for index, patch in enumerate(spec.patches):
         try:
-            pieces += (chart.patch for chart in bezier_charts(patch, max_degree))
+            pieces += _pieces_of(patch, max_degree)
         except DomainError as error:
             raise DomainError(f"{patch.name or f'patches[{index}]'}: {error}") from None
     return Model(tuple(pieces), spec.name)
 
 
-def bezier_charts(patch: Patch, max_degree: int = MAX_DEGREE) -> tuple[Chart, ...]:
-    """Return the charts of a patch, one for each corner of Δ; for a curve, one for each end.
-
-    Raises
-    ------
-    DomainError
-        See `bezier_pieces`.
-
-    References
-    ----------
-    Krasauskas' charts of toric patches, here for all real knots with commensurable exponents.
-    """
+def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
     if patch.dimension == 1:
         return _halves(patch, 0.0, max_degree)
-    powers, steps = _powers(patch, max_degree)
-    r = len(steps)
-    charts = []
-    for i in range(r):
-        before = (i - 1) % r
-        logs, points = _bernstein(patch, powers[:, [before, i]])
-        charts.append(Chart(i, steps[[before, i]], _rectangle(patch, i, logs, points)))
-    return tuple(charts)
+    powers = _powers(patch, max_degree)
+    parts = (_bernstein(patch, powers[:, [i - 1, i]]) for i in range(len(patch.domain.vertices)))
+    return tuple(_rectangle(patch, i, logs, points) for i, (logs, points) in enumerate(parts))
 
 
 def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
@@ -135,8 +100,8 @@ def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
     heights = curve.domain.edge_functions(np.array([at]))[0]
     if not heights.all():
         raise DomainError(f"split: {at:g} is an end of the curve, to rounding")
-    halves = _halves(curve, float(curve.domain.normals[:, 0] @ np.log(heights)), max_degree)
-    return Model(tuple(half.patch for half in halves), curve.name)
+    s = float(curve.domain.normals[:, 0] @ np.log(heights))
+    return Model(_halves(curve, s, max_degree), curve.name)
 
 
 def bezier_degree(values: FloatArray, rounding: float) -> int | None:
@@ -153,8 +118,8 @@ def bezier_degree(values: FloatArray, rounding: float) -> int | None:
     return None
 
 
-def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
-    """(n, r) exponents h_j(a_i) in whole steps, and (r,) the steps."""
+def _powers(patch: Patch, max_degree: int) -> IntArray:
+    """(n, r) exponents h_j(a_i) in whole steps."""
     shape = patch.domain
     rounding = KNOT_TOLERANCE * shape.size + 4 * EPS * float(np.abs(shape.knots).max())
     degrees = []
@@ -180,25 +145,24 @@ def _powers(patch: Patch, max_degree: int) -> tuple[IntArray, FloatArray]:
                 f"has Bézier pieces of {most} control points each, at most {MAX_ELEVATED_KNOTS} are allowed"
             )
     steps = shape.heights.max(axis=0) / degrees
-    return np.rint(shape.heights / steps).astype(np.int64), steps
+    return np.asarray(np.rint(shape.heights / steps), dtype=np.int64)
 
 
-def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Chart, ...]:
+def _halves(curve: Patch, s: float, max_degree: int) -> tuple[Patch, ...]:
     """Return the two parts of a curve that meet at a torus coordinate."""
-    powers, steps = _powers(curve, max_degree)
+    powers = _powers(curve, max_degree)
     degree = int(powers.max())
     # De Casteljau's weights are these times powers; the Bézier form is split at v = x/(1 + x).
     x = s * (float(np.ptp(curve.domain.vertices)) / degree)
-    charts = []
+    halves = []
     for end, place in enumerate(curve.domain.vertices[:, 0].tolist()):
         shifted = curve.replace(log_weights=curve.log_weights + (curve.knots[:, 0] - place) * s)
         logs, points = _bernstein(shifted, powers[:, [end]])
         rate = -np.logaddexp(0.0, x if end == 0 else -x)
         logs = logs[:, 0] + rate * np.arange(degree + 1)
         order = slice(None) if end == 0 else slice(None, None, -1)
-        part = _bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}")
-        charts.append(Chart(end, steps[[end]], part))
-    return tuple(charts)
+        halves.append(_bezier(curve, np.arange(degree + 1.0)[:, None], logs[order], points[:, 0][order], f"piece{end}"))
+    return tuple(halves)
 
 
 def _rectangle(patch: Patch, corner: int, logs: FloatArray, points: FloatArray) -> Patch:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.bezier.pieces import MAX_DEGREE, bezier_charts
+from gtb_cli.bezier.pieces import MAX_DEGREE, bezier_pieces
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.edges import EdgeRef
@@ -208,10 +208,10 @@ def _halves(patch: Patch, edge: int) -> list[HalfEdge]:
     places = np.zeros((len(curve.knots), 3))
     places[:, 0] = curve.knots[:, 0] / curve.knots[:, 0].max()
     halves = []
-    pairs = zip(bezier_charts(curve), bezier_charts(curve.replace(control_points=places)), strict=True)
-    for side, (chart, placed) in enumerate(pairs):
+    pairs = zip(bezier_pieces(curve), bezier_pieces(curve.replace(control_points=places)), strict=True)
+    for side, (half, placed) in enumerate(pairs):
         way = slice(None, None, -1) if side else slice(None)
-        rows, fractions = homogeneous_points(chart.patch)[way], placed.patch.control_points[way, 0]
+        rows, fractions = homogeneous_points(half)[way], placed.control_points[way, 0]
         degree = len(rows) - 1
         powers = np.log(rows[:, 3])
         rows[:, 3] = np.exp(powers - powers[0] + (powers[0] - powers[-1]) * np.arange(degree + 1) / degree)
@@ -220,7 +220,7 @@ def _halves(patch: Patch, edge: int) -> list[HalfEdge]:
 
 
 def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
-    """Return the Bézier rectangles of a patch: the patch itself, if it is one, or its charts.
+    """Return the Bézier rectangles of a patch: the patch itself, if it is one, or its pieces.
 
     Raises
     ------
@@ -235,9 +235,9 @@ def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
         net[first.places[:, 1], second.places[:, 1]] = homogeneous_points(patch)
         return [_bezier(name, net)]
     surfaces = []
-    for chart in bezier_charts(patch, MAX_DEGREE):
-        along, across = (int(degree) + 1 for degree in chart.patch.knots.max(axis=0))
-        surfaces.append(_bezier(name, homogeneous_points(chart.patch).reshape(across, along, 4).transpose(1, 0, 2)))
+    for piece in bezier_pieces(patch, MAX_DEGREE):
+        along, across = (int(degree) + 1 for degree in piece.knots.max(axis=0))
+        surfaces.append(_bezier(name, homogeneous_points(piece).reshape(across, along, 4).transpose(1, 0, 2)))
     return surfaces
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.bezier.pieces import bezier_charts
+from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.splines import exact_surfaces, homogeneous_points
 from gtb_cli.knots.lattice import Direction, lattice_of
@@ -53,7 +53,7 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
     """
     lattice = lattice_of(patch.domain)
     if patch.dimension == 1:
-        curves = [(patch, lattice[0])] if lattice else [(c.patch, _line(c.patch)) for c in bezier_charts(patch)]
+        curves = [(patch, lattice[0])] if lattice else [(c, _line(c)) for c in bezier_pieces(patch)]
         return [_curve(homogeneous_points(curve)[_ascending(line)]) for curve, line in curves]
     if lattice is not None and len(lattice) == 1:
         return [_triangle(homogeneous_points(patch), lattice[0])]

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gtb_cli.bezier.pieces import Chart, bezier_charts, bezier_degree, bezier_pieces, split_curve
+from gtb_cli.bezier.pieces import bezier_degree, bezier_pieces, split_curve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.meshes.compare import surface_distance
@@ -22,8 +22,7 @@ from tests.patches import bicubic, cubic_curve, integer_pentagon, irrational_cur
 from tests.shell import SPECS
 from tests.specs import load
 
-AGREEMENT = 1e-13
-"""What mathematics.md and the issue ask of a piece, as a fraction of the patch's size."""
+AGREEMENT = 1e-13  # of the patch's size
 
 COMMENSURABLE = ["bicubic", "bezier_triangle", "integer_pentagon", "trapezoid", "repeated_knots"]
 COMMENSURABLE += ["collapsed_edge", "cubic_curve", "repeated_curve"]
@@ -33,63 +32,51 @@ def size(patch: Patch) -> float:
     return float(np.ptp(patch.control_points, axis=0).max())
 
 
-def chart_coordinates(patch: Patch, charts: tuple[Chart, ...], u: np.ndarray) -> tuple[Chart, np.ndarray]:
-    """The chart that holds the point at u, and its (s, t): the torus coordinate in the cone of two normals."""
-    s = torus_coordinates(patch.domain, patch.domain.edge_functions(u[None]).T)[:, 0]
-    r = len(charts)
-    for chart in charts:
-        edges = [(chart.corner - 1) % r, chart.corner] if patch.dimension == 2 else [chart.corner]
-        logs = np.linalg.solve(patch.domain.normals[edges].T, s)
-        if (logs <= 1e-12).all():
-            return chart, np.exp(np.minimum(logs, 0.0) * chart.steps)
-    raise AssertionError("the charts do not cover the patch")
+def steps_of(patch: Patch, corner: int, piece: Patch) -> tuple[list[int], np.ndarray]:
+    """The edges at a corner, and the values of their edge functions that raise the powers of s and t by one."""
+    edges = [corner - 1, corner] if patch.dimension == 2 else [corner]
+    return edges, patch.domain.heights.max(axis=0)[edges] / piece.knots.max(axis=0)
 
 
-def parameters_of(chart: Chart, coordinates: np.ndarray) -> np.ndarray:
-    """Parameters of a chart's patch: its knots are 0 … D."""
-    degrees = chart.patch.knots.max(axis=0)
-    if len(degrees) == 1 and chart.corner == 1:
-        coordinates = 1 - coordinates
-    return (degrees * coordinates)[None]
+def at(piece: Patch, corner: int, coordinates: np.ndarray) -> np.ndarray:
+    """The point of a piece with coordinates (s, t): its knots are 0 … D; a curve is split at s = v/(1 − v) = 1."""
+    if piece.dimension == 1:
+        fraction = 2 * coordinates / (1 + coordinates)
+        coordinates = 1 - fraction if corner == 1 else fraction
+    return piece.evaluate((piece.knots.max(axis=0) * coordinates)[None])[0]
 
 
 @pytest.mark.parametrize("name", COMMENSURABLE)
-def test_charts_tile_the_patch(name: str) -> None:
+def test_pieces_tile_the_patch(name: str) -> None:
     patch = named(name)
-    charts = bezier_charts(patch)
-    assert len(charts) == len(patch.domain.vertices)
-    v = patch.domain.vertices
+    pieces, v = bezier_pieces(patch), patch.domain.vertices
+    assert len(pieces) == len(v)
     for u in np.random.default_rng(3).dirichlet(np.ones(len(v)), 40) @ v:
-        chart, coordinates = chart_coordinates(patch, charts, u)
-        found = chart.patch.evaluate(parameters_of(chart, coordinates))
-        if patch.dimension == 2 and coordinates.min() > 1e-3:
-            assert np.abs(found - patch.evaluate(u[None])).max() <= AGREEMENT * size(patch)
-        elif patch.dimension == 2:
-            assert np.abs(found - patch.evaluate(u[None])).max() <= 10 * AGREEMENT * size(patch)
+        s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u[None]))[:, 0]
+        found = []
+        for corner, piece in enumerate(pieces):
+            edges, steps = steps_of(patch, corner, piece)
+            logs = np.linalg.solve(patch.domain.normals[edges].T, s)
+            if (logs <= 1e-12).all():
+                found.append(at(piece, corner, np.exp(np.minimum(logs, 0.0) * steps)))
+        assert found
+        assert np.abs(np.array(found) - patch.evaluate(u[None])).max() <= 10 * AGREEMENT * size(patch)
 
 
-def test_the_scale_of_edges_changes_nothing() -> None:
+def test_a_piece_is_the_patch_in_fractions() -> None:
     patch = integer_pentagon()
-    scaled = patch.replace(edge_scale=[1, 0.5, 3, 0.1, math.pi])
-    for piece, other in zip(bezier_pieces(patch), bezier_pieces(scaled), strict=True):
-        assert np.abs(piece.control_points - other.control_points).max() <= AGREEMENT * size(patch)
-
-
-def test_a_chart_is_the_patch_in_fractions() -> None:
-    patch = integer_pentagon()
-    charts = bezier_charts(patch)
     products = [Fraction(x) for x in (patch.weights * patch.coefficients).tolist()]
     points = [[Fraction(x) for x in row] for row in patch.control_points.tolist()]
-    for chart in charts:
-        powers = [[round(h / g) for h, g in zip(row, chart.steps.tolist(), strict=True)]
-                  for row in patch.domain.heights[:, [chart.corner - 1, chart.corner]].tolist()]  # fmt: skip
-        assert chart.patch.knots.max(axis=0).tolist() == np.max(powers, axis=0).tolist()
+    for corner, piece in enumerate(bezier_pieces(patch)):
+        edges, steps = steps_of(patch, corner, piece)
+        powers = np.rint(patch.domain.heights[:, edges] / steps).astype(int)
+        assert piece.knots.max(axis=0).tolist() == powers.max(axis=0).tolist()
         for s, t in ((Fraction(1, 3), Fraction(3, 4)), (Fraction(1), Fraction(2, 7)), (Fraction(0), Fraction(5, 9))):
-            terms = [p * s**i * t**j for p, (i, j) in zip(products, powers, strict=True)]
+            terms = [p * s**i * t**j for p, (i, j) in zip(products, powers.tolist(), strict=True)]
             expected = [
                 float(sum(w * b[axis] for w, b in zip(terms, points, strict=True)) / sum(terms)) for axis in range(3)
             ]
-            found = chart.patch.evaluate(parameters_of(chart, np.array([float(s), float(t)])))[0]
+            found = at(piece, corner, np.array([float(s), float(t)]))
             assert np.abs(found - expected).max() <= AGREEMENT * size(patch)
 
 
@@ -165,21 +152,17 @@ def test_missing_knots_have_pieces_of_the_common_denominator() -> None:
 
 
 @pytest.mark.parametrize(("factor", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7), (math.pi, 0.0)])
-def test_any_scale_and_place_of_the_knots(factor: float, shift: float) -> None:
+def test_any_scale_and_place_of_knots_control_points_and_edges(factor: float, shift: float) -> None:
     patch = integer_pentagon()
-    moved = patch.replace(knots=factor * patch.knots + shift)
-    for piece, other in zip(bezier_pieces(patch), bezier_pieces(moved), strict=True):
-        assert np.array_equal(piece.knots, other.knots)
-        assert np.abs(piece.control_points - other.control_points).max() <= AGREEMENT * size(patch)
-
-
-@pytest.mark.parametrize(("factor", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
-def test_any_scale_and_place_of_the_control_points(factor: float, shift: float) -> None:
-    patch = integer_pentagon()
-    moved = patch.replace(control_points=factor * patch.control_points + shift)
-    error = AGREEMENT * size(moved) + 4 * np.finfo(float).eps * shift
-    for piece, other in zip(bezier_pieces(patch), bezier_pieces(moved), strict=True):
-        assert np.abs(factor * piece.control_points + shift - other.control_points).max() <= error
+    by_knots = patch.replace(knots=factor * patch.knots + shift)
+    by_points = patch.replace(control_points=factor * patch.control_points + shift)
+    by_edges = patch.replace(edge_scale=[1, 0.5, 3, 0.1, factor])
+    error = AGREEMENT * size(by_points) + 4 * np.finfo(float).eps * shift
+    for piece, *others in zip(*map(bezier_pieces, (patch, by_knots, by_points, by_edges)), strict=True):
+        assert all(np.array_equal(piece.knots, other.knots) for other in others)
+        for other in (others[0], others[2]):
+            assert np.abs(piece.control_points - other.control_points).max() <= AGREEMENT * size(patch)
+        assert np.abs(factor * piece.control_points + shift - others[1].control_points).max() <= error
 
 
 def test_weights_beyond_the_range_of_floats_stay_logarithms() -> None:
@@ -215,9 +198,6 @@ def test_a_model_names_the_patch_without_pieces() -> None:
 def test_a_split_is_between_the_ends(at: float) -> None:
     with pytest.raises(DomainError, match="split: "):
         split_curve(cubic_curve(), at)
-
-
-def test_a_surface_is_not_split() -> None:
     with pytest.raises(DomainError, match="split: is for curves"):
         split_curve(bicubic(), 0.5)
 
