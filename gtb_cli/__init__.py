@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gtb_cli.sequences.knot_limit import merge_knots, move_knots
     from gtb_cli.tessellation.comparison import diff
     from gtb_cli.tessellation.recipe import Recipe
-    from gtb_cli.tessellation.shape import tessellate
+    from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
@@ -98,7 +98,7 @@ _ROOMS = {
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",
     "save": "language.writer",
-    "tessellate": "tessellation.shape",
+    "tessellate": "tessellation.tessellate",
     "to_dict": "language.writer",
     "write_mesh": "formats.export",
 }

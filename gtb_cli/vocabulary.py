@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import Literal, NamedTuple, TypeAlias
+
+from gtb_cli.errors import DomainError
 
 
 def suffix_of(name: str) -> str:
     """Return the suffix of a file's name in lower case, without the dot."""
     return os.path.splitext(name)[1][1:].lower()
+
+
+def percentage(text: str) -> float:
+    """Read a positive percentage.
+
+    Raises
+    ------
+    DomainError
+        It is something else.
+    """
+    number = text.strip().removesuffix("%")
+    try:
+        value = math.nan if number == text.strip() or "_" in text or not text.isascii() else float(number)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
+    return value
 
 
 COMPLETION_VARIABLE = "_GTB_COMPLETE"  # environment variable with which a shell asks `gtb` for completions

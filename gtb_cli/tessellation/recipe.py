@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.values import by_value, frozen
-from gtb_cli.vocabulary import MAX_FACES, RESOLUTION
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray, IntArray
@@ -20,16 +20,6 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
-
-BYTES_PER_FACE = 100
-"""Memory for each face of a large mesh, as measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch."""
-
-SIZE_RESOLUTION = 16
-"""Segments along each edge of the mesh whose bounding box a percentage refers to."""
-
-AXIS_SHARE = 1 / 3
-"""Fraction of a tube's tolerance that its middle line, and the polygon of its rings, may be off: on the outside of a
-bend as sharp as the tube allows, the middle line's error counts twice."""
 
 
 @by_value
@@ -119,13 +109,15 @@ class Recipe:
         spec = welded(spec, self.weld)
         tolerance = self.tolerance_for(spec)
         if tolerance is not None and self.radius is not None:
-            tolerance *= AXIS_SHARE
+            # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,
+            # the middle line's error counts twice.
+            tolerance *= 1 / 3
         normals = self.normals or self.thickness is not None
         around = self._faces_around(tolerance)
         try:
             cells = self.max_faces // around
             make = partial(tessellate, normals=normals, max_faces=cells, certify=self.certify)
-            mesh = make(spec, self.resolution, tolerance, self.parametrization)
+            mesh = make(spec, None if tolerance else self.resolution, tolerance, self.parametrization)
         except ToleranceError as error:
             if around == 1:
                 raise
@@ -225,13 +217,9 @@ class Recipe:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
         if not isinstance(self.tolerance, str):
             return self.tolerance
-        from gtb_cli.tessellation.tessellate import tessellate
+        from gtb_cli.tessellation.tessellate import tolerance_for
 
-        low, high = tessellate(spec, SIZE_RESOLUTION, normals=False).bounds
-        diagonal = math.dist(low, high)
-        if diagonal == 0:
-            raise DomainError(f"tolerance: {self.tolerance} of the size of a single point is nothing")
-        return percentage(self.tolerance) / 100 * diagonal
+        return tolerance_for(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
         """How sure the tolerance is: certified for curves and on request, else sampled; None without a tolerance.
@@ -280,7 +268,8 @@ class Recipe:
             raise ToleranceError(
                 f"{estimate}, more than {self.max_faces}: take a smaller -n, or allow them with --max-faces {faces}"
             )
-        needed, there = faces * BYTES_PER_FACE, physical_memory()
+        bytes_per_face = 100  # measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
+        needed, there = faces * bytes_per_face, physical_memory()
         if needed > there:
             raise ToleranceError(
                 f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
@@ -302,24 +291,6 @@ def _check_numbers(recipe: Recipe) -> None:
         raise DomainError(f"radius: must be positive, got {recipe.radius!r}")
     if recipe.thickness is not None and not (math.isfinite(recipe.thickness) and recipe.thickness):
         raise DomainError(f"thickness: must be a number other than zero, got {recipe.thickness!r}")
-
-
-def percentage(text: str) -> float:
-    """Read a positive percentage.
-
-    Raises
-    ------
-    DomainError
-        It is something else.
-    """
-    number = text.strip().removesuffix("%")
-    try:
-        value = math.nan if number == text.strip() or "_" in text or not text.isascii() else float(number)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
-    return value
 
 
 def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:

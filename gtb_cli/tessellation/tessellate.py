@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,10 +17,11 @@ from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
-from gtb_cli.vocabulary import MAX_FACES
+from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
@@ -31,51 +33,62 @@ vertices and each patch has a cell."""
 
 
 def tessellate(
-    shape: Patch | Model,
-    resolution: int = 32,
-    tolerance: float | None = None,
+    shape: Shape,
+    resolution: int | None = None,
+    tolerance: float | str | None = None,
     parametrization: Parametrization = "linear",
     *,
     normals: bool = True,
     max_faces: int = MAX_FACES,
-    joints: Joints | None = None,
     certify: bool = False,
 ) -> Mesh:
-    """Mesh a patch or a model.
+    """Mesh a patch or a model, as ``gtb mesh`` does. `Recipe` has tubes, solids and attributes, too.
 
     Parameters
     ----------
-    shape : Patch or Model
-    resolution : int
-        Cells along each edge of the domain; not used with a tolerance.
-    tolerance : float, optional
-        Largest distance from the surface to the mesh, in model units: certain for a curve, sampled for a surface.
-    parametrization, max_faces
-        See `gtb_cli.tessellation.shape.tessellate`.
+    shape : Patch, Model, list or tuple of Patch, or path of a spec
+    resolution : int, optional
+        Segments along each edge of the domain, default 32; not together with a tolerance.
+    tolerance : float or str, optional
+        Largest distance from the surface to the mesh, in model units, or as ``"1%"`` of the bounding box's diagonal.
+    parametrization : {"linear", "toric"}
+        Where vertices are put: evenly (linear), or at the paper's parameters, which crowd where edge functions have
+        large exponents. With a tolerance always linear.
     normals : bool
-        Whether a surface's mesh gets its unit normals. They take longer than its points, and are computed when they
-        are first asked for.
-    joints : Joints, optional
-        Those of the model's patches, if known; see `find_joints`.
+        Whether a surface's mesh gets its unit normals, which take longer than its points.
+    max_faces : int
+        More faces than this are refused before they are made.
     certify : bool
-        Whether the tolerance must be certain for a surface, too.
+        Whether the tolerance must be certain for a surface, too, as it is for a curve; else it is sampled.
+
+    Returns
+    -------
+    Mesh
+        With parameters, and unit normals if asked for. Edges that patches of a model share are sampled once, by the
+        curve's own data, and their vertices are one.
 
     Raises
     ------
     DomainError
-        A number that makes no sense.
+        Something else than a shape, a number that makes no sense, or a resolution together with a tolerance.
     ToleranceError
         Too many faces would be needed.
+    SpecError
+        The spec cannot be read.
     """
+    shape = shape_of(shape)
+    if resolution is not None and tolerance is not None:
+        raise DomainError("resolution: excludes a tolerance, give one of them")
+    resolution = RESOLUTION if resolution is None else resolution
     if isinstance(resolution, bool) or not isinstance(resolution, int | np.integer) or resolution < 1:
         raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
+    tolerance = tolerance_for(shape, tolerance) if isinstance(tolerance, str) else tolerance
     if tolerance is not None and not (np.isfinite(tolerance) and tolerance > 0):
         raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
-    patches = shape.patches
-    if isinstance(shape, Model) and joints is None:
-        joints = shape.joints
     if tolerance is not None and parametrization == "toric":
         raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
+    patches = shape.patches
+    joints = shape.joints if isinstance(shape, Model) else None
     flipped, even = joints.flipped if joints else (), 0 if tolerance else resolution
     sampler = Sampler(patches, parametrization, isinstance(shape, Model), flipped, resolution=even)
     if tolerance is None:
@@ -96,6 +109,17 @@ def tessellate(
 
         points = welded_points(mosaic, points, patches, joints)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
+
+
+def tolerance_for(shape: Patch | Model, percent: str) -> float:
+    """Return a percentage, such as ``"1%"``, of the diagonal of a shape's bounding box in model units."""
+    share = percentage(percent) / 100
+    size_resolution = 16  # of the mesh whose bounding box is meant
+    low, high = tessellate(shape, size_resolution, normals=False).bounds
+    diagonal = math.dist(low, high)
+    if diagonal == 0:
+        raise DomainError(f"tolerance: {percent} of the size of a single point is nothing")
+    return share * diagonal
 
 
 def refuse_too_many(cells: int, max_faces: int) -> None:

@@ -13,7 +13,7 @@ from gtb_cli.design.fit import fit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.language.loading import from_dict, parse
 from gtb_cli.language.writer import to_dict
-from gtb_cli.tessellation.shape import tessellate
+from gtb_cli.tessellation.tessellate import tessellate
 from tests.shell import gtb
 
 

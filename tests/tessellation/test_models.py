@@ -431,7 +431,7 @@ def test_a_hundred_random_closed_pairs_have_no_crack(seed):
     for number in range(100 if seed else 30):
         model = closed_pair(rng)
         sides = len(model.patches[0].domain.vertices)
-        joints = find_joints(model.patches)
+        joints = model.joints
         assert joints.closed
         assert len(joints.shared) == sides
         n = 1 + number % 4
@@ -442,11 +442,11 @@ def test_a_hundred_random_closed_pairs_have_no_crack(seed):
         assert cells.max() + 1 - len(edges) // 2 + len(cells) == 2
         if number % 25 == seed:
             assert max(gap(model, joint) for joint in joints.shared) < RANDOM_DIGITS * size(model)
-            mesh = tessellate(model, n, joints=joints)
+            mesh = tessellate(model, n)
             assert_closed(mesh)
             assert volume(mesh) > 0
     options = {"tolerance": 0.02 * size(model)} if seed < 3 else {"resolution": 5, "parametrization": "toric"}
-    assert_closed(tessellate(model, joints=joints, **options))
+    assert_closed(tessellate(model, **options))
 
 
 # Where two patches meet in more than one edge: bugs that were
