@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
 from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.language.document import place, read, shown
 from gtb_cli.language.reader import MAX_PATCHES
@@ -48,7 +48,7 @@ def read_geomdl(data: bytes, source: str) -> list[Patch]:
         for index, entry in enumerate(entries):
             path: Path = ("shape", "data", index)
             try:
-                patches += _curve(entry, path) if kind == "curve" else _surface(entry, path)
+                patches += _nurbs(entry, path, ("",) if kind == "curve" else ("_u", "_v")).spans(_name(entry))
             except DomainError as error:
                 raise _Fault(path, str(error)) from None
             if len(patches) > MAX_PATCHES:
@@ -61,20 +61,15 @@ def read_geomdl(data: bytes, source: str) -> list[Patch]:
         raise SpecError(f"{where}: {keys}{fault.message}") from None
 
 
-def _curve(entry: object, path: Path) -> list[Patch]:
-    degree = _whole(entry, path, "degree", MAX_DEGREE)
+def _nurbs(entry: object, path: Path, suffixes: tuple[str, ...]) -> Nurbs:
+    """Return a curve, whose keys have no suffixes, or a surface with `_u` and `_v`."""
+    degrees = [_whole(entry, path, f"degree{suffix}", MAX_DEGREE) for suffix in suffixes]
+    sizes = [_whole(entry, path, f"size{suffix}", MAX_CONTROL_POINTS) for suffix in suffixes if suffix]
     rows = _rows(entry, path)
-    return curve_spans(degree, _row(entry, path, "knotvector"), rows, _name(entry))
-
-
-def _surface(entry: object, path: Path) -> list[Patch]:
-    degrees = _whole(entry, path, "degree_u", MAX_DEGREE), _whole(entry, path, "degree_v", MAX_DEGREE)
-    sizes = _whole(entry, path, "size_u", MAX_CONTROL_POINTS), _whole(entry, path, "size_v", MAX_CONTROL_POINTS)
-    rows = _rows(entry, path)
-    if len(rows) != sizes[0] * sizes[1]:
+    if sizes and len(rows) != math.prod(sizes):
         raise _Fault((*path, "control_points"), f"expected {sizes[0]} × {sizes[1]} points, got {len(rows)}")
-    knots = _row(entry, path, "knotvector_u"), _row(entry, path, "knotvector_v")
-    return surface_spans(degrees, knots, rows.reshape(*sizes, 4), _name(entry))
+    knots = [_row(entry, path, f"knotvector{suffix}") for suffix in suffixes]
+    return Nurbs(degrees, knots, rows.reshape(*sizes or [len(rows)], 4))
 
 
 def _get(table: object, path: Path, key: str, kind: type[Any]) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, surface_spans
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import MAX_MAGNITUDE, NUMBER_PATTERN, SHOWN_CHARACTERS
 from gtb_cli.language.reader import MAX_PATCHES
@@ -188,8 +188,7 @@ def read_iges(data: bytes, source: str) -> Found:
         # The use flag is 05 for parameter space; a physically dependent curve (01, 03) belongs to something else.
         free = entity.use[:2] in ("00", "02") and entity.use[2:] != "05"
         if entity.kind == SURFACE or (entity.kind == CURVE and free):
-            read = _surface if entity.kind == SURFACE else _curve
-            spans, is_narrow = read(file, entity)
+            spans, is_narrow = _nurbs(file, entity)
             patches += spans
             narrow += is_narrow
             if len(patches) > MAX_PATCHES:
@@ -206,53 +205,34 @@ def read_iges(data: bytes, source: str) -> Found:
     return Found(patches, remarks)
 
 
-def _curve(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
+def _nurbs(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
+    """Return the patches of a B-spline, and whether its range of parameters is smaller than that of its knots."""
     values, line = file.numbers(entity)
-    k, degree = _counts(file, line, values, 1, "K, M of a curve")
-    rest = values[6:]
-    n = k + 1
-    _need(file, line, rest, (n + degree + 1) + 4 * n, "a curve")
-    knots, rest = np.array(rest[: n + degree + 1]), rest[n + degree + 1 :]
-    rows = _homogeneous(file, entity, rest, n)
-    try:
-        spans = curve_spans(degree, knots, rows, entity.name)
-    except DomainError as error:
-        raise file.fail(line, f"entity {CURVE}: {error}") from None
-    return spans, _is_narrow(rest[4 * n : 4 * n + 2], knots, degree, n)
-
-
-def _surface(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
-    values, line = file.numbers(entity)
-    k, l, p, q = _counts(file, line, values, 2, "K1, K2, M1, M2 of a surface")  # noqa: E741
-    rest = values[9:]
-    m, n = k + 1, l + 1
-    _need(file, line, rest, (m + p + 1) + (n + q + 1) + 4 * m * n, "a surface")
-    first, rest = np.array(rest[: m + p + 1]), rest[m + p + 1 :]
-    second, rest = np.array(rest[: n + q + 1]), rest[n + q + 1 :]
-    rows = _homogeneous(file, entity, rest, m * n)
-    try:
-        # The first index runs fastest.
-        spans = surface_spans((p, q), (first, second), rows.reshape(n, m, 4).transpose(1, 0, 2), entity.name)
-    except DomainError as error:
-        raise file.fail(line, f"entity {SURFACE}: {error}") from None
-    ranges = rest[4 * m * n : 4 * m * n + 4]
-    return spans, _is_narrow(ranges[:2], first, p, m) or _is_narrow(ranges[2:], second, q, n)
-
-
-def _counts(file: _File, line: int, values: list[float], dimension: int, what: str) -> tuple[int, ...]:
-    """The largest index of a control point in each direction, then the degrees."""
+    dimension, what = (2, "K1, K2, M1, M2 of a surface") if entity.kind == SURFACE else (1, "K, M of a curve")
     limits = [MAX_CONTROL_POINTS] * dimension + [MAX_DEGREE] * dimension
     if len(values) < len(limits):
         raise file.fail(line, f"expected {what}, got {len(values)} numbers")
     for value, limit in zip(values, limits, strict=False):
         if value != int(value) or not 1 <= value <= limit:
             raise file.fail(line, f"expected {what}, whole numbers from 1, got {value:g}")
-    return tuple(map(int, values[: len(limits)]))
-
-
-def _need(file: _File, line: int, values: list[float], count: int, what: str) -> None:
-    if len(values) < count:
-        raise file.fail(line, f"expected {count} numbers of {what}: knots, weights, points; got {len(values)}")
+    counts = [int(value) + 1 for value in values[:dimension]]
+    degrees = [int(value) for value in values[dimension : 2 * dimension]]
+    rest = values[9 if dimension == 2 else 6 :]  # after properties
+    lengths = [count + degree + 1 for count, degree in zip(counts, degrees, strict=True)]
+    total = math.prod(counts)
+    needed = sum(lengths) + 4 * total
+    if len(rest) < needed:
+        noun = what.rpartition("of ")[2]
+        raise file.fail(line, f"expected {needed} numbers of {noun}: knots, weights, points; got {len(rest)}")
+    knots = [np.array(rest[: lengths[0]]), np.array(rest[lengths[0] : sum(lengths)])][:dimension]
+    rows = _homogeneous(file, entity, rest[sum(lengths) :], total)
+    net = rows.reshape(*counts[::-1], 4).swapaxes(0, dimension - 1)  # the first index runs fastest
+    try:
+        spans = Nurbs(degrees, knots, net).spans(entity.name)
+    except DomainError as error:
+        raise file.fail(line, f"entity {entity.kind}: {error}") from None
+    ends = [rest[needed + 2 * k : needed + 2 * k + 2] for k in range(dimension)]
+    return spans, any(map(_is_narrow, ends, knots, degrees, counts))
 
 
 def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -> FloatArray:

@@ -6,6 +6,10 @@ values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boo
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
@@ -13,73 +17,63 @@ from gtb_cli.errors import DomainError
 from gtb_cli.imports.nets import MAX_DEGREE, curve, dehomogenized, rectangle
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
 
 MAX_CONTROL_POINTS = 100_000  # largest number of control points of a curve or surface
 
 
-def curve_spans(degree: int, knots: FloatArray, rows: FloatArray, name: str | None = None) -> list[Patch]:
-    """Return the Bézier curves of a NURBS curve, one for each span.
+@frozen
+class Nurbs:
+    """A NURBS curve or surface.
 
-    Parameters
+    Attributes
     ----------
-    degree : int
-    knots : (n + degree + 1,) float
+    degrees : sequence of one or two int
+    knots : sequence of one or two (m + degree + 1,) float
         Ascending; clamped or not.
-    rows : (n, 4) float
+    net : (m, 4) or (m, n, 4) float
         Homogeneous control points x w, y w, z w, w.
-    name : str, optional
-        Name of the curve; if there are several spans, their numbers follow it.
-
-    Raises
-    ------
-    DomainError
-        The knots do not fit or do not ascend, or a weight is not positive.
     """
-    matrices = span_matrices(degree, knots, len(rows))
-    patches = []
-    for i, (first, matrix) in enumerate(matrices):
-        points, weights = dehomogenized(matrix @ rows[first : first + degree + 1])
-        patches.append(curve(points, weights, _numbered(name, i, len(matrices))))
-    return patches
 
+    degrees: Sequence[int]
+    knots: Sequence[FloatArray]
+    net: FloatArray
 
-def surface_spans(
-    degrees: tuple[int, int],
-    knots: tuple[FloatArray, FloatArray],
-    net: FloatArray,
-    name: str | None = None,
-) -> list[Patch]:
-    """Return the Bézier rectangles of a NURBS surface, one for each pair of spans, as `curve_spans` does.
+    @property
+    def span_count(self) -> int:
+        """Number of patches of `spans`; raises the errors of knots that do not fit or do not ascend."""
+        return math.prod(map(len, map(span_numbers, self.degrees, self.knots, self.net.shape)))
 
-    Parameters
-    ----------
-    degrees : tuple of int
-    knots : tuple of (m + degrees[0] + 1,), (n + degrees[1] + 1,) float
-    net : (m, n, 4) float
-        Homogeneous control points.
-    name : str, optional
-    """
-    m, n = net.shape[:2]
-    first, second = (
-        span_matrices(degree, row, count) for degree, row, count in zip(degrees, knots, (m, n), strict=True)
-    )
-    total = len(first) * len(second)
-    if total > MAX_PATCHES:
-        raise DomainError(f"has {total} spans, a model has at most {MAX_PATCHES} patches")
-    patches: list[Patch] = []
-    for i, left in first:
-        for j, right in second:
-            part = net[i : i + degrees[0] + 1, j : j + degrees[1] + 1]
-            rows = np.einsum("ai,ijk,bj->abk", left, part, right)
+    def spans(self, name: str | None = None) -> list[Patch]:
+        """Return the Bézier curves, one for each span, or the Bézier rectangles, one for each pair of spans.
+
+        Parameters
+        ----------
+        name : str, optional
+            Name of the whole; if there are several spans, their numbers follow it.
+
+        Raises
+        ------
+        DomainError
+            The knots do not fit or do not ascend, a weight is not positive, or there are too many spans.
+        """
+        total = self.span_count
+        if total > MAX_PATCHES:
+            raise DomainError(f"has {total} spans, a model has at most {MAX_PATCHES} patches")
+        patches: list[Patch] = []
+        for pieces in itertools.product(*map(span_matrices, self.degrees, self.knots, self.net.shape)):
+            part = self.net[tuple(slice(first, first + len(matrix)) for first, matrix in pieces)]
+            matrices = [matrix for _, matrix in pieces]
+            rows = matrices[0] @ part if part.ndim == 2 else np.einsum("ai,ijk,bj->abk", matrices[0], part, matrices[1])
             points, weights = dehomogenized(rows.reshape(-1, 4))
-            shape = degrees[0] + 1, degrees[1] + 1
-            label = _numbered(name, len(patches), total)
-            patches.append(rectangle(points.reshape(*shape, 3), weights.reshape(shape), label))
-    return patches
+            make, shape = (curve if rows.ndim == 2 else rectangle), rows.shape[:-1]
+            label = name if total == 1 or name is None else f"{name}-{len(patches)}"
+            patches.append(make(points.reshape(*shape, 3), weights.reshape(shape), label))
+        return patches
 
 
 def span_numbers(degree: int, knots: FloatArray, count: int) -> IntArray:
-    """Numbers k of the spans [t_k, t_{k+1}] of a B-spline basis that are not empty; refuse any other knots."""
+    """Return the numbers k of the spans [t_k, t_{k+1}] that are not empty; refuse knots that are not a B-spline's."""
     min_span = 1e-12  # spans shorter than this fraction of all are ignored: their knots were meant to be equal
     if not 1 <= degree <= MAX_DEGREE:
         raise DomainError(f"degree: expected 1 to {MAX_DEGREE}, got {degree}")
@@ -131,7 +125,3 @@ def _bezier_points(degree: int, knots: FloatArray, k: int) -> FloatArray:
                 table[i] = (1 - share) * table[i - 1] + share * table[i]
         rows.append(table[degree])
     return np.array(rows)
-
-
-def _numbered(name: str | None, index: int, count: int) -> str | None:
-    return name if count == 1 or name is None else f"{name}-{index}"

@@ -6,7 +6,6 @@ McNeel's own library, which is an extra of this package, reads the format in a s
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,16 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports import rhino_process
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, curve_spans, span_numbers, surface_spans
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
 from gtb_cli.imports.readers import Found
 from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
-from gtb_cli.values import frozen
 
 # Seconds after which the process is stopped: it may only wait, or the system may not limit its processor time
 PATIENCE_SECONDS = 60.0
@@ -39,7 +36,7 @@ def read_3dm(data: bytes, source: str) -> Found:
         The extra is missing, or the file is not valid.
     """
     *objects, last = _objects(data, source)
-    nets: list[tuple[int, str | None, _Net]] = []
+    nets: list[tuple[int, str | None, Nurbs]] = []
     count = others = trimmed = 0
     # All spans are counted before one is made a patch, which takes far longer.
     for index, entry in enumerate(objects):
@@ -49,7 +46,7 @@ def read_3dm(data: bytes, source: str) -> Found:
         trimmed += entry["trimmed"]
         with _about(source, index):
             for face, form in enumerate(forms):
-                net = _Net.of(form)
+                net = _nurbs(form)
                 nets.append((index, name if len(forms) == 1 or name is None else f"{name}-{face}", net))
                 count += net.span_count
         if count > MAX_PATCHES:
@@ -99,41 +96,15 @@ def _about(source: str, index: int) -> Iterator[None]:
         raise SpecError(f"{source}: objects[{index}]: {error}") from None
 
 
-@frozen
-class _Net:
-    """A NURBS curve, or surface, with one or two degrees, rows of knots and counts of control points."""
-
-    degrees: list[int]
-    knots: list[FloatArray]
-    counts: list[int]
-    rows: FloatArray
-
-    @staticmethod
-    def of(form: dict[str, Any]) -> _Net:
-        """The net that the process has printed."""
-        counts = form["counts"]
-        if not form["rows"]:
-            raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
-        rows = np.array(form["rows"])
-        knots = [_knots(row) for row in form["knots"]]
-        for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
-            if not (np.abs(values) <= MAX_MAGNITUDE).all():
-                raise DomainError(f"{what}: expected numbers up to {MAX_MAGNITUDE:g}")
-        return _Net(form["degrees"], knots, counts, rows)
-
-    @property
-    def span_count(self) -> int:
-        """The number of patches."""
-        return math.prod(map(len, map(span_numbers, self.degrees, self.knots, self.counts)))
-
-    def spans(self, name: str | None) -> list[Patch]:
-        """The Bézier patches."""
-        if len(self.counts) == 1:
-            return curve_spans(self.degrees[0], self.knots[0], self.rows, name)
-        (p, q), (first, second) = self.degrees, self.knots
-        return surface_spans((p, q), (first, second), self.rows.reshape(*self.counts, 4), name)
-
-
-def _knots(values: list[float]) -> FloatArray:
-    """Add the first and the last knot, which have no effect and which this format leaves out."""
-    return np.array([*values[:1], *values, *values[-1:]])
+def _nurbs(form: dict[str, Any]) -> Nurbs:
+    """Return the curve or surface that the process has printed."""
+    counts = form["counts"]
+    if not form["rows"]:
+        raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
+    rows = np.array(form["rows"])
+    # This format leaves out the first and the last knot, which have no effect.
+    knots = [np.array([*row[:1], *row, *row[-1:]]) for row in form["knots"]]
+    for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
+        if not (np.abs(values) <= MAX_MAGNITUDE).all():
+            raise DomainError(f"{what}: expected numbers up to {MAX_MAGNITUDE:g}")
+    return Nurbs(form["degrees"], knots, rows.reshape(*counts, 4))

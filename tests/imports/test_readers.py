@@ -11,7 +11,7 @@ import pytest
 
 from gtb_cli.design.sides import bernstein
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.imports.nurbs import curve_spans, span_matrices
+from gtb_cli.imports.nurbs import Nurbs, span_matrices
 from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reader import MAX_PATCHES
@@ -124,7 +124,7 @@ def test_nurbs_curves_are_their_spans() -> None:
 def test_unclamped_and_repeated_knots() -> None:
     knots = [Fraction(k) for k in (0, 1, 2, 3, 3, 4, 6, 7, 9)]
     rows = np.array([[i, i * i % 5, 0, 1] for i in range(5)], dtype=float)
-    spans = curve_spans(3, np.array(knots, dtype=float), rows)
+    spans = Nurbs([3], [np.array(knots, dtype=float)], rows).spans()
     assert len(spans) == 1
     for a, _ in PLACES:
         t = 3 + a

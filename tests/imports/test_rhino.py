@@ -105,7 +105,7 @@ def test_too_many_spans_are_counted_before_one_is_made_a_patch(tmp_path: Path, m
     form = {"degrees": [1], "counts": [8001], "knots": [list(range(8001))], "rows": [[k, 0, 0, 1] for k in range(8001)]}
     line = f"line = {json.dumps({'name': '', 'trimmed': False, 'forms': [form]})!r}"
     process(tmp_path, monkeypatch, run=f"{line}; print(line); print(line); print(line); print('{{}}')")
-    monkeypatch.setattr(rhino, "curve_spans", None)
+    monkeypatch.setattr(rhino.Nurbs, "spans", None)
     with pytest.raises(SpecError, match=r"^x\.3dm: objects\[2\]: here the model has more than 20000 patches"):
         import_file("x.3dm", small_file())
 
