@@ -14,7 +14,7 @@ from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write
 
 if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
-    from gtb_cli.design.sides import Side
+    from gtb_cli.design.sides import HoleSide
     from gtb_cli.language.scanner import Format
 
 CORNER_ANGLE = 0.1
@@ -74,19 +74,17 @@ def fill(
 
     source = shown_input(loop)
     if spec_format is None and os.path.splitext(loop)[1].lower() in SUFFIXES:
-        found: list[Side] | Model = loop_from_text(read_bytes(loop, MAX_LOOP_BYTES + 1), source)
+        found: list[HoleSide] | Model = loop_from_text(read_bytes(loop, MAX_LOOP_BYTES + 1), source)
     else:
         found = loop_or_model(read_bytes(loop, MAX_BYTES + 1), source, spec_format or spec_format_of(loop))
     with about(source):
         if isinstance(found, Model):
-            model, filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
-            text = dump(model)
+            filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
         elif hole is not None:
             raise click.UsageError("--hole names an edge of a model of surfaces, and this is a loop of curves")
         else:
             filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=stem_of(loop))
-            text = dump(filling.patch)
-    write_text(output, text)
+    write_text(output, dump(filling.model or filling.patch))
     _report(filling, console)
 
 

@@ -18,8 +18,9 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.design.net import Net, net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
-    Side,
+    HoleSide,
     binomials,
+    edge_normals,
     loop,
     points_and_tangents,
     side_normals,
@@ -34,7 +35,6 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.moment.torus import exponents, shares
-from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -48,7 +48,7 @@ class Filling:
     Attributes
     ----------
     patch : Patch
-    sides : tuple of Side
+    sides : tuple of HoleSide
         In the order of the patch's edges.
     energy : float
         The energy that was minimised, in units of length².
@@ -68,7 +68,7 @@ class Filling:
     """
 
     patch: Patch
-    sides: tuple[Side, ...]
+    sides: tuple[HoleSide, ...]
     energy: float
     angle: float
     corner_angles: FloatArray
@@ -83,7 +83,7 @@ class Filling:
 
 
 def fill(
-    sides: Sequence[Side],
+    sides: Sequence[HoleSide],
     *,
     inner: str = "fair",
     fullness: float = 1.0,
@@ -94,7 +94,7 @@ def fill(
 
     Parameters
     ----------
-    sides : sequence of Side
+    sides : sequence of HoleSide
         Sides in any order, with ends that meet.
     inner, fullness
         See `gtb_cli.design.filling.fill`.
@@ -178,7 +178,7 @@ class _Attempt(NamedTuple):
 
 
 def _attempt(
-    sides: Sequence[Side],
+    sides: Sequence[HoleSide],
     normals: Sequence[FloatArray | None],
     least: int,
     fewer: bool,
@@ -195,15 +195,15 @@ def _attempt(
     return _Attempt(shape, patch, value, tuple(times), *_folds(patch), turned)
 
 
-def _frame(sides: Sequence[Side]) -> tuple[FloatArray, float]:
+def _frame(sides: Sequence[HoleSide]) -> tuple[FloatArray, float]:
     points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
     return (points.min(axis=0) + points.max(axis=0)) / 2, size_of(sides)
 
 
-def _moved(side: Side, middle: FloatArray, size: float) -> Side:
+def _moved(side: HoleSide, middle: FloatArray, size: float) -> HoleSide:
     """Give a side's points in units of the loop's size, from its middle."""
     weights = side.curve[:, 3:]
-    return Side(side.name, np.column_stack([(side.curve[:, :3] - weights * middle) / size, weights]), side.across)
+    return HoleSide(side.name, np.column_stack([(side.curve[:, :3] - weights * middle) / size, weights]), side.across)
 
 
 def _solved(
@@ -248,7 +248,7 @@ def _length(curve: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def _with_exact_corners(patch: Patch, sides: Sequence[Side]) -> Patch:
+def _with_exact_corners(patch: Patch, sides: Sequence[HoleSide]) -> Patch:
     points = patch.control_points.copy()
     points[: len(sides)] = [side.ends[0] for side in sides]
     return patch.replace(control_points=points)
@@ -289,27 +289,13 @@ def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
     corner_width = 0.02  # parameters as near to the ends belong to corners
     t = stations()
     away = (t > corner_width) & (t < 1 - corner_width)
-    # The Bézier parameter t has the torus coordinate log(t / (1 − t)), divided by the step.
-    shape = patch.domain
-    edge = _edge_from(patch, side)
-    face = shape.faces.edge(edge)
-    along = shape.along(edge, patch.knots[face.knots])
-    step = float(along.max()) / (len(along) - 1)
-    s = (np.log(t[away] / (1 - t[away])) / step)[None]
-    where = Location(
-        np.arange(s.shape[1]), face, face_knots(shape, face), s, np.ones((len(shape.vertices), s.shape[1]))
-    )
-    found = patch.normals_at([where], s.shape[1])
+    corner = patch.domain.vertices - patch.knots[side]
+    found = edge_normals(patch, int(np.abs(corner).sum(axis=1).argmin()), t[away])
     sine = np.linalg.norm(np.cross(found, normals[away]), axis=1)
     return float(np.degrees(np.arctan2(sine, (found * normals[away]).sum(axis=1))).max())
 
 
-def _edge_from(patch: Patch, corner: int) -> int:
-    """Return the number of the edge of Δ that begins at a corner knot."""
-    return int(np.abs(patch.domain.vertices - patch.knots[corner]).sum(axis=1).argmin())
-
-
-def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> FloatArray:
+def _corner_angles(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
     """Return the angles between the planes of neighbouring sides at their common ends, to first order in stations."""
     angles = []
     for k in range(len(sides)):
@@ -322,7 +308,7 @@ def _corner_angles(sides: Sequence[Side], normals: Sequence[FloatArray | None]) 
     return np.array(angles)
 
 
-def _turning_planes(sides: Sequence[Side], normals: Sequence[FloatArray | None]) -> list[str]:
+def _turning_planes(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> list[str]:
     """Name the sides whose planes turn so far that the patch can hardly follow."""
     max_turn = 90.0  # a patch that follows planes further faces the other way, and then back
     turns = [0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in normals]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
@@ -13,7 +12,7 @@ from gtb_cli.design.fill import Filling
 from gtb_cli.design.fill import fill as fill_sides
 from gtb_cli.design.holes import fill_hole
 from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
-from gtb_cli.design.sides import Side, curve_side
+from gtb_cli.design.sides import HoleSide, curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
@@ -63,14 +62,13 @@ def fill(
     """
     found = read_loop(loop) if not isinstance(loop, Model) else loop if loop.dimension == 2 else _sides(loop, ribbons)
     if isinstance(found, Model):
-        model, filling = fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
-        return replace(filling, model=model)
+        return fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
     if hole is not None:
         raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
     return fill_sides(found, inner=inner, fullness=fullness, raises=raises, name=name)
 
 
-def read_loop(path: str | os.PathLike[str]) -> list[Side] | Model:
+def read_loop(path: str | os.PathLike[str]) -> list[HoleSide] | Model:
     """Read a loop or a model from a file, by its suffix.
 
     Raises
@@ -87,7 +85,7 @@ def read_loop(path: str | os.PathLike[str]) -> list[Side] | Model:
     return loop_or_model(data, source, kind)
 
 
-def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[Side]:
+def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[HoleSide]:
     rows = [None] * len(loop) if ribbons is None else list(ribbons)
     if len(rows) != len(loop):
         raise DomainError(f"ribbons: expected {len(loop)}, one for each curve or None, got {len(rows)}")

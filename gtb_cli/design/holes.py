@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.design.fill import Filling, fill
-from gtb_cli.design.sides import MAX_GAP, STEP_TOLERANCE, Side, bezier_form, points_and_tangents, stations
+from gtb_cli.design.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 
-@dataclass(frozen=True)
-class Ring:
-    """Open edges that follow each other around a hole.
-
-    Attributes
-    ----------
-    edges : tuple of EdgeRef
-    """
-
-    edges: tuple[EdgeRef, ...]
-
-
-def rings(model: Model) -> list[Ring]:
-    """Find the closed rings of a model's open edges; edges that lead nowhere are left out.
+def rings(model: Model) -> list[tuple[EdgeRef, ...]]:
+    """Find the closed rings of a model's open edges, which follow each other; edges that lead nowhere are left out.
 
     Raises
     ------
@@ -57,11 +44,11 @@ def rings(model: Model) -> list[Ring]:
             chain.append(following[0])
             _, end = left.pop(following[0])
         if np.linalg.norm(end - start) <= gap:
-            found.append(Ring(tuple(chain)))
+            found.append(tuple(chain))
     return found
 
 
-def ring_of(model: Model, edge: str | None) -> Ring:
+def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
     """Return the ring that contains an edge, named such as ``wall-0 edge 2``; without a name, the only ring.
 
     Raises
@@ -70,7 +57,7 @@ def ring_of(model: Model, edge: str | None) -> Ring:
         There is no such ring, or there are several and no edge is named.
     """
     found = rings(model)
-    names = [[edge_name(model.patches, ref) for ref in ring.edges] for ring in found]
+    names = [[edge_name(model.patches, ref) for ref in ring] for ring in found]
     if edge is not None:
         for ring, members in zip(found, names, strict=True):
             if edge in members:
@@ -85,7 +72,7 @@ def ring_of(model: Model, edge: str | None) -> Ring:
     return found[0]
 
 
-def ring_sides(model: Model, ring: Ring) -> list[Side]:
+def ring_sides(model: Model, ring: Sequence[EdgeRef]) -> list[HoleSide]:
     """Return the sides of a hole, in the direction that gives its patch the orientation of its neighbours.
 
     Raises
@@ -94,11 +81,11 @@ def ring_sides(model: Model, ring: Ring) -> list[Side]:
         An edge is not a rational Bézier curve.
     """
     sides = []
-    for patch_index, edge in ring.edges:
+    for patch_index, edge in ring:
         patch = model.patches[patch_index]
         name = edge_name(model.patches, (patch_index, edge))
         (curve,) = bezier_form(patch.boundary(edge), (), name)
-        side = Side(name, curve, _outwards(patch, edge, curve))
+        side = HoleSide(name, curve, _outwards(patch, edge, curve))
         # The hole's boundary runs in the opposite direction to that of the patch.
         sides.append(side if model.joints.flipped[patch_index] else side.reversed())
     return sides
@@ -115,19 +102,7 @@ def _ends(model: Model, ref: EdgeRef, flipped: bool) -> tuple[FloatArray, FloatA
 def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
     """Return directions in a patch's tangent planes across an edge, out of the patch; None if it has no normals."""
     t = stations()
-    shape = patch.domain
-    face = shape.faces.edge(edge)
-    along = face_knots(shape, face)[:, 0]
-    logs = patch.log_products[face.knots]
-    # The torus coordinate of the Bézier parameter; the Bézier curve has weight 1 at both ends.
-    low, high = along == along.min(), along == along.max()
-    tilt = float(np.logaddexp.reduce(logs[high]) - np.logaddexp.reduce(logs[low]))
-    length = float(np.ptp(along))
-    steps = bezier_degree(along - along.min(), STEP_TOLERANCE * length)
-    assert steps is not None, "the edge has a Bézier form"
-    s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
-    where = Location(np.arange(len(t)), face, face_knots(shape, face), s, np.ones((len(shape.vertices), len(t))))
-    normals = patch.normals_at([where], len(t))
+    normals = edge_normals(patch, edge, t)
     if not np.isfinite(normals).all():
         return None
     _, tangents = points_and_tangents(curve, t)
@@ -142,7 +117,7 @@ def fill_hole(
     fullness: float = 1.0,
     raises: int | None = None,
     name: str = "hole",
-) -> tuple[Model, Filling]:
+) -> Filling:
     """Fill an open ring of a model with one patch that touches its neighbours' tangent planes.
 
     Parameters
@@ -160,8 +135,8 @@ def fill_hole(
 
     Returns
     -------
-    tuple of (Model, Filling)
-        The model with the patch; the others stay as they are.
+    Filling
+        Its `model` has the patch; the others stay as they are.
 
     Raises
     ------
@@ -175,11 +150,6 @@ def fill_hole(
     filling = fill(sides, inner=inner, fullness=fullness, raises=raises, name=unique)
     whole = model.replace(patches=(*model.patches, filling.patch))
     remarks = filling.remarks
-    if loose := _loose(whole):
+    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(model)]:
         remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
-    return whole, replace(filling, remarks=remarks)
-
-
-def _loose(model: Model) -> list[str]:
-    """Return the names of the edges of the last patch that no other patch shares."""
-    return [edge_name(model.patches, ref) for ref in model.joints.open if ref[0] == len(model) - 1]
+    return replace(filling, remarks=remarks, model=whole)

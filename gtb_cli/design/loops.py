@@ -6,7 +6,7 @@ import os
 
 import numpy as np
 
-from gtb_cli.design.sides import MAX_DEGREE, Side, curve_side, ribbon_field
+from gtb_cli.design.sides import MAX_DEGREE, HoleSide, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import span_matrices
 from gtb_cli.imports.words import Words
@@ -22,7 +22,7 @@ MAX_LOOP_BYTES = 1_000_000  # a loop of 24 sides of degree 20 needs a tenth of i
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def loop_from_text(data: bytes, source: str) -> list[Side]:
+def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
     """Read a `.gbp` or `.lop` file, by its suffix.
 
     Raises
@@ -38,7 +38,7 @@ def loop_from_text(data: bytes, source: str) -> list[Side]:
     return sides
 
 
-def _gbp(words: Words) -> list[Side]:
+def _gbp(words: Words) -> list[HoleSide]:
     """Read sides and ribbons of a generalized Bézier patch, its two outer layers; skip the centre and inner layers.
 
     Layer l has d − 2 l points for each side: those of row l that do not belong to the next side.
@@ -58,13 +58,13 @@ def _gbp(words: Words) -> list[Side]:
         curve = np.vstack([first[k], first[following, :1]])
         ribbon = np.vstack([first[k - 1, -1:], second[k], second[following, :1], first[following, 1:2]])
         points, row = (np.column_stack([part, np.ones(len(part))]) for part in (curve, ribbon))
-        sides.append(Side(f"side {k}", points, ribbon_field(points, row)))
+        sides.append(HoleSide(f"side {k}", points, ribbon_field(points, row)))
     return sides
 
 
-def _lop(words: Words) -> list[Side]:
+def _lop(words: Words) -> list[HoleSide]:
     """Read the sides of a loop of B-spline curves; each polynomial piece of a curve becomes a side."""
-    sides: list[Side] = []
+    sides: list[HoleSide] = []
     for k in range(words.whole("the number of curves", 1, MAX_CURVES)):
         line = words.line
         degree = words.whole(f"the degree of curve {k}", 1, MAX_DEGREE)
@@ -81,11 +81,11 @@ def _lop(words: Words) -> list[Side]:
         for i, (first, matrix) in enumerate(spans):
             name = f"side {k}" if len(spans) == 1 else f"side {k} piece {i}"
             piece = matrix @ points[first : first + degree + 1]
-            sides.append(Side(name, np.column_stack([piece, np.ones(len(piece))])))
+            sides.append(HoleSide(name, np.column_stack([piece, np.ones(len(piece))])))
     return sides
 
 
-def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[Side] | Model:
+def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
     """Read a spec: curves are the sides of a loop, each with its `ribbon` if it has one; surfaces are a model.
 
     Raises

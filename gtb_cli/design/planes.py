@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.sides import Side, bernstein, points_and_tangents, raised, stations
+from gtb_cli.design.sides import HoleSide, bernstein, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError
 
 MIN_CROSSING = 1e-3  # of the mean length of a field: its component across an edge that it crosses
@@ -18,7 +18,7 @@ Field: TypeAlias = "list[FloatArray] | None"
 
 
 def row_fields(
-    sides: Sequence[Side], normals: Sequence[FloatArray | None], least: int
+    sides: Sequence[HoleSide], normals: Sequence[FloatArray | None], least: int
 ) -> tuple[list[FloatArray], list[Field], list[int]]:
     """Return each side's curve with its degree raised, the fields for its row, and the number of raises."""
     edges: list[FloatArray] = []
@@ -37,7 +37,7 @@ def row_fields(
     return edges, fields, times
 
 
-def _multiplications(side: Side, least: int) -> range:
+def _multiplications(side: HoleSide, least: int) -> range:
     """Return how often a side may be multiplied, so that its degree is raised by at least `least`."""
     max_raises = 6  # to find a field that crosses the edge and is exact
     step = len(side.multiplier) - 1
@@ -45,7 +45,7 @@ def _multiplications(side: Side, least: int) -> range:
     return range(first, max(first, (least + max_raises) // step) + 1)
 
 
-def _touching(side: Side, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
+def _touching(side: HoleSide, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:
     """Return fields tangent to the planes: exact ones with the fewest raises, or approximate ones if none is exact."""
     # Normal component relative to the field: the rounding of sums of some dozen terms; or, if no field is exact, 0.2
     # degrees, and a message gives the angle.
@@ -86,7 +86,7 @@ def _crosses(field: list[FloatArray], values: FloatArray, inward: FloatArray) ->
     return bool(found.min() > MIN_CROSSING)
 
 
-def nearest_field(field: Field, side: Side, normals: FloatArray | None) -> Field:
+def nearest_field(field: Field, side: HoleSide, normals: FloatArray | None) -> Field:
     """Return the single field nearest to the given directions across, with length 1."""
     if normals is None or side.across is None or not field:
         return field

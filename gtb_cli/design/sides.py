@@ -11,6 +11,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.pieces import bezier_degree
 from gtb_cli.errors import DomainError
+from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -25,7 +26,7 @@ POINT_SIZE = 1e-9  # of the loop's size: a side as small is a point
 
 
 @frozen
-class Side:
+class HoleSide:
     """One side of a hole.
 
     Attributes
@@ -64,7 +65,7 @@ class Side:
         weights = self.curve[:, 3]
         return weights if np.ptp(weights) > polynomial_spread * weights.max() else np.ones(2)
 
-    def reversed(self) -> Side:
+    def reversed(self) -> HoleSide:
         """Run through the side from its other end; the hole stays on the same side of it."""
         return replace(self, curve=self.curve[::-1], across=None if self.across is None else self.across[::-1])
 
@@ -112,7 +113,7 @@ def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, F
     return points, np.asarray(rate[:, :3] - points * rate[:, 3:])
 
 
-def side_normals(side: Side) -> FloatArray:
+def side_normals(side: HoleSide) -> FloatArray:
     """Return (96, 3) unit normals tangent × across.
 
     Raises
@@ -190,11 +191,28 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     return tuple(table / factors for table in found)
 
 
+def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
+    """Return (m, 3) unit normals of a surface at (m,) Bézier parameters in (0, 1) of an edge; NaN where it has none.
+
+    The torus coordinate is log(t / (1 − t)), divided by the step of the knots, up to the factor that gives both ends of
+    the Bézier form the weight 1.
+    """
+    shape, face = patch.domain, patch.domain.faces.edge(edge)
+    along = face_knots(shape, face)[:, 0]
+    length, logs = float(np.ptp(along)), patch.log_products[face.knots]
+    steps = bezier_degree(along - along.min(), STEP_TOLERANCE * length)
+    assert steps is not None, "the edge has a Bézier form"
+    tilt = _end_log(logs, along == along.max()) - _end_log(logs, along == along.min())
+    s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
+    where = Location(np.arange(len(t)), face, along[:, None], s, np.ones((len(shape.vertices), len(t))))
+    return patch.normals_at([where], len(t))
+
+
 def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
     return float(np.logaddexp.reduce(logs[np.asarray(members, dtype=bool)]))
 
 
-def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
+def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> HoleSide:
     """Make a side from a curve patch and, if there is one, the second row of control points.
 
     Raises
@@ -206,9 +224,9 @@ def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> Side:
         raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
     if ribbon is None:
         (points,) = bezier_form(curve, (), name)
-        return Side(name, points)
+        return HoleSide(name, points)
     points, second = bezier_form(curve, (ribbon,), name)
-    return Side(name, points, ribbon_field(points, second))
+    return HoleSide(name, points, ribbon_field(points, second))
 
 
 def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
@@ -218,13 +236,13 @@ def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])
 
 
-def size_of(sides: Sequence[Side]) -> float:
+def size_of(sides: Sequence[HoleSide]) -> float:
     """Return the largest extent of the sides' control points."""
     points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
     return float(np.ptp(points, axis=0).max())
 
 
-def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
+def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding.
 
     Returns
@@ -273,7 +291,7 @@ def loop(sides: Sequence[Side]) -> tuple[tuple[Side, ...], list[str]]:
     return _closed(tuple(chain), size, remarks), remarks
 
 
-def _closed(chain: tuple[Side, ...], size: float, remarks: list[str]) -> tuple[Side, ...]:
+def _closed(chain: tuple[HoleSide, ...], size: float, remarks: list[str]) -> tuple[HoleSide, ...]:
     """Let each side begin exactly where the one before ends, halfway between the two ends."""
     curves = [side.curve.copy() for side in chain]
     worst = 0.0

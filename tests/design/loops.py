@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gtb_cli.design.sides import Side, raised, ribbon_field
+from gtb_cli.design.sides import HoleSide, raised, ribbon_field
 
 ARC = np.array([[1.0, 0, 0, 1], [math.sqrt(0.5), math.sqrt(0.5), 0, math.sqrt(0.5)], [0, 1, 0, 1]])
 """A quarter of a circle, in homogeneous coordinates."""
@@ -19,7 +19,7 @@ def homogeneous(points: np.ndarray, weights: np.ndarray | None = None) -> np.nda
 
 def random_sides(
     n: int, seed: int, degrees: tuple[int, int] = (1, 6), rational: bool = False, noise: float = 0.08
-) -> list[Side]:
+) -> list[HoleSide]:
     """A closed loop of curves of different degrees, with ribbons that agree at the corners."""
     rng = np.random.default_rng([n, seed])
     angles = (np.arange(n) + 0.5 * rng.random(n)) * 2 * np.pi / n
@@ -41,5 +41,5 @@ def random_sides(
         ribbon += 0.375 * noise * rng.normal(size=ribbon.shape)
         ribbon[0], ribbon[-1] = before[-2], after[1]
         curve, row = homogeneous(points, weights), homogeneous(ribbon, weights)
-        sides.append(Side(f"side {k}", curve, ribbon_field(curve, row)))
+        sides.append(HoleSide(f"side {k}", curve, ribbon_field(curve, row)))
     return sides

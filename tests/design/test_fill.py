@@ -11,7 +11,7 @@ import pytest
 from gtb_cli.design.fill import Filling, _folds, fill
 from gtb_cli.design.holes import fill_hole, rings
 from gtb_cli.design.loops import loop_from_text, loop_or_model
-from gtb_cli.design.sides import Side, bezier_form, curve_side, points_and_tangents, raised, stations
+from gtb_cli.design.sides import HoleSide, bezier_form, curve_side, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy
 from gtb_cli.language.loading import parse
@@ -36,7 +36,9 @@ def exact(values: np.ndarray) -> list:
     return [CONTEXT.mpf(float(x)) for x in values]
 
 
-def exact_angles(filling: Filling, sides: list[Side], places: tuple[float, ...] = (0.05, 0.3, 0.5, 0.8)) -> list[float]:
+def exact_angles(
+    filling: Filling, sides: list[HoleSide], places: tuple[float, ...] = (0.05, 0.3, 0.5, 0.8)
+) -> list[float]:
     """Angles in degrees, at 50 digits, between tangent × row of the patch and tangent × field of the sides."""
     patch = filling.patch
     shape = patch.domain
@@ -82,7 +84,7 @@ def _cross(a, b):
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def assert_fills(filling: Filling, sides: list[Side]) -> None:
+def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert filling.folds == 0
     assert filling.angle < PLANES
     assert max(exact_angles(filling, sides)) < PLANES
@@ -156,7 +158,7 @@ def test_at_corners_the_normal_is_that_of_the_sides():
 
 def test_corners_where_ribbons_disagree_are_said(tmp_path):
     sides = random_sides(4, 4, (2, 3))
-    turned = Side("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
+    turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
     filling = fill([turned, *sides[1:]])
     assert filling.angle < PLANES
     assert filling.corner_angles[0] > 5
@@ -171,7 +173,7 @@ def test_any_size_and_place(scale, shift):
     for side in plain:
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
-        moved.append(Side(side.name, curve, side.across * scale))
+        moved.append(HoleSide(side.name, curve, side.across * scale))
     one, other = fill(plain).patch, fill(moved).patch
     np.testing.assert_allclose((other.control_points - shift) / scale, one.control_points, atol=1e-6 if shift else 1e-9)
 
@@ -187,7 +189,7 @@ def test_the_order_and_direction_of_sides_do_not_matter():
 @long
 def test_sides_without_ribbons_are_met():
     sides = random_sides(5, 7)
-    bare = [Side(side.name, side.curve) for side in sides]
+    bare = [HoleSide(side.name, side.curve) for side in sides]
     filling = fill(bare)
     assert math.isnan(filling.angle)
     mixed = fill([bare[0], *sides[1:]])
@@ -199,7 +201,7 @@ def test_a_sphere_is_filled_nearly_as_a_sphere():
     """Three quarters of great circles with the sphere's tangent planes: the inside is an octant to a per cent."""
     turns = [np.roll(np.eye(3), k, axis=1) for k in range(3)]
     sides = [
-        Side(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
+        HoleSide(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
         for k, turn in enumerate(turns)
     ]
     filling = fill(sides, raises=2)
@@ -234,7 +236,7 @@ def test_fullness_goes_on_along_the_planes():
         ([*random_sides(4, 0)[:2], random_sides(4, 1)[2], random_sides(4, 0)[3]], "is not closed"),
         (random_sides(26, 0, (1, 1)), "has 26 sides, at most 24"),
         (
-            [Side("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
+            [HoleSide("side 0", random_sides(3, 0)[0].curve, np.zeros((96, 3))), *random_sides(3, 0)[1:]],
             "side 0: the ribbon's distance from the curve vanishes",
         ),
     ],
@@ -248,7 +250,7 @@ def test_a_parallel_ribbon_spans_no_plane():
     sides = random_sides(3, 0)
     _, tangents = points_and_tangents(sides[0].curve, stations())
     with pytest.raises(DomainError, match="parallel to the curve"):
-        fill([Side("side 0", sides[0].curve, tangents), *sides[1:]])
+        fill([HoleSide("side 0", sides[0].curve, tangents), *sides[1:]])
 
 
 @pytest.mark.parametrize("options", [{"inner": "x"}, {"fullness": 0}, {"fullness": math.nan}, {"raises": -1}])
@@ -260,7 +262,7 @@ def test_options_that_make_no_sense(options):
 def test_a_side_that_is_a_point_is_left_out():
     sides = random_sides(4, 9)
     corner = sides[2].ends[0]
-    point = Side("tip", homogeneous(np.tile(corner, (4, 1))))
+    point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
     filling = fill([*sides[:2], point, *sides[2:]])
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
@@ -272,7 +274,7 @@ def test_a_side_that_is_a_point_is_left_out():
 @pytest.mark.parametrize("weights", [[1, 0.3, 2, 1], [1, 1, 1, 1]])
 def test_a_raised_curve_keeps_its_points_at_the_same_fractions(weights):
     points = homogeneous(np.random.default_rng(3).normal(size=(4, 3)), np.array(weights, dtype=float))
-    side = Side("side", points)
+    side = HoleSide("side", points)
     curves = []
     for form in (points, raised(points, 2, side.multiplier)):
         degree = len(form) - 1
@@ -446,12 +448,12 @@ BY_HAND = 974.65
 
 def test_the_corner_of_a_box_is_what_fill_makes_and_fairer_than_by_hand(box):
     kept, rest = box.patches[0], Model(box.patches[1:])
-    assert [len(ring.edges) for ring in rings(rest)] == [6, 6]
-    filled, filling = fill_hole(rest, "rounding-x edge 0", raises=0)
+    assert [len(ring) for ring in rings(rest)] == [6, 6]
+    filling = fill_hole(rest, "rounding-x edge 0", raises=0)
     assert filling.angle < PLANES
     assert filling.folds == 0
-    assert filled.patches[:-1] == rest.patches
-    assert len(filled.joints.shared) == 12
+    assert filling.model.patches[:-1] == rest.patches
+    assert len(filling.model.joints.shared) == 12
     made = filling.patch
     np.testing.assert_allclose(kept.knots, made.knots, atol=1e-12)
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
@@ -472,12 +474,12 @@ def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():
     """
     turned = "[[patches]]\ncopy = 'post'\nrepeat = 2\nrotate = {axis = [1, 1, 1], degrees = '120*k'}"
     rest = parse(f"[[patches]]\nname = 'post'\n{post}\n{turned}")
-    filled, filling = fill_hole(rest, "post edge 2")
-    plain = fill_hole(rest, "post edge 2", raises=0)[1]
+    filling = fill_hole(rest, "post edge 2")
+    plain = fill_hole(rest, "post edge 2", raises=0)
     assert plain.raises == (0,) * 3
     assert filling.raises == (2,) * 3
-    assert filled.patches[:-1] == rest.patches
-    assert len(filled.joints.shared) == 3
+    assert filling.model.patches[:-1] == rest.patches
+    assert len(filling.model.joints.shared) == 3
     assert filling.energy < 0.6 * plain.energy
     swings = [np.ptp(bent_beside(filled.patch)) for filled in (filling, plain)]
     assert swings[0] < 0.6 * swings[1]
@@ -516,8 +518,8 @@ def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     model = load(SPECS / "hebesphenorotunda.toml")
     assert isinstance(model, Model)
     rest = Model(tuple(patch for patch in model if patch.name != name))
-    filled, filling = fill_hole(rest, raises=raises)
-    assert filled.joints.closed
+    filling = fill_hole(rest, raises=raises)
+    assert filling.model.joints.closed
     assert filling.angle < PLANES
     assert filling.folds == 0
 
