@@ -12,14 +12,7 @@ from gtb_cli.theory.joints import SORTING_DIRECTION, Joints, diagonal_of, touchi
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MAX_RINGS = 1000
-"""Largest number of open rings that have a line each."""
-
-MAX_SHOWN = 8
-"""Most numbers of an edge, edges of a ring, or nearly closed seams that a message shows."""
-
-FAR_WELD_FRACTION = 0.01
-"""Fraction of an edge's size; welding over a larger distance raises a warning."""
+MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams that a message shows
 
 
 def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
@@ -97,6 +90,7 @@ def _row(values: FloatArray) -> str:
 
 def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
     """One line for each connected component of the open edges."""
+    max_rings = 1000  # that have a line each
     near = meeting(edge_curves(patches, refs), CURVE_TOLERANCE * diagonal_of(patches))
     seen, lines = [False] * len(refs), []
     for first in range(len(refs)):
@@ -111,8 +105,8 @@ def _rings(refs: list[EdgeRef], patches: Sequence[Patch]) -> list[str]:
         names = [edge_name(patches, refs[row]) for row in ring[:MAX_SHOWN]]
         rest = f" and {len(ring) - MAX_SHOWN} more" if len(ring) > MAX_SHOWN else ""
         lines.append(f"{names[0]} is open" + (f", in a ring with {', '.join(names[1:])}{rest}" if names[1:] else ""))
-    if len(lines) > MAX_RINGS:
-        lines[MAX_RINGS:] = [f"{len(lines) - MAX_RINGS} more rings of edges are open"]
+    if len(lines) > max_rings:
+        lines[max_rings:] = [f"{len(lines) - max_rings} more rings of edges are open"]
     return lines
 
 
@@ -129,17 +123,17 @@ def meeting(curves: Sequence[Curve], reach: float) -> list[list[int]]:
 
 def seam_remarks(model: Model) -> list[str]:
     """Remarks on a model's seams: how many were welded, how far apart these were, and which seams nearly close."""
-    joints, patches = model.joints, model.patches
-    lines = []
+    joints, patches, lines = model.joints, model.patches, []
+    far_weld = 0.01  # of an edge's size: welding over a larger distance is worth a remark
     welded = [joint for joint in joints.shared if joint.distance]
     if welded:
         worst = max(welded, key=lambda joint: joint.distance)
         names = " and ".join(edge_name(patches, ref) for ref in (worst.first, worst.second))
         lines.append(f"{len(welded)} seams were welded, which were up to {worst.distance:.3g} apart ({names})")
         sizes = [min(edge_curve(patches[p], e).size for p, e in (joint.first, joint.second)) for joint in welded]
-        far = sum(joint.distance > FAR_WELD_FRACTION * size for joint, size in zip(welded, sizes, strict=True))
+        far = sum(joint.distance > far_weld * size for joint, size in zip(welded, sizes, strict=True))
         if far:
-            lines.append(f"{far} of them were farther apart than {FAR_WELD_FRACTION:.0%} of their edges")
+            lines.append(f"{far} of them were farther apart than {far_weld:.0%} of their edges")
     near = near_misses(joints, patches)
     for first, second, reason in near[:MAX_SHOWN]:
         lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")

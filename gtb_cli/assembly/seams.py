@@ -21,16 +21,14 @@ from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-SEAM_PLACES = 49
-"""Places along each seam, denser near its ends. The ends are left out: corners have normals of their own."""
+SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own
 
-MAX_CREASE_DEGREES = 1.0
-"""Angle in degrees up to which curvatures across a seam are compared; a seam with a larger one is a crease."""
+MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
 
 
 @frozen
-class _Side:
-    """One of two patches at places along a seam."""
+class _Rim:
+    """The rim of one of two patches, at places along a seam."""
 
     patch: Patch
     places: Sequence[Location]
@@ -59,14 +57,14 @@ class Seam:
     angle: float
     place: FloatArray
     _smooth: BoolArray = field(repr=False)
-    _sides: tuple[_Side, _Side] = field(repr=False)
+    _rims: tuple[_Rim, _Rim] = field(repr=False)
 
     @cached_property
     def bend(self) -> float:
         """Largest difference of the normal curvatures across the seam, in units of 1 / length.
 
-        Over the places where both are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is no such
-        place. It is computed when asked for, which takes longer than the angle.
+        It is taken over the places where both are finite and the angle is at most `MAX_CREASE_DEGREES`; NaN if there is
+        no such place. It is computed when asked for, which takes longer than the angle.
         """
         return bends([self])[0]
 
@@ -96,16 +94,14 @@ def joints(model: Model) -> tuple[Seam, ...]:
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
     places: dict[tuple[RationalBasis, int, bytes], list[Location]] = {}
 
-    def side(ref: EdgeRef, fractions: FloatArray) -> _Side:
+    def rim(ref: EdgeRef, fractions: FloatArray) -> _Rim:
         patch = model.patches[ref[0]]
         key = (patch.rational_basis, ref[1], fractions.tobytes())  # patches with the same basis share the places
         if key not in places:
             places[key] = _places(patch, ref[1], fractions)
-        return _Side(patch, places[key], model.joints.flipped[ref[0]])
+        return _Rim(patch, places[key], model.joints.flipped[ref[0]])
 
-    pairs = [
-        (side(joint.first, t), side(joint.second, joint.across(model.patches, t))) for joint in model.joints.shared
-    ]
+    pairs = [(rim(joint.first, t), rim(joint.second, joint.across(model.patches, t))) for joint in model.joints.shared]
     normals = _together([one for pair in pairs for one in pair], _normals)
     found = []
     for joint, sides in zip(model.joints.shared, pairs, strict=True):
@@ -120,13 +116,13 @@ def joints(model: Model) -> tuple[Seam, ...]:
 
 def bends(seams: Sequence[Seam]) -> list[float]:
     """`Seam.bend` of each seam, sooner than one by one."""
-    sides = [side for seam in seams if seam._smooth.any() for side in seam._sides]
+    sides = [rim for seam in seams if seam._smooth.any() for rim in seam._rims]
     mean = _together(sides, lambda patches, places: curvatures_at(patches, places, SEAM_PLACES).mean)
 
     def bend(seam: Seam) -> float:
         if not seam._smooth.any():
             return math.nan
-        ours, theirs = (mean[side] for side in seam._sides)
+        ours, theirs = (mean[rim] for rim in seam._rims)
         across = 2 * np.abs(ours - theirs)[seam._smooth]
         return float(across[np.isfinite(across)].max()) if np.isfinite(across).any() else math.nan
 
@@ -134,13 +130,13 @@ def bends(seams: Sequence[Seam]) -> list[float]:
 
 
 def _together(
-    sides: Sequence[_Side], function: Callable[[Sequence[Patch], Sequence[Location]], FloatArray]
-) -> dict[_Side, FloatArray]:
+    sides: Sequence[_Rim], function: Callable[[Sequence[Patch], Sequence[Location]], FloatArray]
+) -> dict[_Rim, FloatArray]:
     """Normals or mean curvatures of sides: those at the same places of one basis are computed together."""
-    alike: dict[int, list[_Side]] = {}
+    alike: dict[int, list[_Rim]] = {}
     for side in dict.fromkeys(sides):
         alike.setdefault(id(side.places), []).append(side)
-    result: dict[_Side, FloatArray] = {}
+    result: dict[_Rim, FloatArray] = {}
     for group in alike.values():
         step = max(1, block_length(len(group[0].patch.knots)) // SEAM_PLACES)
         for begin in range(0, len(group), step):

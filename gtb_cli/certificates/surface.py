@@ -20,15 +20,11 @@ from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.patch import Patch
 
 WAY_OUT = "take a larger one, or leave out --certify"
+SPENT_SHARE = 0.02  # of the tolerance: what is known this well, yet not to hold, is too far
 
-SPENT_SHARE = 0.02
-"""Part of the tolerance: what is known this well, yet not to hold, is too far."""
+MAX_CUTS = 4  # of a triangle of Δ in quarters, if it is too curved in torus coordinates; then it fails
 
-MAX_CUTS = 4
-"""Times that a triangle of Δ is cut in quarters if it is too curved in torus coordinates; then it fails."""
-
-SLIVER_RATIO = 1e-6
-"""Height of a triangle in units of its longest side, below which it counts as this side."""
+SLIVER_RATIO = 1e-6  # height of a triangle over its longest side, below which it counts as this side
 
 QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 """(4, 3): corners of the quarters of a triangle; 3 … 5 are the middles of its sides."""
@@ -105,7 +101,7 @@ class Parts(NamedTuple):
         return Parts(owner, u, face, s, cuts)
 
 
-class _Side(NamedTuple):
+class _SideErrors(NamedTuple):
     """Errors of parts of the surface at one side of their triangles, in the triangles' planes.
 
     Attributes
@@ -334,7 +330,7 @@ class SurfaceCertificate:
 
     def _sides(
         self, basis: _Enclosure, errors: FloatArray, whole: Triangles, slide: FloatArray, rounding: FloatArray
-    ) -> list[_Side]:
+    ) -> list[_SideErrors]:
         """Bound the errors at each side of triangles; those in their planes are at most `slide`."""
         # The depth λ of a point inside a triangle counts against its error along the plane at most so many times this
         # error: more would add more doubt than it takes away.
@@ -352,11 +348,11 @@ class SurfaceCertificate:
             inwards = np.where(depth <= SLIVER_RATIO, basis.highest(back + loose) + rounding, 0.0)
             off = np.maximum(np.maximum(beyond, inwards), 0.0)
             is_outside = np.asarray((mean + doubt < 0).all(axis=0))
-            found.append(_Side(beyond, off, basis.highest(loose), is_outside, depth >= -SLIVER_RATIO))
+            found.append(_SideErrors(beyond, off, basis.highest(loose), is_outside, depth >= -SLIVER_RATIO))
         return found
 
 
-def _in_plane(sides: Sequence[_Side], cosines: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _in_plane(sides: Sequence[_SideErrors], cosines: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(m,) bounds of the errors in the planes of triangles, and how well they are known."""
     error, doubt = (np.max([side[column] for side in sides], axis=0) for column in (1, 2))
     for k, other in permutations(range(3), 2):

@@ -71,7 +71,7 @@ class Complex:
 
     @property
     def is_simplicial(self) -> bool:
-        """Whether no two cells of a uniform complex, and no two of their sides, have the same vertices."""
+        """Tell whether all cells of a uniform complex, and all of their sides, differ in their vertices."""
         if not are_proper(self.cells).all() or _repeated(self.cells).any():
             return False
         return self.cells.shape[1] == 2 or len(sides_of(self.cells).edges) == self.sides
@@ -103,7 +103,7 @@ class Complex:
 
     @property
     def is_whole(self) -> bool:
-        """Whether `without_collapsed` leaves each patch a cell, and no two cells with the same vertices."""
+        """Tell whether `without_collapsed` leaves each patch a cell, and no two cells with the same vertices."""
         if not len(self.collapsed):
             return True
         cells, rows = self.without_collapsed
@@ -249,6 +249,6 @@ def _confused(cells: IntArray, on_boundary: BoolArray, label: IntArray) -> IntAr
 
 
 def _repeated(rows: IntArray) -> BoolArray:
-    """(m,) whether a row has the same entries, in any order, as another."""
+    """Mark the rows, (m,), that have the entries of another one in any order."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)

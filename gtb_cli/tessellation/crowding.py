@@ -12,18 +12,6 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-MAX_SIDE_FRACTION = 0.1
-"""Part of an edge, or of the domain's size, that a side of a triangle may span before vertices are said to crowd."""
-
-MIN_RESOLUTION = 16
-"""Segments along each edge from which on even spacing gives no sides as wide as that."""
-
-BLOCK_CELLS = 1 << 14
-"""Cells whose sides are measured together, so that they fit in the cache."""
-
-COINCIDENT_FRACTION = 1e-9
-"""Part of the domain's size below which the corners of a face are one point."""
-
 
 def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing if they do not.
@@ -39,23 +27,27 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     Places are compared by ``μ = Σ_i T_i a_i``, their parameters in the linear parametrisation, in which a mesh is even.
     This takes one more evaluation of the patch, with the knots in place of the control points.
     """
+    max_side = 0.1  # part of an edge, or of the domain's size, that a side may span before vertices are said to crowd
+    min_resolution = 16  # from which on even spacing gives no sides as wide as that
+    same_place = 1e-9  # of the domain's size: corners of a face that are nearer are one point
+    block_cells = 1 << 14  # whose sides fit in the cache
     patches = spec.patches
     widest, lost, count = 0.0, 0, 0
     for patch in patches:
         part = triangulation(patch.domain, resolution)
         places = _places(patch, part, shared_edges=isinstance(spec, Model))
         widest, count = max(widest, _widest_on_edges(part, places)), count + len(part.cells)
-        for begin in range(0, len(part.cells), BLOCK_CELLS):
-            corners = places[part.cells[begin : begin + BLOCK_CELLS]] / patch.domain.size
+        for begin in range(0, len(part.cells), block_cells):
+            corners = places[part.cells[begin : begin + block_cells]] / patch.domain.size
             sides = corners - np.roll(corners, 1, axis=1)
             squares = np.einsum("kce,kce->kc", sides, sides)
-            lost += int(np.count_nonzero((squares <= COINCIDENT_FRACTION**2).any(axis=1)))
+            lost += int(np.count_nonzero((squares <= same_place**2).any(axis=1)))
             widest = max(widest, math.sqrt(squares.max()))
     cells, side = ("segments", "segment") if patches[0].dimension == 1 else ("faces", "side of a face")
     found = []
     if lost:
         found.append(f"{lost} of {count} {cells} have corners at one point")
-    if widest > MAX_SIDE_FRACTION and resolution >= MIN_RESOLUTION:
+    if widest > max_side and resolution >= min_resolution:
         found.append(f"one {side} spans {widest:.0%} of the patch")
     if not found:
         return []

@@ -1,4 +1,4 @@
-"""Flat patches, inside which points may slide out of their cells: what their meshes must hold instead."""
+"""Flat patches: points may slide out of their cells, but all cells together must cover them, and not fold."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 from gtb_cli.theory.patch import Patch
 
-FOLD_AREA_FRACTION = 1e-9
-"""Part of the largest triangle's area below which a triangle of a flat patch may be turned over by rounding."""
-
 
 def is_flat(patch: Patch, tolerance: float) -> bool:
-    """Whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
+    """Tell whether all control points, and so the surface, are within a tenth of the tolerance of a plane."""
     centred = patch.control_points - patch.control_points.mean(axis=0)
     return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= tolerance / 10)
 
 
 def turned_over(corners: FloatArray) -> BoolArray:
-    """(k,) whether (k, 3, 3) triangles in a plane face away from most of the area."""
+    """Mark the (k, 3, 3) triangles in a plane that face away from most of the area."""
     area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    rounding = 1e-9  # part of the largest area: by it a triangle may be turned over
     turn = area @ area.sum(axis=0)
-    return np.asarray(turn < -FOLD_AREA_FRACTION * turn.max())
+    return np.asarray(turn < -rounding * turn.max())
 
 
 def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: float) -> IntArray:
@@ -41,7 +39,7 @@ def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: 
 def folded_or_uncovered(
     mesh: Subdivision, rows: IntArray, steps_at: IntArray, sampler: Sampler, within: float, tolerance: float
 ) -> BoolArray:
-    """(k,) whether a cell of a flat patch is turned over, or has samples farther than the tolerance from all cells.
+    """Mark cells of a flat patch that are turned over, or have samples farther than the tolerance from all cells.
 
     All k cells of the patch are given, and sampled on lattices of the given steps; `within` is that of
     `Sampler.points`.

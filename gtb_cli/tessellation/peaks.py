@@ -30,7 +30,7 @@ class Peaks:
         self.of_kind = {kind: peaks_of(domains[kind]) for kind in dict.fromkeys(self.kinds.tolist())}
 
     def along(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """(q,) edges on the boundary of Δ with peaks between their ends, and (q, 2) these."""
+        """Find (q,) edges on the boundary of Δ with peaks between their ends, and (q, 2) these peaks."""
         boundary = np.flatnonzero(edges.face)
         found = []
         for kind, own in groups(self.kinds[edges.patch[boundary]]):
@@ -40,7 +40,7 @@ class Peaks:
         return _together(found)
 
     def inside(self, cells: Cells) -> tuple[IntArray, FloatArray]:
-        """(q,) triangles with peaks inside, and (q, 2) these."""
+        """Find (q,) triangles with peaks inside, and (q, 2) these peaks."""
         alike = groups(self.kinds[cells.patch])
         return _together([held(rows, cells.corners, self.of_kind[kind][0], _is_inside) for kind, rows in alike])
 
@@ -69,7 +69,7 @@ def peaks_of(domain: Domain) -> list[FloatArray]:
 def held(
     rows: IntArray, corners: FloatArray, peaks: FloatArray, holds: Callable[[FloatArray, FloatArray], BoolArray]
 ) -> tuple[IntArray, FloatArray]:
-    """(q,) which of some cells, of all with (k, c, 2) corners, hold peaks, and (q, 2) these."""
+    """Find (q,) cells that hold peaks, among given rows of (k, c, 2) corners, and (q, 2) these peaks."""
     if not len(rows) or not len(peaks):
         return rows[:0], peaks[:0]
     corners = corners.take(rows, axis=0)

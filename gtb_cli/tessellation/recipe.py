@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @by_value
 @frozen
 class Recipe:
-    """How to make the mesh of a patch or model: the options of ``gtb mesh`` but for those of files.
+    """The way from a patch or model to its mesh: the options of ``gtb mesh`` but for those of files.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class Recipe:
         return tolerance_for(spec, self.tolerance)
 
     def assurance(self, spec: Patch | Model) -> Literal["certified", "sampled"] | None:
-        """How sure the tolerance is: certified for curves and on request, else sampled; None without a tolerance.
+        """Say how sure the tolerance is: certified for curves and on request, else sampled; None without a tolerance.
 
         The middle line of a tube is certified, its surface is not.
         """
@@ -232,7 +232,7 @@ class Recipe:
         return "certified" if certain else "sampled"
 
     def leaves_open(self, spec: Patch | Model) -> bool:
-        """Whether the mesh has a boundary: it is neither a tube nor a solid, and the spec is not a closed model."""
+        """Tell whether the mesh has a boundary: it is no tube, no solid, and the spec is not a closed model."""
         if self.radius is not None or self.thickness is not None:
             return False
         model = _model(welded(spec, self.weld))
@@ -310,7 +310,7 @@ def _model(spec: Patch | Model) -> Model | None:
 
 
 def _where(mesh: Mesh, cells: IntArray) -> str:
-    """How many cells, and where the first of them is."""
+    """Say how many cells there are, and where the first of them is."""
     what = "segments" if mesh.is_curve else "faces"
     place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[cells[0]]].mean(axis=0))
     return f"{len(cells)} of {len(mesh.cells)} {what}, the first near ({place})"

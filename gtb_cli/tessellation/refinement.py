@@ -114,7 +114,7 @@ class _Refinement:
             changed = self.split(marked)
 
     def far(self) -> BoolArray:
-        """(e,) which edges are known to be too far from their curves."""
+        """Mark the edges, (e,), that are known to be too far from their curves."""
         return self.mesh.edges.error > self.tolerance
 
     def sample_middles(self) -> None:
@@ -188,7 +188,7 @@ class _Refinement:
         return np.asarray(np.abs(quadratic_heights(quarters / 4) @ self.heights(rows)).max(axis=0))
 
     def marks_of_certificates(self) -> BoolArray:
-        """(e,) the worst edge of each cell that must be certified and cannot be."""
+        """Mark the worst edge, of (e,), of each cell that must be certified and cannot be."""
         max_rounds = 40  # of certifying triangles, and splitting those that fail, before this gives up
         mesh, marked = self.mesh, np.zeros(len(self.mesh.edges.ends), dtype=bool)
         todo = np.flatnonzero(~mesh.cells.certified) if self.certify else np.empty(0, dtype=np.int64)
@@ -208,7 +208,7 @@ class _Refinement:
         return marked
 
     def marks_of_samples(self) -> BoolArray:
-        """(e,) which edges must be split by what samples of the triangles that were not sampled yet tell of them."""
+        """Sample the triangles that were not sampled yet, and mark the edges, (e,), that must be split for them."""
         mesh, marked = self.mesh, self.far()
         while self.peaks and not marked.any() and len(todo := np.flatnonzero(~mesh.cells.sampled)):
             self.sample_peaks(mesh.sides_of(todo), self.peaks)
@@ -243,7 +243,7 @@ class _Refinement:
         return steps_for(width, self.points_in_all)
 
     def sample_on_lattices(self, rows: IntArray, steps_at: IntArray, peaks: Peaks) -> tuple[IntArray, IntArray]:
-        """Sample cells at peaks, and on lattices of the given steps: which of them fail, and which are doubtful.
+        """Sample cells at peaks, and on lattices of the given steps, and return those that fail, and that are doubtful.
 
         Doubtful cells hold, but the surface is not quadratic there. If nothing else is left to split, they are sampled
         on a finer lattice.
@@ -261,7 +261,7 @@ class _Refinement:
         return rows[fails], rows[doubts]
 
     def sample(self, rows: IntArray, steps: int) -> tuple[BoolArray, BoolArray]:
-        """Sample cells and their sides on a lattice: (k,) which cells fail, and (k,) which are doubtful."""
+        """Sample cells and their sides on a lattice, and mark those that fail, (k,), and that are doubtful, (k,)."""
         quadratic_share = 0.1  # part of the tolerance by which samples of a quadratic surface may differ from it
         bump_factor = 5.0  # of that difference: a bump between samples was 4 times as high, across creases
         quarter_share = 0.02  # part of the tolerance by which one quarter may differ before the other is sampled
@@ -304,7 +304,7 @@ class _Refinement:
         return samples
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
-        """(e,) whether quarters or middles of curves are far from those of their edges, along these."""
+        """Mark edges, (e,), along which quarters or middles of their curves are far from their own."""
         max_slide = 0.1  # part of an edge: a curve that runs farther ahead along it may overshoot the other end
         start, end = self.mesh.ends(rows)
         chord = end - start
@@ -314,7 +314,7 @@ class _Refinement:
         return np.asarray(np.maximum(*slides) > max_slide * square)
 
     def flat_marks(self, todo: IntArray) -> BoolArray:
-        """(e,) which edges of flat patches must be split: on boundaries first, then where the mesh folds or has gaps.
+        """Mark the edges, (e,), of flat patches to split: on boundaries first, then where the mesh folds or has gaps.
 
         A patch on which that happens again and again is refined like others.
         """

@@ -101,7 +101,7 @@ def new_cells(cells: IntArray, sides: IntArray, corners: FloatArray, patch: IntA
 
 
 class _Cut(NamedTuple):
-    """How a cell is cut. Its k corners are 0 … k − 1, and k + i is the middle of side i."""
+    """A pattern by which cells are cut. The k corners are 0 … k − 1, and k + i is the middle of side i."""
 
     pieces: tuple[tuple[int, ...], ...]
     lines: tuple[tuple[int, int], ...]  # new edges, inside the cell

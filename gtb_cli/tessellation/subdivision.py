@@ -54,11 +54,11 @@ class Subdivision:
         return self.vertices.points
 
     def corners(self, rows: IntArray) -> list[FloatArray]:
-        """(k, 3) points of the first vertices of some cells, of the second ones, …."""
+        """(k, 3) points of the first vertices of some cells, of the second ones, and so on."""
         return [self.points.take(vertex, axis=0) for vertex in self.cells.cells.take(rows, axis=0).T]
 
     def corner_columns(self, rows: IntArray) -> list[FloatArray]:
-        """Points of the corners of some cells as contiguous (3, k) arrays, of which products take less time."""
+        """(3, k) columns of the points of the first vertices of some cells, of the second ones, and so on."""
         return [np.ascontiguousarray(corner.T) for corner in self.corners(rows)]
 
     def ends(self, rows: IntArray) -> list[FloatArray]:
@@ -78,7 +78,7 @@ class Subdivision:
         return np.asarray(np.sqrt(dot(chord, chord)).reshape(sides.shape))
 
     def has_mark(self, marked: BoolArray, rows: IntArray | None = None) -> BoolArray:
-        """(k,) whether any side of each cell, or of some cells, is marked."""
+        """Mark the cells, all or (k,) of given ones, that have a marked side."""
         sides = self.cells.sides if rows is None else self.cells.sides.take(rows, axis=0)
         return reduce(np.logical_or, [marked.take(side) for side in sides.T])
 
@@ -207,5 +207,5 @@ def slimness(corners: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _largest(rows: Sequence[FloatArray] | FloatArray) -> IntArray:
-    """(k,) which of three rows is the largest, the first of equal ones; `numpy.argmax` takes several times as long."""
+    """(k,) numbers of the largest of three rows, the first of equal ones."""
     return np.where(rows[2] > np.maximum(rows[0], rows[1]), 2, rows[1] > rows[0])

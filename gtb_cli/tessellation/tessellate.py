@@ -205,7 +205,7 @@ def _mesh(
 def inside_out(
     vertices: FloatArray, faces: IntArray, face_patch: IntArray, on_boundary: BoolArray, count: int
 ) -> BoolArray:
-    """(count,) whether a patch, which may have no faces, belongs to a closed body whose faces point inwards.
+    """Mark the patches, (count,), of closed bodies whose faces point inwards; a patch may have no faces.
 
     Only sides with an end on the boundary of a patch may be open, or join two patches.
     """
