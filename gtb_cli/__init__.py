@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.notebook import page, plot
-    from gtb_cli.sequences.knot_limit import merge_knots, move_knots
     from gtb_cli.tessellation.comparison import diff
     from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+    from gtb_cli.theory.knot_limit import merge_knots, move_knots
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -90,8 +90,8 @@ _ROOMS = {
     "from_dict": "language.loading",
     "joints": "assembly.seams",
     "load": "language.loading",
-    "merge_knots": "sequences.knot_limit",
-    "move_knots": "sequences.knot_limit",
+    "merge_knots": "theory.knot_limit",
+    "move_knots": "theory.knot_limit",
     "page": "pictures.notebook",
     "plot": "pictures.notebook",
     "read_mesh": "formats.meshfiles",

@@ -13,8 +13,8 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.report import Outcome
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count, triangulation
-from gtb_cli.sequences.knot_limit import merge_knots
 from gtb_cli.theory.basis import Location, torus_coordinates
+from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

@@ -12,7 +12,7 @@ from gtb_cli.shell.sequences import SequenceOutput, sequence_options
 from gtb_cli.shell.streams import about, read_patch, shown_input
 
 if TYPE_CHECKING:
-    from gtb_cli.sequences.knot_limit import KnotLimit
+    from gtb_cli.theory.knot_limit import KnotLimit
 
 EXAMPLE_STEPS = "0,0.4,0.8"
 """Default steps t, those of Example 4.2 of the paper."""
@@ -60,8 +60,8 @@ def knot_limit(
     patch = read_patch(spec, spec_format)
     with about(shown_input(spec)):
         from gtb_cli.language.writer import dump
-        from gtb_cli.sequences.knot_limit import knot_limit as limit_of
         from gtb_cli.sequences.sequence import knot_sequence
+        from gtb_cli.theory.knot_limit import knot_limit as limit_of
 
         limit = limit_of(patch, moves)
         sequence = out.made(knot_sequence, patch, moves, steps)

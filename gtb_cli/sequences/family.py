@@ -21,7 +21,6 @@ from gtb_cli.moment.moment_map import ACCEPTED_RESIDUAL
 from gtb_cli.moment.torus import BLOCK_NUMBERS
 from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.sequences.film import film_mesh
-from gtb_cli.sequences.knot_limit import KnotLimit, move_knots
 from gtb_cli.tessellation.complex import Complex, alone, joined_complex
 from gtb_cli.tessellation.refinement import refine
 from gtb_cli.tessellation.sampler import Sampler
@@ -29,6 +28,7 @@ from gtb_cli.tessellation.tessellate import FIRST_RESOLUTIONS
 from gtb_cli.theory.degeneration import cells_of
 from gtb_cli.theory.edges import EdgeRef
 from gtb_cli.theory.joints import Joint, Joints
+from gtb_cli.theory.knot_limit import KnotLimit, move_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

@@ -8,7 +8,7 @@ from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.sequences.knot_limit import Film, KnotLimit
+from gtb_cli.theory.knot_limit import Film, KnotLimit
 
 FILM_CELLS = {1: 1024, 2: 64}
 """Cells of a film along each of its sides."""

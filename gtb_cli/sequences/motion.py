@@ -15,9 +15,9 @@ from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.moment.hulls import extents_of
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.sequences.feet import MovingChart
-from gtb_cli.sequences.knot_limit import KnotLimit
 from gtb_cli.sequences.search import PLACE_ACCURACY, Search, Spots, members_of, neighbours_of
 from gtb_cli.tessellation.complex import Complex
+from gtb_cli.theory.knot_limit import KnotLimit
 from gtb_cli.theory.patch import Patch
 
 ABSENT_EXPONENT = -1e6

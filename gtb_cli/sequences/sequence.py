@@ -19,12 +19,12 @@ from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
-from gtb_cli.sequences.knot_limit import knot_limit
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.theory.knot_limit import knot_limit
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES

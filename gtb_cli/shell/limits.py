@@ -128,7 +128,7 @@ class LimitRequest:
         if self.steps is not None and not self.moves:
             raise click.UsageError("--steps is for a knot limit, with --merge")
         if self.moves:
-            from gtb_cli.sequences.knot_limit import knot_limit
+            from gtb_cli.theory.knot_limit import knot_limit
 
             limit = knot_limit(patch, self.moves).merged
             found = knot_sequence(patch, self.moves, self.steps or steps, resolution, distances=distances)

@@ -10,7 +10,7 @@ import trimesh
 
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
-from gtb_cli.sequences.knot_limit import merge_knots
+from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import long, mostly_long
 from tests.shell import BICUBIC, SPECS, gtb, process
 from tests.specs import load

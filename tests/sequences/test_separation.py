@@ -11,8 +11,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.family import approaching
 from gtb_cli.sequences.film import film_mesh
-from gtb_cli.sequences.knot_limit import knot_limit
 from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
+from gtb_cli.theory.knot_limit import knot_limit
 from tests.marks import long, mostly_long
 
 SPECS = Path(__file__).parents[2] / "specs"

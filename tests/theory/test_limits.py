@@ -15,11 +15,11 @@ import gtb_cli
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.film import film_mesh
-from gtb_cli.sequences.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.sequences.sequence import degeneration_sequence
 from gtb_cli.tessellation import refinement
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
+from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
 from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve

@@ -16,11 +16,7 @@ from gtb_cli.knots.face import Face
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-PARALLEL_RATIO = 1e-9
-"""Ratio of the singular values of speeds below which these count as parallel: knots typed on one line."""
-
-MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)
-"""Smallest weight that is a float with full precision."""
+MIN_NORMAL_WEIGHT = float(np.finfo(np.float64).tiny)  # smallest weight that is a float with full precision
 
 
 def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
@@ -48,7 +44,7 @@ def merge_knots(patch: Patch, moves: Mapping[int, int]) -> Patch:
 
     Notes
     -----
-    On the boundary of Δ the convergence may fail: see `gtb_cli.sequences.knot_limit.knot_limit`.
+    On the boundary of Δ the convergence may fail: see `gtb_cli.theory.knot_limit.knot_limit`.
 
     References
     ----------
@@ -268,6 +264,7 @@ def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
 
 
 def _films(patch: Patch, targets: IntArray) -> list[Film]:
+    parallel_ratio = 1e-9  # of the singular values of speeds: knots typed on one line
     shape = patch.domain
     moved = targets != np.arange(len(targets))
     films = []
@@ -282,7 +279,7 @@ def _films(patch: Patch, targets: IntArray) -> list[Film]:
         elif shape.dimension == 2:
             # If all arrive along one line, the film of the corner is a border of its edges' films.
             values = np.linalg.svd(speeds / speeds.max(axis=0, initial=MIN_NORMAL_WEIGHT), compute_uv=False)
-            if len(values) < 2 or values[1] <= PARALLEL_RATIO * values[0]:
+            if len(values) < 2 or values[1] <= parallel_ratio * values[0]:
                 continue
         units = [column[column > 0].min(initial=np.inf) for column in speeds.T]
         films.append(
