@@ -152,7 +152,7 @@ class StagedFiles:
         self.add_path(shown, blocks)
 
     def add_path(self, path: str, blocks: Iterable[bytes]) -> None:
-        """The same for a file in any existing folder, to appear with the others.
+        """Write `blocks` as `add` does, for a file in any existing folder.
 
         Raises
         ------

@@ -81,17 +81,6 @@ def segments(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     return as_indices(np.stack([corners[inner], corners[1:][inner[:-1]]], axis=1), np.int32)
 
 
-def joined(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
-    """The concatenated blocks of rows, in this type or a wider one of a part.
-
-    `parts` is emptied, so that the rows are not in memory twice.
-    """
-    if len(parts) == 1:
-        return parts.pop()
-    stop = sum(map(len, parts))
-    result = np.empty((stop, width), dtype=np.result_type(kind, *parts))
-    while parts:
-        part = parts.pop()
-        result[stop - len(part) : stop] = part
-        stop -= len(part)
-    return result
+def stacked(parts: list[NDArray[Scalar]], width: int, kind: type[Scalar]) -> NDArray[Scalar]:
+    """Return the rows of all parts, in this type or a wider one of a part."""
+    return np.concatenate([np.empty((0, width), dtype=kind), *parts])

@@ -82,8 +82,7 @@ def obj_blocks(
 
     Notes
     -----
-    About 90 ns for a vertex and 40 ns for a triangle, 25 times faster than a format string. Only a few blocks
-    are in memory at a time.
+    Only one block is in memory at a time.
     """
     digits = decimals(vertices)
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, as_indices, shifted
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, joined, segments, single_half_steps, triangles
+from gtb_cli.formats.content import Content, segments, single_half_steps, stacked, triangles
 from gtb_cli.formats.gltf import HEADER_BYTES
 
 JSON, BIN = 0x4E4F534A, 0x004E4942
@@ -181,7 +181,7 @@ class _Scene:
         if self.cells[2] and self.cells[3]:
             raise GtbError("has both triangles and lines: expected one of them")
         width = 2 if self.cells[2] else 3
-        vertices, cells = joined(self.vertices, 3, np.float64), joined(self.cells[width], width, np.int32)
+        vertices, cells = stacked(self.vertices, 3, np.float64), stacked(self.cells[width], width, np.int32)
         extras = self.tree.get("asset", {}).get("extras")
         if extras != {"up": "z"}:
             vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + 0.0  # not -0

@@ -107,7 +107,7 @@ def format_of(data: bytes) -> str | None:
 
 
 def _is_facets(data: bytes) -> bool:
-    """Whether a file has the size of the facets of a binary STL file, whatever it begins with."""
+    """Return whether a file has the size of the facets of a binary STL file, whatever it begins with."""
     return len(data) > STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + 50 * int.from_bytes(data[80:84], "little")
 
 

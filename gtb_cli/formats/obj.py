@@ -10,7 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, joined, segments, triangles
+from gtb_cli.formats.content import Content, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 
@@ -98,7 +98,7 @@ class _Reader:
         """The whole content."""
         if self.cells[b"f"] and self.cells[b"l"]:
             raise GtbError("has both faces (f) and polylines (l): expected one of them")
-        vertices = joined(self.vertices, 3, np.float64)
+        vertices = stacked(self.vertices, 3, np.float64)
         starts = [start for _, start in self.names] + [self.cell_count]
         groups = [
             (name, start, stop)
@@ -106,7 +106,7 @@ class _Reader:
             if name and stop > start
         ]
         half = half_step(self.words, float(largest_coordinates(vertices).max()))
-        cells = joined(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else joined(self.cells[b"f"], 3, np.int32)
+        cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
         return Content(vertices, cells, np.full(3, half), tuple(groups))
 
 

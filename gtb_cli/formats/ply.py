@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, joined, single_half_steps, triangles
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, stacked, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
@@ -129,7 +129,7 @@ def _cells(tables: dict[str, Element]) -> IntArray:
                 raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
             faces.append(triangles(corners, counts))
     if edge is None or not edge.count:
-        return joined(faces, 3, np.int32)
+        return stacked(faces, 3, np.int32)
     if faces:
         raise GtbError("has both faces and edges: expected one of them")
     return np.stack([edge.whole(name) for name in ("vertex1", "vertex2")], axis=1)

@@ -42,7 +42,7 @@ def float_rows(text: bytes) -> tuple[FloatArray, IntArray]:
 
 
 def integer_rows(text: bytes) -> tuple[IntArray, IntArray]:
-    """The same for whole numbers."""
+    """Return the whole numbers of all lines of a text, and the count of each line; errors name the bad word."""
     return _rows(text, np.int64, _WHOLE) or (integers(text.split()), _counts(text))
 
 

@@ -19,7 +19,7 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
 from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
 from gtb_cli.imports.readers import Found
-from gtb_cli.imports.words import MAX_MAGNITUDE, NUMBER_PATTERN, SHOWN_CHARACTERS
+from gtb_cli.imports.words import SHOWN_CHARACTERS, as_number
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
@@ -120,10 +120,8 @@ class _File:
         values = []
         for index, field in enumerate(fields):
             word = field.strip()
-            value = 0.0
-            if word:
-                value = float(word.lower().replace("d", "e")) if NUMBER_PATTERN.fullmatch(word) else math.nan
-            if not abs(value) <= MAX_MAGNITUDE:
+            value = as_number(word) if word else 0.0
+            if math.isnan(value):
                 shown = repr(word[:SHOWN_CHARACTERS])
                 raise self.fail(line, f"expected numbers of entity {entity.kind}, got {shown} at {index}")
             values.append(value)

@@ -9,11 +9,17 @@ from typing import NoReturn
 from gtb_cli.arrays import FloatArray, read_only
 from gtb_cli.errors import SpecError
 
-# Numbers as C, C++ and Fortran write them
-NUMBER_PATTERN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?")
 MAX_MAGNITUDE = 1e100  # largest coordinate or weight: the product of three of them does not overflow
 
 SHOWN_CHARACTERS = 60  # characters of a word that a message shows at most
+
+
+def as_number(word: str) -> float:
+    """Return a number up to `MAX_MAGNITUDE` as C, C++ and Fortran write it; NaN for any other word."""
+    if not re.fullmatch(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d{1,4})?", word):
+        return math.nan
+    value = float(word.lower().replace("d", "e"))
+    return value if abs(value) <= MAX_MAGNITUDE else math.nan
 
 
 class Words:
@@ -101,8 +107,8 @@ class Words:
         values = []
         for _ in range(count * width):
             word = self.peek()
-            value = float(word.lower().replace("d", "e")) if NUMBER_PATTERN.fullmatch(word) else math.nan
-            if not abs(value) <= MAX_MAGNITUDE:
+            value = as_number(word)
+            if math.isnan(value):
                 shown = repr(word[:SHOWN_CHARACTERS])
                 self.fail(f"expected {what}, got {shown}, which is not a number up to {MAX_MAGNITUDE:g}")
             values.append(value)

@@ -1,1 +1,1 @@
-"""How this process works: threads, copies of it, memory, disk, progress."""
+"""Ways in which this process works: threads and memory."""
