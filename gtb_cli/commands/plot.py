@@ -234,8 +234,7 @@ def _look(
         raise click.UsageError(
             f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {MAX_PIXELS // 10**6}M pixels"
         )
-    from gtb_cli.pictures.camera import Camera
-    from gtb_cli.pictures.look import Look, settings
+    from gtb_cli.pictures.look import Camera, Look, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing
     with settings():  # a missing matplotlib is reported before anything is computed
@@ -279,8 +278,6 @@ def _of_spec(
 
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
-    from dataclasses import replace
-
     from gtb_cli.pictures.look import subscript
 
     variants = []
@@ -289,7 +286,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
         if vary.knot >= len(numbers) or patch.dimension == 2:
             raise DomainError(f"--vary {vary.key}[{vary.knot}]: expected a curve, and an index below {len(numbers)}")
         numbers[vary.knot] = value
-        variants.append(replace(patch, **{vary.key: numbers}))
+        variants.append(patch.replace(**{vary.key: numbers}))
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
     return variants, [f"{symbol} = {_pretty(text)}" for text in vary.texts]
 

@@ -124,11 +124,12 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     first = frames.meshes[0]
     if not all(np.array_equal(mesh.cells, first.cells) for mesh in frames.meshes):
         raise DomainError("the meshes of a sequence have the same faces, and these do not: it cannot be played")
-    points = NO_POINTS if frames.net_points is None else frames.net_points
     none = np.empty((0, 2), dtype=np.int64)
     return Content(
         name,
-        tuple(_keyframe(mesh, label, points) for label, mesh in zip(frames.titles, frames.meshes, strict=True)),
+        tuple(
+            _keyframe(mesh, label, frames.net_points) for label, mesh in zip(frames.titles, frames.meshes, strict=True)
+        ),
         first.cells,
         ((name, 0, len(first.cells)),),
         {
@@ -137,7 +138,7 @@ def content_of_frames(frames: Frames, name: str) -> Content:
             "folds": none,
             "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
         },
-        tuple(subscript("b", i) for i in range(len(points))),
+        tuple(subscript("b", i) for i in range(len(frames.net_points))),
         exact=first.normals is not None,
     )
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import gc
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
-from gtb_cli.pictures.camera import Camera
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -20,6 +21,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Curvature: TypeAlias = Literal["gaussian", "mean"]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A distant eye: its angle around the z axis from x towards y, and its angle above the xy plane, in degrees.
+
+    The factors `stretch` lengthen what it sees along the axes.
+    """
+
+    azimuth: float = -60.0
+    elevation: float = 30.0
+    stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def axes(self) -> FloatArray:
+        """Return (3, 3) unit vectors to the right, upwards, and towards the eye."""
+        a, e = math.radians(self.azimuth), math.radians(self.elevation)
+        right = [-math.sin(a), math.cos(a), 0.0]
+        up = [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)]
+        return np.array([right, up, [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]])
 
 
 @dataclass(frozen=True)

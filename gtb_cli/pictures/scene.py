@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.pictures.camera import Camera
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
+from gtb_cli.pictures.look import Camera
 from gtb_cli.pictures.planar import label_all
 from gtb_cli.pictures.raster import Raster, rasterised
 from gtb_cli.values import frozen

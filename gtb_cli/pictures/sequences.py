@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,8 +39,8 @@ class Frames:
         From the limit; empty where they are not known.
     film_distances : tuple of float or None
         From the limit with its film.
-    net_points : (n, 3) float or None
-        Control points of the limit net.
+    net_points : (n, 3) float
+        Control points of the limit net; none where they are not known.
     net : tuple of (int, int)
         Pairs of them between which lines are drawn.
     film : Mesh or None
@@ -51,7 +52,7 @@ class Frames:
     meshes: tuple[Mesh, ...]
     distances: tuple[float, ...] = ()
     film_distances: tuple[float, ...] | None = None
-    net_points: FloatArray | None = None
+    net_points: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     net: tuple[tuple[int, int], ...] = ()
     film: Mesh | None = None
 
@@ -68,29 +69,29 @@ def figure_of_frames(frames: Frames, look: Look) -> Figure:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
     with settings():
         figure = empty_figure(look)
-        with_net = look.net is not False and frames.net_points is not None
-        clouds = [mesh.vertices for mesh in frames.meshes]
-        if with_net and frames.net_points is not None:
-            clouds.append(frames.net_points)
+        net_points = frames.net_points[: 0 if look.net is False else None]
+        net = [net_points[list(pair)] for pair in frames.net] if len(net_points) else []
+        clouds = [*(mesh.vertices for mesh in frames.meshes), net_points]
         flat = frames.meshes[0].is_curve and is_flat(clouds)
         axes = panels(figure, frames.titles, plane=flat)
-        draw_panels = _draw_plane if flat else _draw_space
-        draw_panels(axes, frames, look, with_net, clouds)
+        (_draw_plane if flat else _draw_space)(axes, frames, look, net, net_points)
         return figure
 
 
-def _draw_plane(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool, clouds: Sequence[FloatArray]) -> None:
-    every = np.concatenate(clouds)[:, :2]
-    last = frames.meshes[-1]
+def _draw_plane(
+    axes: Sequence[Axes], frames: Frames, look: Look, net: Sequence[FloatArray], net_points: FloatArray
+) -> None:
+    every = np.concatenate([*(mesh.vertices for mesh in frames.meshes), net_points])[:, :2]
+    *others, last = axes
     for ax, mesh in zip(axes, frames.meshes, strict=True):
-        if with_net and frames.net_points is not None:
-            for a, b in frames.net:
-                ax.plot(*frames.net_points[[a, b], :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
-            ax.plot(*frames.net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
-        if mesh is not last:
-            _plot_segments(ax, last, LINE_COLOURS[1], "--", 1.2)
+        for ends in net:
+            ax.plot(*ends[:, :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
+        if len(net_points):
+            ax.plot(*net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
+        if ax in others:
+            _plot_segments(ax, frames.meshes[-1], LINE_COLOURS[1], "--", 1.2)
         _plot_segments(ax, mesh, LINE_COLOURS[0], "-", 1.8)
-        if mesh is last and frames.film is not None:
+        if ax is last and frames.film is not None:
             _plot_segments(ax, frames.film, LINE_COLOURS[1], "--", 1.6)
         level(ax, every)
 
@@ -102,36 +103,36 @@ def _plot_segments(ax: Axes, mesh: Mesh, colour: str, dashes: str, width: float)
         ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=width, zorder=3)
 
 
-def _draw_space(axes: Sequence[Axes], frames: Frames, look: Look, with_net: bool, clouds: Sequence[FloatArray]) -> None:
+def _draw_space(
+    axes: Sequence[Axes], frames: Frames, look: Look, net: Sequence[FloatArray], net_points: FloatArray
+) -> None:
     curves = frames.meshes[0].is_curve
     surfaces = [None if curves else surface_of(with_normals(mesh)) for mesh in frames.meshes]
     if frames.film is not None and surfaces[-1] is not None:
-        surfaces[-1] = _with_film(surfaces[-1], frames.film)
-    scenes = scenes_of(look.camera, surfaces, clouds)
-    for k, (ax, scene, mesh) in enumerate(zip(axes, scenes, frames.meshes, strict=True)):
+        surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film))
+    scenes = scenes_of(look.camera, surfaces, [*(mesh.vertices for mesh in frames.meshes), net_points])
+    for ax, scene, mesh in zip(axes, scenes, frames.meshes, strict=True):
         raster = draw(ax, scene)
         if curves:
             lines(ax, scene, None, list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
         else:
             lines(ax, scene, raster, list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
-        if with_net and frames.net_points is not None:
-            ends = [frames.net_points[list(pair)] for pair in frames.net]
-            lines(ax, scene, raster, ends, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
-            points(ax, scene, frames.net_points, edge=NET, size=2.6)
-        if frames.film is not None and curves and k == len(axes) - 1:
+        if len(net_points):
+            lines(ax, scene, raster, net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
+            points(ax, scene, net_points, edge=NET, size=2.6)
+        if frames.film is not None and curves and ax is axes[-1]:
             lines(ax, scene, None, list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
-        if k == 0:
-            triad(ax, look.camera)
+    triad(axes[0], look.camera)
 
 
 def _with_film(surface: Surface, film: Mesh) -> Surface:
     """Return a surface with its film, in another colour."""
-    film = with_normals(film)
-    normals = film.normals if film.normals is not None and surface.normals is not None else None
+    assert surface.normals is not None
+    assert film.normals is not None
     return Surface(
         np.concatenate([surface.vertices, film.vertices]),
         np.concatenate([surface.faces, shifted(film.faces, len(surface.vertices))]),
-        None if normals is None or surface.normals is None else np.concatenate([surface.normals, normals]),
+        np.concatenate([surface.normals, film.normals]),
         np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
     )
 
@@ -140,8 +141,6 @@ def with_normals(mesh: Mesh) -> Mesh:
     """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals."""
     if mesh.normals is not None or mesh.is_curve:
         return mesh
-    from dataclasses import replace
-
     missing = np.full_like(mesh.vertices, np.nan)
     return replace(mesh, normals=vertex_normals(missing, mesh.vertices, mesh.faces))
 
@@ -156,16 +155,13 @@ def figure_of_distances(frames: Frames, look: Look) -> Figure:
         values = np.array(frames.values[:-1])
         steps = frames.key == "step"
         across = 1 - values if steps else values
-        kept = across > 0
         drawn = False
         for label, distances, colour, dashes in (
             ("from the limit", frames.distances, LINE_COLOURS[0], "o-"),
-            ("from the limit with its film", frames.film_distances, LINE_COLOURS[1], "s--"),
-        ):
-            if not distances:
-                continue
+            ("from the limit with its film", frames.film_distances or (), LINE_COLOURS[1], "s--"),
+        )[: 2 if frames.film_distances else 1]:
             up = np.array(distances[:-1])
-            shown = kept & (up > 0)
+            shown = (across > 0) & (up > 0)
             drawn |= bool(shown.any())
             ax.plot(across[shown], up[shown], dashes, color=colour, lw=1.5, ms=4.5, mec="white", mew=0.6, label=label)
         if not drawn:
