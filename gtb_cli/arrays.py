@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import Any, TypeAlias, TypeVar
 
@@ -75,6 +76,17 @@ def positive(name: str, values: ArrayLike) -> FloatArray:
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """(m,) scalar products of (m, d) vectors."""
     return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+def column_dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) scalar products of (d, m) columns, faster than a reduction by numpy for up to three rows."""
+    return np.asarray(reduce(np.add, (x * y for x, y in zip(a, b, strict=True))))
+
+
+def put_columns(columns: FloatArray, where: IntArray, values: FloatArray) -> None:
+    """Write (d, k) values to some of (d, m) columns, row by row, which is faster in numpy than all at once."""
+    for row, new in zip(columns, values, strict=True):
+        row[where] = new
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:

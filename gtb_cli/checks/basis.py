@@ -10,7 +10,7 @@ from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, principal_axes
 from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.hull import convex_hull
-from gtb_cli.moment.moment_map import RESIDUAL
+from gtb_cli.moment.solve import RESIDUAL
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 
 

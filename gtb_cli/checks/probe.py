@@ -138,7 +138,7 @@ class Probe:
     @cached_property
     def linear(self) -> LinearParametrization:
         """The linear parametrisation of the patch."""
-        return self.patch.rational_basis.linear()
+        return self.patch.rational_basis.linear
 
     @cached_property
     def merged(self) -> Patch:

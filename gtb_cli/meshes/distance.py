@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, cross_of_columns
-from gtb_cli.moment.newton import dot
+from gtb_cli.arrays import FloatArray, column_dot, cross_of_columns
 
 BLOCK_POINTS = 8192
 """Number of points that are measured together: their arrays stay in the processor's cache."""
@@ -34,11 +33,11 @@ def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArra
     """The same for (3, m) arrays: whole columns are several times faster than rows of three."""
     ab, ac, relative = b - a, c - a, points - a
     normal = cross_of_columns(ab, ac)
-    square = dot(normal, normal)
+    square = column_dot(normal, normal)
     safe = np.where(square > 0, square, 1.0)
-    v = dot(relative, cross_of_columns(ac, normal)) / safe
-    w = dot(relative, cross_of_columns(normal, ab)) / safe
-    result = np.abs(dot(relative, normal)) / np.sqrt(safe)
+    v = column_dot(relative, cross_of_columns(ac, normal)) / safe
+    w = column_dot(relative, cross_of_columns(normal, ab)) / safe
+    result = np.abs(column_dot(relative, normal)) / np.sqrt(safe)
     other = np.flatnonzero((square <= 0) | (v < 0) | (w < 0) | (v + w > 1))
     if len(other):
         relative, ab, ac = (each.take(other, axis=1) for each in (relative, ab, ac))  # faster than [:, other]
@@ -49,7 +48,7 @@ def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArra
 
 def _to_side(relative: FloatArray, direction: FloatArray) -> FloatArray:
     """(m,) squares of the distances of (3, m) points from the segments from the origin to `direction`."""
-    square = dot(direction, direction)
-    t = np.clip(dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    square = column_dot(direction, direction)
+    t = np.clip(column_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
     apart = relative - t * direction
-    return dot(apart, apart)
+    return column_dot(apart, apart)

@@ -1,38 +1,13 @@
-"""Grids of knots, on which exponentials are products of a few, and grids of parameters, on which sums are nested."""
+"""Grids of knots, on which exponentials are products of a few."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, distinct
 from gtb_cli.values import frozen
-
-MAX_KEPT_GRIDS = 1024
-"""Number of sets of knots remembered as grids or not."""
-
-MIN_RASTER_PAIRS = 64
-"""Fewest parameters worth a look for a grid among them."""
-
-MAX_ROW_PAIRS = 1 << 15
-"""Largest number of parameters in a row of a grid: a block of one row has to fit in the cache."""
-
-
-class Raster(NamedTuple):
-    """All pairs of some first and some second coordinates, row by row.
-
-    Attributes
-    ----------
-    axis : int
-        The coordinate that changes along a row; the other one is the same all along it.
-    width : int
-        Number of pairs in a row.
-    """
-
-    axis: int
-    width: int
 
 
 @frozen
@@ -70,26 +45,13 @@ class Grid:
         columns, rows = map(_exponentials, self.steps, self.are_equal, s)
         return np.asarray((rows[:, None] * columns).reshape(-1, s.shape[1]))
 
-    def sums(self, values: FloatArray, s: FloatArray, raster: Raster) -> FloatArray:
-        """(k, m) sums of (k, n) values, those of the knots in `order`, times `exponentials` at a raster of (2, m) s.
-
-        First over the knots in one direction, for each row, then over those in the other: two small matrix products.
-        """
-        axis, other = raster.axis, 1 - raster.axis
-        places = s.reshape(2, -1, raster.width)
-        along = _exponentials(self.steps[axis], self.are_equal[axis], places[axis, 0])
-        across = _exponentials(self.steps[other], self.are_equal[other], places[other, :, 0])
-        table = values.reshape(len(values), len(self.steps[1]), len(self.steps[0]))
-        rows = across.T @ (table.transpose(0, 2, 1) if axis else table)
-        return np.asarray((rows.reshape(-1, len(along)) @ along).reshape(len(values), -1))
-
 
 def grid_of(knots: FloatArray) -> Grid | None:
     """Return the grid that (n, 2) knots form, or None."""
     return _grid(np.ascontiguousarray(knots).tobytes()) if knots.shape[1] == 2 else None
 
 
-@lru_cache(MAX_KEPT_GRIDS)
+@lru_cache(1024)  # the patches of a model mostly share their knots
 def _grid(content: bytes) -> Grid | None:
     knots = np.frombuffer(content).reshape(-1, 2)
     order = np.lexsort(knots.T)
@@ -100,19 +62,6 @@ def _grid(content: bytes) -> Grid | None:
     are_equal = tuple(bool(np.abs(x - np.linspace(0, x[-1], len(x))).max() <= EPS * x[-1]) for x in steps)
     exponentials = sum(1 if equal else len(x) for x, equal in zip(steps, are_equal, strict=True))
     return Grid(order, knots[order[0]], steps, are_equal, exponentials <= len(knots) / 2)
-
-
-def raster_of(u: FloatArray) -> Raster | None:
-    """Return how (m, 2) parameters form a grid along the axes, exactly, or None."""
-    if len(u) < MIN_RASTER_PAIRS:
-        return None
-    axis = int(u[0, 0] == u[1, 0])
-    along, across = u[:, axis], u[:, 1 - axis]
-    width = int((across[: MAX_ROW_PAIRS + 1] != across[0]).argmax())
-    if width < 2 or len(u) % width:
-        return None
-    along, across = along.reshape(-1, width), across.reshape(-1, width)
-    return Raster(axis, width) if (along == along[0]).all() and (across == across[:, :1]).all() else None
 
 
 def _exponentials(steps: FloatArray, are_equal: bool, t: FloatArray) -> FloatArray:

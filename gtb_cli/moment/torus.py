@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.moment.grid import Raster, grid_of
+from gtb_cli.moment.grid import grid_of
 
 BLOCK_NUMBERS = 1 << 18
 """Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
@@ -62,16 +62,13 @@ def _are_safe(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> bool
     return bool(bound <= SAFE_EXPONENT)
 
 
-def weighted_sums(
-    knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray, raster: Raster | None = None
-) -> FloatArray:
+def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
     """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
     factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
-    if grid is not None and (raster or grid.is_worth_it) and _are_safe(knots, log_weights, s):
-        factors = (factors * np.exp(log_weights))[:, grid.order]
-        return grid.sums(factors, s, raster) if raster else np.asarray(factors @ grid.exponentials(s))
+    if grid is not None and grid.is_worth_it and _are_safe(knots, log_weights, s):
+        return np.asarray((factors * np.exp(log_weights))[:, grid.order] @ grid.exponentials(s))
     return np.asarray(factors @ exponentials(knots, log_weights, s))
 
 

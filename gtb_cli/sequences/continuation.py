@@ -14,9 +14,9 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import Face
-from gtb_cli.moment.hulls import extents_of
-from gtb_cli.moment.moment_map import ACCEPTED_RESIDUAL, MIN_REGULARISATION, MomentMap
-from gtb_cli.moment.newton import dot, regularised_step, size
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.solve import ACCEPTED_RESIDUAL, LogSum, solve
+from gtb_cli.moment.starts import extents_of
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.theory.basis import face_knots
 from gtb_cli.theory.patch import Patch
@@ -205,32 +205,10 @@ class Stratum:
         self, weights: FloatArray, p: FloatArray, start: FloatArray, target: float
     ) -> tuple[FloatArray, BoolArray]:
         """(d, m) torus coordinates of (d, m) places p under (n, m) logarithms of weights, and (m,) which are found."""
-        s, solution, d = start, start.copy(), len(start)
-        active = np.arange(start.shape[1])
-        found = np.zeros(len(active), dtype=bool)
-        for _ in range(MAX_STEPS):
-            sums = self.summed @ scaled_exponentials(self.knots @ s + weights)
-            moments = sums[1:] / sums[0]
-            gradient, hessian = moments[:d] - p, moments[d:]
-            hessian[:d] -= moments[:d] ** 2
-            hessian[d:] -= moments[:1] * moments[1:d]
-            residual = size(gradient)
-            # On the border of a cell whose neighbours are far below it, the Hessian is singular to rounding.
-            with np.errstate(over="ignore", invalid="ignore"):  # NaN is never near, and is given up
-                step = regularised_step(gradient, hessian, MIN_REGULARISATION * residual)
-                length = np.abs(step).sum(axis=0)
-                step *= LONGEST_STEP / np.maximum(length, LONGEST_STEP)
-            # Like `MomentMap`: for a short step it is known beforehand how near it comes.
-            after = -0.5 * np.exp(np.minimum(length, LONGEST_STEP)) * dot(gradient, step)
-            near = residual <= target
-            done = near | ((after <= target) & (length <= LONGEST_STEP))
-            s = np.where(near, s, s + step)
-            rows, going = np.flatnonzero(done), np.flatnonzero(~done)
-            solution[:, active[rows]], found[active[rows]] = s[:, rows], True
-            if not len(going):
-                break
-            active, s, p, weights = active[going], s[:, going], p[:, going], weights[:, going]
-        return solution, found
+        found = np.ones(start.shape[1], dtype=bool)
+        s, missing = solve(LogSum(self.knots, weights), p, start, target)
+        found[missing] = False
+        return s, found
 
 
 def squares_of(knots: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.moment.moment_map import ACCEPTED_RESIDUAL
+from gtb_cli.moment.solve import ACCEPTED_RESIDUAL
 from gtb_cli.moment.torus import BLOCK_NUMBERS
 from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.sequences.film import film_mesh

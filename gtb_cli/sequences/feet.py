@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.moment.newton import dot
+from gtb_cli.arrays import FloatArray, IntArray, column_dot
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.sequences.continuation import Stratum, squares_of
 
@@ -63,11 +62,11 @@ class Chart(ABC):
         for _ in range(MAX_FOOT_STEPS):
             place, first, second = self.derivatives(s, columns)
             apart = place - points
-            square = dot(apart, apart)
+            square = column_dot(apart, apart)
             better = square < least
-            gradient = np.stack([dot(each, apart) for each in first])
+            gradient = np.stack([column_dot(each, apart) for each in first])
             reach = np.where(better, np.minimum(2 * reach, LONGEST_SLIDE), reach / 4)
-            step = _descent(gradient, first, [dot(each, apart) for each in second], reach)
+            step = _descent(gradient, first, [column_dot(each, apart) for each in second], reach)
             # Three quarters of a step that led farther away are taken back.
             following = np.where(better, s + step, best + (s - best) / 4)
             best, least = np.where(better, s, best), np.where(better, square, least)
@@ -152,10 +151,10 @@ def _descent(gradient: FloatArray, first: FloatArray, bends: list[FloatArray], r
 
     Where the curvature along an axis is not positive, that of the distance from a plane is used.
     """
-    xx = dot(first[0], first[0])
+    xx = column_dot(first[0], first[0])
     if len(first) == 1:
         return _along(gradient[0], xx + bends[0], xx, reach)[None]
-    yy, xy = dot(first[1], first[1]), dot(first[0], first[1])
+    yy, xy = column_dot(first[1], first[1]), column_dot(first[0], first[1])
     a, b, c = xx + bends[0], yy + bends[1], xy + bends[2]
     # Towards an edge, which is infinitely far, one curvature may vanish to rounding; steps along its axis must remain.
     turn = 0.5 * np.arctan2(2 * c, a - b)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
-from gtb_cli.moment.hulls import extents_of
 from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.starts import extents_of
 from gtb_cli.sequences.feet import MovingChart
 from gtb_cli.sequences.search import PLACE_ACCURACY, Search, Spots, members_of, neighbours_of
 from gtb_cli.tessellation.complex import Complex

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, rows_of
-from gtb_cli.moment.newton import dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, groups, rows_of
 from gtb_cli.sequences.feet import ROUNDING_DISTANCE, Chart
 from gtb_cli.values import frozen
 
@@ -271,7 +270,7 @@ class Search:
             own = rows_of(starts, rows)
             if index == len(self.charts):
                 apart = (points[rows] - self.points[own.surface, own.row]).T
-                distances[rows] = np.sqrt(dot(apart, apart))
+                distances[rows] = np.sqrt(column_dot(apart, apart))
             else:
                 chart = self.charts[index]
                 start = np.ascontiguousarray(own.s[:, : chart.dimension].T)

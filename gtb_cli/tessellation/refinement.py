@@ -12,12 +12,11 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross_of_columns, dot, rows_of
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, rows_of
 from gtb_cli.certificates.cells import Certificates
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.distance import to_segments
-from gtb_cli.moment.newton import dot as column_dot
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat

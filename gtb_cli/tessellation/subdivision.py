@@ -7,11 +7,10 @@ from functools import reduce
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross_of_columns, dot, groups, joined, rows_of
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, groups, joined, rows_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
-from gtb_cli.moment.newton import dot as column_dot
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.peaks import kinds
 from gtb_cli.tessellation.splitting import Cells, Edges, Vertices, divide, new_cells, unknown_edges

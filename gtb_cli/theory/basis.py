@@ -17,7 +17,6 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import Face
-from gtb_cli.moment.grid import Raster
 
 
 class Location(NamedTuple):
@@ -35,8 +34,6 @@ class Location(NamedTuple):
         Torus coordinates, dual to those of the knots.
     heights : (r, B) float or None
         Edge functions at the parameters; None where they were not needed. For linear ones they are Σ T_i h_j(a_i).
-    raster : Raster, optional
-        How s is a grid, where the parameters are known to be one.
     """
 
     rows: slice | IntArray
@@ -44,7 +41,23 @@ class Location(NamedTuple):
     knots: FloatArray
     s: FloatArray
     heights: FloatArray | None
-    raster: Raster | None = None
+
+    def part(self, begin: int, end: int) -> Location | None:
+        """Return the location of the parameters from `begin` to `end`, counted from `begin`, or None if it has none.
+
+        Rows have to be ascending.
+        """
+        if isinstance(self.rows, slice):
+            first = self.rows.start or 0
+            low, high = max(begin - first, 0), min(end - first, self.s.shape[1])
+            rows: slice | IntArray = slice(first + low - begin, first + high - begin)
+        else:
+            low, high = np.searchsorted(self.rows, [begin, end]).tolist()
+            rows = self.rows[low:high] - begin
+        if low >= high:
+            return None
+        heights = None if self.heights is None else self.heights[:, low:high]
+        return Location(rows, self.face, self.knots, self.s[:, low:high], heights)
 
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:

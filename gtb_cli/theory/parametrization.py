@@ -7,6 +7,7 @@ patch whose control points are its knots is the identity. The image is the same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -18,7 +19,6 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.torus import CUT_OFF_SHARE, NO_ROWS, block_length, exponentials, weighted_sums
 from gtb_cli.theory.basis import Location, face_knots, torus_coordinates
-from gtb_cli.theory.rectangle import with_rasters
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
@@ -74,15 +74,12 @@ class RationalBasis:
         if parametrization == "toric":
             return toric_locations(self.domain, columns, faces)
         if parametrization == "linear":
-            return self.linear().locations(columns, faces, within)
+            return self.linear.locations(columns, faces, within)
         raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
 
+    @cached_property
     def linear(self) -> LinearParametrization:
-        """A new linear parametrisation, which has not learnt anything yet.
-
-        It learns from each point where to look for others: results of later calls differ by rounding from those of
-        `locations`, which begins anew.
-        """
+        """The linear parametrisation."""
         from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh does not need it
 
         return LinearParametrization(self.domain, self.log_weights)
@@ -90,7 +87,7 @@ class RationalBasis:
     def values(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, n) values T_i at the locations of `count` parameters; exact zeros off the face of a location."""
         result = np.zeros((count, len(self.domain.knots)))
-        for rows, face, knots, s, *_ in locations:
+        for rows, face, knots, s, _ in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
             e /= e.sum(axis=0)
             e[e <= CUT_OFF_SHARE] = 0.0
@@ -111,7 +108,7 @@ class RationalBasis:
         result = np.empty((count, values.shape[1]))
         for location in locations:
             face = location.face.knots
-            sums = weighted_sums(location.knots, self.log_weights[face], values[face], location.s, location.raster)
+            sums = weighted_sums(location.knots, self.log_weights[face], values[face], location.s)
             if isinstance(location.rows, slice):
                 np.divide(sums[1:], sums[0], out=result[location.rows].T)
             else:
@@ -119,19 +116,32 @@ class RationalBasis:
                     column[location.rows] = values_there  # numpy takes twice as long for rows
         return result
 
+    def blend_each(self, values: FloatArray, numbers: IntArray, locations: Iterable[Location]) -> FloatArray:
+        """(m, k) sums ``Σ_i T_i values_i`` at m parameters, each with its own one of (p, n, k) values, by its number.
+
+        Numbers ascend, and so do the rows of each location.
+        """
+        result = np.empty((len(numbers), values.shape[2]))
+        for location in locations:
+            face, own = location.face.knots, numbers[location.rows]
+            shares, chosen = exponentials(location.knots, self.log_weights[face], location.s), values[:, face]
+            shares /= shares.sum(axis=0)
+            if len(own) < 16 * len(values):  # a few for each: all at once take less time than one after another
+                result[location.rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
+                continue
+            ends, sums = (
+                np.searchsorted(own, np.arange(len(values) + 1)).tolist(),
+                np.empty((values.shape[2], len(own))),
+            )
+            for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
+                np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
+            result[location.rows] = sums.T
+        return result
+
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
     """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
 
-    def line(axis: int, coordinates: FloatArray) -> FloatArray:
-        points = np.tile(domain.center, (len(coordinates), 1))
-        points[:, axis] = coordinates
-        return np.asarray(torus_coordinates(domain, domain.heights_of_columns(points))[axis])
-
-    yield from with_rasters(domain, u, faces, line, lambda u, faces: _toric_locations(domain, u, faces))
-
-
-def _toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None) -> Iterator[Location]:
     centred = domain.knots - domain.center
     for rows, number, heights in _blocks(domain, u, faces):
         face = domain.faces[number]

@@ -223,7 +223,7 @@ class Patch:
         u, grid = self.domain.grid(u)
         result = np.empty((len(u), 3, self.dimension))
         points = self.control_points - self._middle
-        for where, face, knots, s, heights, _ in self.rational_basis.locations(u):
+        for where, face, knots, s, heights in self.rational_basis.locations(u):
             if not face.is_interior:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)

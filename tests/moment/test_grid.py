@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.moment.grid import Raster, grid_of, raster_of
+from gtb_cli.moment.grid import grid_of
 
 ROUNDING = 1e-13
 """Error of exponentials of numbers up to 60: a few dozen roundings of these."""
@@ -52,28 +52,3 @@ def test_other_knots_are_not_a_grid():
 def test_products_are_worth_it_if_they_save_exponentials():
     assert grid_of(product(range(4), range(4))).is_worth_it
     assert not grid_of(product([0, 1, 3], [0, 1, 5])).is_worth_it
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_sums_over_a_raster_are_those_of_its_points(axis):
-    rng = np.random.default_rng(1)
-    grid = grid_of(rng.permutation(product(COLUMNS["irrational"], [7, 8, 9])))
-    rows, width = 5, 17
-    s = np.empty((2, rows, width))
-    s[axis], s[1 - axis] = rng.uniform(-2, 2, width), rng.uniform(-2, 2, (rows, 1))
-    s = s.reshape(2, -1)
-    values = rng.normal(size=(3, len(grid.order)))
-    found = grid.sums(values, s, Raster(axis, width))
-    scale = np.abs(values) @ grid.exponentials(s)
-    assert (np.abs(found - values @ grid.exponentials(s)) <= ROUNDING * scale).all()
-
-
-def test_only_exact_grids_of_parameters_are_rasters():
-    lines = np.linspace(0, 1, 12), np.linspace(2, 3, 9)
-    pairs = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
-    assert raster_of(pairs) == Raster(0, 12)
-    assert raster_of(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)) == Raster(1, 9)
-    moved = pairs.copy()
-    moved[-1, 0] += 1e-15
-    for others in (moved, pairs[:-1], pairs[:12], np.random.default_rng(2).permutation(pairs), pairs * np.nan):
-        assert raster_of(others) is None

@@ -11,7 +11,8 @@ from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
-from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment import solve
+from gtb_cli.moment.solve import LogSum
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
@@ -352,8 +353,8 @@ def test_a_knot_near_an_edge_does_not_cut_up_its_neighbourhood(knot):
 
 
 def test_new_points_are_looked_for_beside_their_neighbours(monkeypatch):
-    cold, newton = [], MomentMap._newton
-    monkeypatch.setattr(MomentMap, "_newton", lambda self, p, *rest: cold.append(p.shape[1]) or newton(self, p, *rest))
+    cold, minimised = [], solve._minimised
+    monkeypatch.setattr(solve, "_minimised", lambda one, p, *rest: cold.append(p.shape[1]) or minimised(one, p, *rest))
     mesh = tessellate(pentagon(), tolerance=2e-3, normals=False)
     assert sum(cold) < 0.01 * len(mesh.faces)  # of some 8,000 samples; it was 0.07
 
@@ -364,7 +365,7 @@ def test_among_random_knots_points_are_looked_for_from_their_neighbours(monkeypa
     rng = np.random.default_rng(1)
     knots = np.concatenate([[[0, 0], [1, 0], [1, 1], [0, 1]], rng.random((296, 2))])
     shape = Patch(knots, np.column_stack([knots, np.sin(4 * knots[:, 0])]), np.exp(0.3 * rng.standard_normal(300)))
-    evaluated, evaluate = [], MomentMap._evaluate
-    monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: evaluated.append(s.shape[1]) or evaluate(self, s))
+    evaluated, evaluate = [], LogSum.moments
+    monkeypatch.setattr(LogSum, "moments", lambda self, s: evaluated.append(s.shape[1]) or evaluate(self, s))
     tessellate(shape, tolerance=0.05, normals=False)
     assert sum(evaluated) < 8 * MIN_SAMPLES

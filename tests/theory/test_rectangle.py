@@ -7,9 +7,6 @@ import pytest
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
-from gtb_cli.moment.grid import Grid
-from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from tests.laws import error_of_linear_points, error_of_points
 from tests.patches import SHIFT, bumps
@@ -51,29 +48,6 @@ def test_a_grid_has_the_points_of_its_parameters(scale, shift, indexing, product
         assert np.abs(patch.evaluate(u, kind).reshape(-1, 3)[mixed] - alone).max() <= error
 
 
-def test_a_grid_takes_no_exponentials_of_its_points(monkeypatch):
-    patch = rectangle()
-    monkeypatch.setattr(Grid, "exponentials", None)
-    monkeypatch.setattr("gtb_cli.moment.torus.exponentials", None)
-    part = triangulation(patch.domain, 40)
-    for u in (pairs(patch)[1:-1, 1:-1], part.parameters.reshape(41, 41, 2)[1:-1, 1:-1]):
-        for kind in ("toric", "linear"):
-            assert np.isfinite(patch.evaluate(u, kind)).all()
-
-
-def test_weights_that_are_products_are_inverted_along_the_sides(monkeypatch):
-    counted = []
-    evaluate = MomentMap._evaluate
-    monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: (counted.append(s.shape), evaluate(self, s))[1])
-    patch = rectangle()
-    patch.evaluate(pairs(patch)[1:-1, 1:-1], "linear")
-    assert {shape[0] for shape in counted} == {1}
-    assert sum(count for _, count in counted) < 20 * (8 + 11)
-    shape, weights = patch.domain, patch.log_products
-    assert len(LinearParametrization(shape, weights)._factors) == 2
-    assert not LinearParametrization(shape, weights + np.eye(12)[3] * 1e-9)._factors
-
-
 @pytest.mark.parametrize("kind", ["toric", "linear"])
 def test_a_parameter_outside_is_named_by_its_place(kind):
     patch = rectangle()
@@ -103,17 +77,3 @@ def test_meshes_of_rectangles_are_exactly_grids():
     assert (grid[:, :, 0] == grid[0, :, 0]).all()
     assert (grid[:, :, 1] == grid[:, :1, 1]).all()
     assert (part.parameters[part.boundary[:, 0]] == shape.vertices).all()
-
-
-def test_an_even_mesh_of_smooth_weights_takes_few_evaluations(monkeypatch):
-    counted = []
-    evaluate = MomentMap._evaluate
-    monkeypatch.setattr(MomentMap, "_evaluate", lambda self, s: (counted.append(s.shape[1]), evaluate(self, s))[1])
-    knots = np.stack(np.meshgrid(range(4), range(4)), axis=-1).reshape(-1, 2)
-    inside = ((knots > 0) & (knots < 3)).all(axis=1)
-    patch = Patch(knots, bumps(knots), np.where(inside, 2.0, 1.0), coefficients="binomial")
-    basis, part = patch.rational_basis, triangulation(patch.domain, 240)
-    faces = part.faces(patch.domain.faces)
-    points = basis.linear().evenly(patch.points_at, part.parameters, faces, 240)
-    assert sum(counted) < len(points) / 4
-    assert np.abs(points - patch.evaluate(part.parameters[::-1], "linear")[::-1]).max() <= error_of_linear_points(patch)

@@ -52,7 +52,7 @@ WEIGHTS_AFTER = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
 
 
 @frozen
-class Sheets:
+class Lattice:
     """Lattices over equal parts of Δ: ``origin + x along + y across + x y twist`` with whole x and y from 0.
 
     Attributes
@@ -88,9 +88,9 @@ class Sheets:
         return self.last >= STRIDE * MIN_COARSE_STEPS
 
     @property
-    def _coarse(self) -> Sheets:
+    def _coarse(self) -> Lattice:
         steps = self.along * STRIDE, self.across * STRIDE, self.twist * STRIDE**2
-        return Sheets(self.origin, *steps, self.last // STRIDE, self.triangular)
+        return Lattice(self.origin, *steps, self.last // STRIDE, self.triangular)
 
     def solved(self, solve: Solver) -> FloatArray:
         """(2, c, y, x) values at all places, 0 elsewhere."""
@@ -145,17 +145,17 @@ class Sheets:
         return result
 
 
-def sheets(domain: Domain, resolution: int) -> Sheets:
-    """Return the lattices of the inner vertices of `triangulation`."""
+def lattice_of(domain: Domain, resolution: int) -> Lattice:
+    """Return those of the inner vertices of `triangulation`."""
     v, n = domain.vertices, resolution
     if len(v) > 4:
         following = np.roll(v, -1, axis=0)
         along, across = (following - v) / n, (v.mean(axis=0) - v) / n
-        return Sheets(v + across, along, across, np.zeros_like(v), n - 1, True)
+        return Lattice(v + across, along, across, np.zeros_like(v), n - 1, True)
     along, across = (v[1] - v[0])[None] / n, (v[-1] - v[0])[None] / n
     twist = (v[0] - v[1] + v[2] - v[-1])[None] / n**2 if len(v) == 4 else np.zeros((1, 2))
     origin = v[:1] + along + across + twist
-    return Sheets(origin, along + twist, across + twist, twist, n - (2 if len(v) == 4 else 3), len(v) == 3)
+    return Lattice(origin, along + twist, across + twist, twist, n - (2 if len(v) == 4 else 3), len(v) == 3)
 
 
 def _extended(values: FloatArray, last: IntArray) -> FloatArray:

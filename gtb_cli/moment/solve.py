@@ -1,0 +1,286 @@
+"""The solver of μ(s) = p, for many points at once, one in each column, with one set of weights or one for each.
+
+μ is the gradient of the convex function ``log Σ c_i ω_i e^<a_i, s>``. Plain steps of Newton's method are taken while
+they are short; columns for which these do not suffice minimise ``log Σ c_i ω_i e^<a_i, s> − <p, s>`` by steps that are
+regularised and refused if they do not lead lower.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import EPS, FloatArray, IntArray, column_dot, put_columns
+from gtb_cli.moment.grid import Grid, grid_of
+from gtb_cli.moment.torus import SAFE_EXPONENT, scaled_exponentials
+from gtb_cli.values import frozen
+
+RESIDUAL = 1e-12
+"""Largest accepted |μ(s) − p|, as a fraction of the hull's size."""
+
+ACCEPTED_RESIDUAL = RESIDUAL / 2
+"""Residual accepted in the coordinates of the solver, whose axes may be longer and turned."""
+
+TARGET_RESIDUAL = 1e-14
+"""Residual at which a point is done if all digits are asked for."""
+
+MAX_STEPS = 300
+"""Regularised steps after which a point is missing."""
+
+
+class Moments(NamedTuple):
+    """(d, m) means μ, and (1, m) variances or (3, m) variances and covariance; what `LogSum.value` needs."""
+
+    mean: FloatArray
+    spread: FloatArray
+    total: FloatArray
+    shift: FloatArray | float
+
+
+@frozen
+class LogSum:
+    """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s.
+
+    Parameters
+    ----------
+    knots : (n, d) float
+        In units of their extents.
+    log_weights : (n,) or (n, m) float
+        log(c_i ω_i), for all columns or one vector for each.
+    """
+
+    knots: FloatArray
+    log_weights: FloatArray
+
+    def columns(self, rows: IntArray) -> LogSum:
+        """Return the function for some columns."""
+        return self if self.log_weights.ndim == 1 else LogSum(self.knots, self.log_weights[:, rows])
+
+    def moments(self, s: FloatArray) -> Moments:
+        """Return the derivatives at (d, m) torus coordinates."""
+        d = len(s)
+        shift: FloatArray | float
+        if self.log_weights.ndim == 2:
+            e = self.knots @ s
+            e += self.log_weights
+            shift = e.max(axis=0)
+            sums = self._summed @ scaled_exponentials(e)
+        else:
+            is_safe = bool(self.reach[:d] @ np.abs(s).max(axis=1, initial=0.0) + self.reach[d] <= SAFE_EXPONENT)
+            if is_safe and self._on_grid is not None:
+                grid, summed = self._on_grid
+                sums, shift = summed @ grid.exponentials(s), grid.first @ s
+            else:
+                e = self._exponents @ np.concatenate([s, np.ones((1, s.shape[1]))])
+                shift = 0.0 if is_safe else e.max(axis=0)
+                sums = self._summed @ (np.exp(e, out=e) if is_safe else scaled_exponentials(e))
+        moments = sums[1:] / sums[0]
+        mean, spread = moments[:d], moments[d:]
+        # The spread of a column near a knot is of the order of the rounding, but positive.
+        spread[:d] -= (1 - 8 * EPS) * mean**2
+        spread[d:] -= mean[:1] * mean[1:]
+        return Moments(mean, spread, sums[0], shift)
+
+    @cached_property
+    def reach(self) -> FloatArray:
+        """(d + 1,) factors of the largest exponent: the exponents at s are at most reach[:d] @ |s| + reach[d]."""
+        return np.asarray(np.abs(self._exponents).max(axis=0))
+
+    @cached_property
+    def _exponents(self) -> FloatArray:
+        """(n, d + 1) knots, and log weights relative to the knot nearest 0, where the sum is about 1."""
+        nearest = np.lexsort((-self.log_weights, np.abs(self.knots).max(axis=1)))[0]
+        return np.column_stack([self.knots, self.log_weights - self.log_weights[nearest]])
+
+    @cached_property
+    def _summed(self) -> FloatArray:
+        """The functions averaged: 1, the knots' coordinates, their squares and, for d = 2, their product."""
+        a = self.knots.T
+        return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
+
+    @cached_property
+    def _on_grid(self) -> tuple[Grid, FloatArray] | None:
+        """The grid of the knots, if they form one, and the values summed under its exponentials."""
+        grid = grid_of(self.knots)
+        if grid is None or not grid.is_worth_it:
+            return None
+        return grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order]
+
+
+class State(NamedTuple):
+    """Columns s, and the values, gradients and second derivatives of the objective there."""
+
+    s: FloatArray
+    value: FloatArray
+    gradient: FloatArray
+    hessian: FloatArray
+
+    @staticmethod
+    def at(total: LogSum, p: FloatArray, s: FloatArray) -> State:
+        """Evaluate ``log Σ c_i ω_i e^<a_i, s> − <p, s>``."""
+        mean, spread, sums, shift = total.moments(s)
+        return State(s, np.log(sums) + shift - column_dot(p, s), mean - p, spread)
+
+    def columns(self, rows: IntArray) -> State:
+        """Return some columns."""
+        return State(*(x[..., rows] for x in self))
+
+    def put(self, rows: IntArray, other: State) -> None:
+        """Replace the columns in `rows`."""
+        for mine, theirs in zip(self, other, strict=True):
+            mine[..., rows] = theirs
+
+
+def solve(
+    total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
+) -> tuple[FloatArray, IntArray]:
+    """Find s with μ(s) = p.
+
+    Parameters
+    ----------
+    total : LogSum
+    p, start : (d, m) float
+        Points in the coordinates of the knots, inside their hull, and torus coordinates to start from.
+    target : float
+        Residual |μ(s) − p| that suffices; if rounding keeps it above, `ACCEPTED_RESIDUAL` does.
+
+    Returns
+    -------
+    s : (d, m) float
+    missing : (k,) int
+        The columns whose residual is larger.
+    """
+    s, left = short_steps(total, p, start, target)
+    if not len(left):
+        return s, left
+    some, there = total.columns(left), p.take(left, axis=1)
+    found, residual = _minimised(some, there, start.take(left, axis=1), target)
+    put_columns(s, left, short_steps(some, there, found, target)[0])
+    return s, left[~(residual <= max(ACCEPTED_RESIDUAL, target))]
+
+
+def short_steps(
+    total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
+) -> tuple[FloatArray, IntArray]:
+    """Take Newton's steps, long ones in part; columns for which a few do not suffice are not changed.
+
+    Returns the columns, and which are left. Third derivatives of the sum's logarithm are at most its second ones times
+    the extent of the knots, 1. This bounds the residual before a step is taken: a point is done after the step if the
+    bound is small enough. It also says that log(1 + l) of a step of length l leads lower (T. Sun, Q. Tran-Dinh,
+    Generalized self-concordant functions, Math. Programming 178 (2019), Thm 2).
+    """
+    longest = 8.0  # of the steps that are taken in full
+    s, solution, active = start, start, np.arange(start.shape[1])
+    for turn in range(16):  # most points need five; one that needs more is left
+        mean, spread, *_ = total.moments(s)
+        mean -= p
+        step = _plain_step(mean, spread)
+        length = np.abs(step).sum(axis=0)
+        bound = -0.5 * column_dot(mean, step)
+        short = length <= longest
+        done = short & (bound * np.exp(np.minimum(length, longest)) <= target)
+        long = np.flatnonzero(~short)
+        if len(long):
+            put_columns(step, long, step[:, long] * (np.log1p(length[long]) / length[long]))
+        step += s
+        if turn == 0:
+            solution = step
+        else:
+            put_columns(solution, active[done], step[:, done])
+        keep = np.flatnonzero(~done)
+        active, s, p, total = active[keep], step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
+        if not len(keep):
+            break
+    put_columns(solution, active, start.take(active, axis=1))
+    return solution, active
+
+
+def _minimised(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> tuple[FloatArray, FloatArray]:
+    """Minimise the objective by regularised steps; return the columns and their (m,) residuals.
+
+    The regularisation is a multiple of the residual, less after each step that leads lower and more after each that
+    does not, which is refused.
+    """
+    first, most = 1e-2, 1e9
+    # Rounding of a determinant hides less; one unknown has none: between knots 1e-11 apart, the curvature is 1e-22.
+    least = 1e-8 if len(p) == 2 else 0.0
+    at = _drawn_in(total, p, State.at(total, p, start.copy()))
+    solution, residuals, active = at.s.copy(), _size(at.gradient), np.arange(p.shape[1])
+    factor, refusals = np.full(len(active), first), np.zeros(len(active), dtype=np.int64)
+    for _ in range(MAX_STEPS):
+        residual = _size(at.gradient)
+        solution[:, active], residuals[active] = at.s, residual
+        # Rounding may keep a residual above the target: then every step is refused.
+        going = np.flatnonzero((residual > target) & (refusals < 4))
+        if not len(going):
+            break
+        if len(going) < len(active):
+            at, p, total, active = at.columns(going), p[:, going], total.columns(going), active[going]
+            factor, refusals, residual = factor[going], refusals[going], residual[going]
+        step = _regularised_step(at.gradient, at.hessian, factor * residual)
+        trial = State.at(total, p, at.s + step)
+        slope = column_dot(at.gradient, step)
+        # Below the rounding of the objective, only the gradient can identify a better point.
+        rounding = -slope < 64 * EPS * (1 + np.abs(at.value) + column_dot(np.abs(p), np.abs(trial.s)))
+        lower = np.where(rounding, _size(trial.gradient) < residual, trial.value <= at.value + 1e-4 * slope)
+        at = State(*(np.where(lower, new, old) for new, old in zip(trial, at, strict=True)))
+        factor = np.where(lower, np.maximum(factor / 16, least), np.clip(factor * 8, first, most))
+        refusals = np.where(lower, 0, refusals + 1)
+    return solution, residuals
+
+
+def _drawn_in(total: LogSum, p: FloatArray, at: State) -> State:
+    """Draw in starts far beyond their solutions, where the curvature vanishes.
+
+    A start is halved while, to second order, the minimum along its ray is on the other side of 0; but not within 1,
+    where all knots count.
+    """
+    for _ in range(60):  # more would be beyond the range of exponents
+        s, hessian = at.s, at.hessian
+        curvature = column_dot(hessian[: len(s)], s**2)
+        if len(s) == 2:
+            curvature += 2 * hessian[2] * s[0] * s[1]
+        rows = np.flatnonzero((column_dot(at.gradient, s) > curvature) & (_size(s) > 1.0))
+        if not len(rows):
+            break
+        at.put(rows, State.at(total.columns(rows), p[:, rows], s[:, rows] / 2))
+    return at
+
+
+def _size(a: FloatArray) -> FloatArray:
+    """(m,) largest absolute entry of (d, m) columns."""
+    return np.asarray(np.abs(a).max(axis=0))
+
+
+def _plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
+    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
+    first = _positive(hessian[0])
+    if len(gradient) == 1:
+        return np.asarray(-gradient / first)
+    ratio = hessian[2] / first
+    step = np.empty_like(gradient)
+    step[1] = (ratio * gradient[0] - gradient[1]) / _positive(hessian[1] - ratio * hessian[2])
+    step[0] = -gradient[0] / first - ratio * step[1]
+    return step
+
+
+def _positive(curvatures: FloatArray) -> FloatArray:
+    """Return the curvatures, with NaN in place of those that are not positive."""
+    return curvatures if curvatures.min(initial=1.0) > 0 else np.where(curvatures > 0, curvatures, np.nan)
+
+
+def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
+    """Solve (H + regular I) step = −gradient for each column."""
+    tiny = 1e-300  # the least curvature used as a divisor
+    xx = np.maximum(hessian[0] + regular, tiny)
+    if len(gradient) == 1:
+        return np.asarray(-gradient / xx)
+    # Cholesky's method keeps all digits if the knots that count are nearly collinear; Cramer's rule does not.
+    yy, xy = hessian[1] + regular, hessian[2]
+    ratio = xy / xx
+    rest = yy - ratio * xy
+    rest = np.maximum(np.where(rest > 0, rest, yy), tiny)
+    over = (ratio * gradient[0] - gradient[1]) / rest
+    return np.stack([-(gradient[0] + xy * over) / xx, over])
