@@ -12,18 +12,11 @@ try:  # Python shows a traceback until signals are caught, and these imports tak
 except KeyboardInterrupt:
     sys.exit(130)
 
-SIGNAL_STATUS = 128
-"""Exit status of a stopped process before the signal's number is added: 130 after Ctrl-C."""
+SIGNAL_STATUS = 128  # exit status of a stopped process before the signal's number is added: 130 after Ctrl-C
 
-GARBAGE_COLLECTION_OBJECTS = 100_000
-"""New objects after which Python looks for cycles among them, in place of 700: imports make many objects and no cycles,
-and looking for these takes a twentieth of the time of a small mesh."""
 
-GRACE_SECONDS = 1.0
-"""Seconds after a signal during which further signals do not disturb the clean-up."""
-
+# Set to 1: the last digit of a sum depends on its split among threads, and small matrices gain nothing by them
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Set to 1: the last digit of a sum depends on its split among threads, and small matrices gain nothing by them."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -32,6 +25,9 @@ class Stopped(KeyboardInterrupt):
 
 def main() -> None:
     """Run the command line of this process, and exit."""
+    # New objects after which Python looks for cycles among them, in place of 700: imports make many objects and no
+    # cycles, and looking for these takes a twentieth of the time of a small mesh
+    garbage_collection_objects = 100_000
     try:
         _catch_signals()
         for name in THREADS:
@@ -43,7 +39,7 @@ def main() -> None:
         for stream in (sys.stdout, sys.stderr):
             if stream is not None and hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")
-        gc.set_threshold(GARBAGE_COLLECTION_OBJECTS)
+        gc.set_threshold(garbage_collection_objects)
         from gtb_cli.commands.cli import run
         from gtb_cli.process.forks import allow_forks
 
@@ -58,6 +54,7 @@ def main() -> None:
 
 def _catch_signals() -> None:
     """Let the signals that end a process unwind it, so that temporary files go."""
+    grace_seconds = 1.0  # seconds after a signal during which further signals do not disturb the clean-up
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     last = -math.inf
 
@@ -68,7 +65,7 @@ def _catch_signals() -> None:
             _discard_unfinished()
             os._exit(SIGNAL_STATUS + number)
         now = time.monotonic()
-        if now - last > GRACE_SECONDS:
+        if now - last > grace_seconds:
             last = now
             raise Stopped(number)
 

@@ -9,11 +9,10 @@ from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
 from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
 
-DEFAULT_DEGREE = 25
-"""Default of --max-degree, the same as in `gtb_cli.bezier.pieces`."""
+DEFAULT_DEGREE = 25  # default of --max-degree, the same as in `gtb_cli.bezier.pieces`
 
+# Highest degree that may be asked for: the binomial coefficients of higher degrees exceed the range of floats
 MAX_PIECE_DEGREE = 1000
-"""Highest degree that may be asked for: the binomial coefficients of higher degrees exceed the range of floats."""
 
 
 @click.command

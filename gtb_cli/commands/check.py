@@ -19,17 +19,6 @@ from gtb_cli.shell.workers import jobs_option
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
 
-FAILED_STATUS = 1
-"""Exit status when a property fails."""
-
-VERDICT_COLOURS = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
-
-NAME_WIDTH = 40
-"""Columns for the name of a property."""
-
-FIGURES_WIDTH = 20
-"""Columns for the figures of a property."""
-
 
 @click.command
 @specs_argument
@@ -61,6 +50,7 @@ def check(
     fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
     --json asks for everything. Exit status 1 if a property or requirement fails, 2 if a spec cannot be read.
     """
+    failed_status = 1  # exit status when a property fails
     from gtb_cli.checks.report import Report, counts
 
     several = len(specs) > 1 or os.path.isdir(specs[0])
@@ -86,7 +76,7 @@ def check(
     if refused:
         raise RequirementError("\n".join(refused))
     if not all(row.holds for _, row in rows):
-        raise click.exceptions.Exit(FAILED_STATUS)
+        raise click.exceptions.Exit(failed_status)
 
 
 def _checked(
@@ -135,6 +125,9 @@ def _table(findings: tuple[Finding, ...], colours: bool) -> str:
 
 
 def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
+    verdict_colours = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
+    name_width = 40  # columns for the name of a property
+    figures_width = 20  # columns for the figures of a property
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
@@ -143,9 +136,9 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
             figures = f"{value} > {bound}"
         status = f"{found.status:14}"
         if colours:
-            status = click.style(status, fg=VERDICT_COLOURS[found.status])
+            status = click.style(status, fg=verdict_colours[found.status])
         text = f"{found.reference}: {found.reason}"
-        lines.append(f"{status}  {found.name:{NAME_WIDTH}}  {figures:{FIGURES_WIDTH}}  {text}\n")
+        lines.append(f"{status}  {found.name:{name_width}}  {figures:{figures_width}}  {text}\n")
     return "".join(lines)
 
 

@@ -14,12 +14,12 @@ from gtb_cli.shell.console import abandon, complain, lines_about, printable, say
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
-AS_JSON = "gtb_cli.as_json"
-"""Key in the context of `gtb`: whether --json is among its own options."""
+AS_JSON = "gtb_cli.as_json"  # key in the context of `gtb`: whether --json is among its own options
 
 DONE, REFUSED, FAILED = 0, 1, 2
 """Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error."""
 
+# Each command's name, the place from which it is imported when it is called, and its summary in one line
 COMMANDS = {
     "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
     "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
@@ -46,7 +46,6 @@ COMMANDS = {
     "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
     "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
 }
-"""Each command's name, the place from which it is imported when it is called, and its summary in one line."""
 
 
 class LazyGroup(click.Group):

@@ -9,8 +9,7 @@ from gtb_cli.shell.options import console_option, output_option
 from gtb_cli.shell.streams import write_text
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, SHELLS
 
-MANUAL = "man"
-"""Argument that asks for the manual page instead of a script for a shell."""
+MANUAL = "man"  # argument that asks for the manual page instead of a script for a shell
 
 
 @click.command

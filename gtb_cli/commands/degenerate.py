@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.theory.patch import Patch
 
-MAX_MEMBERS = 10_000
-"""Largest number of members of a sweep."""
+MAX_MEMBERS = 10_000  # largest number of members of a sweep
 
 
 @click.command

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-MAX_ELEVATIONS = 1000
-"""Largest number of elevations."""
+MAX_ELEVATIONS = 1000  # largest number of elevations
 
 
 @click.command

@@ -22,18 +22,16 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
+# Largest number of segments of each edge of a grid; the cells are counted before the grid is made
 MAX_GRID_SEGMENTS = 10**6
-"""Largest number of segments of each edge of a grid; the cells are counted before the grid is made."""
 
+# Lines that are evaluated together. The number does not depend on how a pipe delivers them, so the last digits do not
+# either.
 BATCH_LINES = 8192
-"""Lines that are evaluated together. The number does not depend on how a pipe delivers them, so the last digits do not
-either."""
 
-READ_BYTES = 1 << 20
-"""Bytes read at a time."""
+READ_BYTES = 1 << 20  # bytes read at a time
 
-MAX_LINE_BYTES = 10_000
-"""Longest line, in bytes."""
+MAX_LINE_BYTES = 10_000  # longest line, in bytes
 
 
 @click.command("eval")

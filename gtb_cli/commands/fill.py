@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from gtb_cli.design.sides import HoleSide
     from gtb_cli.language.scanner import Format
 
-CORNER_ANGLE = 0.1
-"""Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so."""
-
 
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
@@ -89,11 +86,13 @@ def fill(
 
 
 def _report(filling: Filling, console: Console) -> None:
+    # Angle in degrees between the tangent planes of two sides at their corner, above which a warning says so
+    corner_angle = 0.1
     for remark in filling.remarks:
         console.note(remark)
     sides = len(filling.sides)
     for corner, angle in enumerate(filling.corner_angles.tolist()):
-        if angle > CORNER_ANGLE:
+        if angle > corner_angle:
             names = f"{filling.sides[corner - 1].name} and {filling.sides[corner].name}"
             console.warn(f"the tangent planes of {names} differ by {angle:.2g} degrees at their corner")
     if filling.sharp_turns:

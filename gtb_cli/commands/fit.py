@@ -14,9 +14,6 @@ from gtb_cli.shell.streams import about, read_bytes, read_patch, shown_input, st
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MAX_POINT_FILE_BYTES = 10_000_000
-"""Largest size of a file of points, in bytes: as many points as a surface may be fitted to, with every digit."""
-
 
 @click.command
 @click.argument("points", metavar="[POINTS]", default=STANDARD, type=INPUT)
@@ -70,10 +67,12 @@ def fit(
 
 def _points(path: str, sizes: tuple[int, int]) -> Sequence[Sequence[float]]:
     """Read points, one on each line."""
+    # Largest size of a file of points, in bytes: as many points as a surface may be fitted to, with every digit
+    max_point_file_bytes = 10_000_000
     source = shown_input(path)
-    data = read_bytes(path, MAX_POINT_FILE_BYTES + 1)
-    if len(data) > MAX_POINT_FILE_BYTES:
-        raise SpecError(f"{source}: more than {MAX_POINT_FILE_BYTES} bytes")
+    data = read_bytes(path, max_point_file_bytes + 1)
+    if len(data) > max_point_file_bytes:
+        raise SpecError(f"{source}: more than {max_point_file_bytes} bytes")
     rows: list[list[float]] = []
     for number, line in enumerate(data.decode("utf-8-sig", "backslashreplace").splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()

@@ -21,14 +21,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-MAX_PATCHES_SHOWN = 4
-"""Largest number of patches of a model that are all described without --long."""
-
-MAX_JOINTS_SHOWN = 6
-"""Number of joints that are listed for a larger model: those with the largest angles."""
-
-MAX_EDGES_SHOWN = 100
-"""Largest number of open or collapsed edges that are listed without --long."""
+MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all described without --long
 
 
 @click.command
@@ -111,6 +104,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
+    max_joints_shown = 6  # number of joints that are listed for a larger model: those with the largest angles
     from gtb_cli.assembly.openings import near_misses
     from gtb_cli.assembly.seams import bends
     from gtb_cli.assembly.seams import joints as seams_of
@@ -119,7 +113,7 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     joints, seams = model.joints, seams_of(model)
     if not in_full:
         seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0)))
-        seams = seams[:MAX_JOINTS_SHOWN]
+        seams = seams[:max_joints_shown]
     return {
         "closed": joints.closed,
         "shared_edges": len(joints.shared),
@@ -215,7 +209,8 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
 
 def _listed(names: list[str], in_full: bool) -> str:
     """Names in a row; unless in full, only some of very many."""
-    more = 0 if in_full else max(0, len(names) - MAX_EDGES_SHOWN)
+    max_edges_shown = 100  # largest number of open or collapsed edges that are listed without --long
+    more = 0 if in_full else max(0, len(names) - max_edges_shown)
     return "; ".join(names[: len(names) - more]) + (f" and {more} more, with --long" if more else "")
 
 

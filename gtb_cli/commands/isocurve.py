@@ -10,8 +10,7 @@ from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_o
 from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
-MAX_SEGMENTS = 1_000_000
-"""Largest number of segments of the curve."""
+MAX_SEGMENTS = 1_000_000  # largest number of segments of the curve
 
 
 @click.command

@@ -14,8 +14,7 @@ from gtb_cli.shell.streams import about, read_patch, shown_input
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit
 
-EXAMPLE_STEPS = "0,0.4,0.8"
-"""Default steps t, those of Example 4.2 of the paper."""
+EXAMPLE_STEPS = "0,0.4,0.8"  # default steps t, those of Example 4.2 of the paper
 
 
 @click.command("knot-limit")

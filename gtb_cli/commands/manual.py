@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import click
 
-PAGE_COLUMNS = 78
-"""Columns of the page, whatever the terminal has, so that the bytes are the same everywhere."""
-
 
 def manual(group: click.Group) -> str:
     """Write all help texts unchanged as one page for man(1)."""
-    context = click.Context(group, info_name="gtb", terminal_width=PAGE_COLUMNS)
+    page_columns = 78  # columns of the page, whatever the terminal has, so that the bytes are the same everywhere
+    context = click.Context(group, info_name="gtb", terminal_width=page_columns)
     lines = [
         '.TH GTB 1 "" "" "gtb"',
         ".SH NAME",
@@ -24,7 +22,7 @@ def manual(group: click.Group) -> str:
         assert command is not None
         lines.append(f".SS {_escaped('gtb ' + name)}")
         lines += _as_it_stands(
-            command.get_help(click.Context(command, info_name=name, parent=context, terminal_width=PAGE_COLUMNS))
+            command.get_help(click.Context(command, info_name=name, parent=context, terminal_width=page_columns))
         )
     return "\n".join(lines) + "\n"
 

@@ -48,10 +48,6 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 
-MAX_TERMINAL_LINES = 1000
-"""Largest number of lines of a mesh that may go to a terminal."""
-
-
 @click.command
 @specs_argument
 @output_option
@@ -171,6 +167,7 @@ def _size_of(entry: Mapping[str, Any]) -> str:
 
 def _write_file(task: Task, output: str, console: Console, manifest: Manifest | None, workers: Workers) -> None:
     """Write one mesh to a file or to standard output."""
+    max_terminal_lines = 1000  # largest number of lines of a mesh that may go to a terminal
     faces = task.options.recipe.faces(task.spec)
     with console.progress(2 * faces) as progress:
         progress.label = shown_input(task.path)
@@ -180,7 +177,7 @@ def _write_file(task: Task, output: str, console: Console, manifest: Manifest | 
         if isinstance(made, GtbError):
             raise made
         progress.advance(faces)
-        if is_terminal(output) and made.lines > MAX_TERMINAL_LINES:
+        if is_terminal(output) and made.lines > max_terminal_lines:
             raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
         blocks: Iterable[bytes] = progress.over(made.blocks, faces, made.expected_bytes)
         if manifest is None or made.measures is None:

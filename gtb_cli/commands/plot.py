@@ -31,22 +31,9 @@ PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence"
 SIDE_INCHES, MAX_PIXELS = (0.5, 40.0), 60_000_000
 """Smallest and largest width and height of a figure, and its largest number of pixels."""
 
-DEFAULT_X = (1.0, 10.0, 100.0)
-"""Default parameters x of a degeneration."""
-
-DISTANCE_X = tuple(10 ** (k / 2) for k in range(9))
-"""Default parameters x at which distances of a degeneration are measured."""
-
-DEFAULT_STEPS = (0.0, 0.4, 0.8)
-"""Default steps t of a knot limit."""
-
-DISTANCE_STEPS = tuple(1 - 10 ** (-k / 2) for k in range(7))
-"""Default steps t at which distances of a knot limit are measured."""
 
 PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
 """Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves."""
-
-VARIATION_PATTERN = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
 
 
 class Variation(NamedTuple):
@@ -72,9 +59,10 @@ def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tup
 
 def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
     """Read the number that varies, and its values."""
+    variation_pattern = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
     if value is None:
         return None
-    match = VARIATION_PATTERN.fullmatch(value)
+    match = variation_pattern.fullmatch(value)
     if match is None:
         raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
     values = numbers_of(ctx, param, match[3]) or ()
@@ -248,6 +236,12 @@ def _of_spec(
     limit: LimitRequest,
     vary: Variation | None,
 ) -> Figure:
+    default_x = (1.0, 10.0, 100.0)  # default parameters x of a degeneration
+    # Default parameters x at which distances of a degeneration are measured
+    distance_x = tuple(10 ** (k / 2) for k in range(9))
+    default_steps = (0.0, 0.4, 0.8)  # default steps t of a knot limit
+    # Default steps t at which distances of a knot limit are measured
+    distance_steps = tuple(1 - 10 ** (-k / 2) for k in range(7))
     from gtb_cli.pictures.figures import default_picture, figure_of, figure_of_variants
     from gtb_cli.theory.patch import Patch
 
@@ -270,7 +264,7 @@ def _of_spec(
         curve = default_picture(shape) == "curve"
         fine = look.resolution or (PANEL_CURVE_RESOLUTION if curve else PANEL_RESOLUTION)
         far = what == "distance"
-        xs, steps = (DISTANCE_X, DISTANCE_STEPS) if far else (DEFAULT_X, DEFAULT_STEPS)
+        xs, steps = (distance_x, distance_steps) if far else (default_x, default_steps)
         return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=far), what, look)
     return figure_of(
         shape, what, look, lifting=None if limit.lifting is None else heights_of(single(shape), limit.lifting)

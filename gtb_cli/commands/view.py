@@ -17,16 +17,9 @@ from gtb_cli.tessellation.recipe import Recipe
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
 
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb")
-
-SEQUENCE_RESOLUTION = 20
-"""Segments of each edge of each cell in a sequence."""
 
 PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
 """Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them."""
-
-MAX_PAGE_FACES = 1_000_000
-"""Largest number of triangles of a page; each takes about 40 bytes."""
 
 
 @click.command
@@ -110,11 +103,13 @@ def content_of_paths(
 
 
 def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest | None) -> Content:
+    mesh_suffixes = (".obj", ".ply", ".stl", ".glb")
+    sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pictures.content import content_of, content_of_frames, content_of_mesh
 
     stem, suffix = os.path.splitext(os.path.basename(os.path.abspath(path)))
     is_sequence = os.path.isdir(path) or os.path.basename(path) == "sequence.json"
-    if limit is not None and (is_sequence or suffix.lower() in MESH_SUFFIXES):
+    if limit is not None and (is_sequence or suffix.lower() in mesh_suffixes):
         refuse_limit(limit, path)
     if is_sequence:
         from gtb_cli.pictures.record import read_frames
@@ -122,7 +117,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
         frames = read_frames(path)
         with about(path):
             return content_of_frames(frames, stem if os.path.isdir(path) else "sequence")
-    if suffix.lower() in MESH_SUFFIXES:
+    if suffix.lower() in mesh_suffixes:
         from gtb_cli.formats.meshfiles import read_mesh
 
         mesh = read_mesh(path)
@@ -135,7 +130,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
             _refuse_too_many(Recipe(resolution).faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem
         if limit is not None:
-            fine = resolution or SEQUENCE_RESOLUTION
+            fine = resolution or sequence_resolution
             frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))
             return content_of_frames(frames, name)
@@ -143,9 +138,10 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
 
 
 def _refuse_too_many(faces: int) -> None:
-    if faces > MAX_PAGE_FACES:
+    max_page_faces = 1_000_000  # largest number of triangles of a page; each takes about 40 bytes
+    if faces > max_page_faces:
         raise ToleranceError(
-            f"{faces} faces, and a page has room for {MAX_PAGE_FACES}: use a smaller -n or a coarser mesh"
+            f"{faces} faces, and a page has room for {max_page_faces}: use a smaller -n or a coarser mesh"
         )
 
 

@@ -20,25 +20,13 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-CONNECTION_SECONDS = 10.0
-"""Seconds within which a scheduler must answer."""
+CONNECTION_SECONDS = 10.0  # seconds within which a scheduler must answer
 
-WORKER_SECONDS = 60.0
-"""Seconds for which a cluster may have no workers, as when it starts or has lost its last one."""
 
-PATIENCE_SECONDS = 5.0
-"""Seconds between two checks, while a result is awaited, that there are workers."""
+PATIENCE_SECONDS = 5.0  # seconds between two checks, while a result is awaited, that there are workers
 
+# HOST:PORT; an address that contains colons stands in brackets
 ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
-"""HOST:PORT; an address that contains colons stands in brackets."""
-
-PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
-"""Packages on which the bytes of a file depend: all workers must have the same versions as this process."""
-
-THREADS_VARIABLE = "OPENBLAS_NUM_THREADS"
-"""Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it."""
-
-NO_DASK = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
 
 
 def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> Generator[R]:
@@ -83,12 +71,13 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
 
 def _connected(address: str) -> Any:
     """Return a client of the scheduler."""
+    no_dask = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
     from concurrent.futures import Future
 
     try:
         from distributed import Client
     except ImportError:
-        raise GtbError(NO_DASK) from None
+        raise GtbError(no_dask) from None
 
     class Connection(Client):  # type: ignore[misc]
         def __del__(self) -> None:  # closing a client that never connected takes long and prints messages
@@ -153,16 +142,21 @@ def _awaited(future: Future[R], client: Any, address: str) -> R:
 
 
 def _wait_for_workers(client: Any, address: str) -> None:
+    worker_seconds = 60.0  # seconds for which a cluster may have no workers, as when it starts or has lost its last one
     try:
-        client.wait_for_workers(1, timeout=WORKER_SECONDS)
+        client.wait_for_workers(1, timeout=worker_seconds)
     except TimeoutError:
-        raise GtbError(f"--cluster {address}: no workers within {WORKER_SECONDS:g} seconds") from None
+        raise GtbError(f"--cluster {address}: no workers within {worker_seconds:g} seconds") from None
 
 
 def _check_workers(client: Any, address: str) -> None:
     """Refuse workers that would make other files than this process."""
+    # Packages on which the bytes of a file depend: all workers must have the same versions as this process
+    packages = ("gtb-cli", "numpy", "scipy", "trimesh")
+    # Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it
+    threads_variable = "OPENBLAS_NUM_THREADS"
     _wait_for_workers(client, address)
-    for package in PACKAGES:
+    for package in packages:
         expected = importlib.metadata.version(package)
         for worker, found in client.run(importlib.metadata.version, package, on_error="return").items():
             if isinstance(found, importlib.metadata.PackageNotFoundError):
@@ -171,8 +165,8 @@ def _check_workers(client: Any, address: str) -> None:
                 raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
             if found != expected:
                 raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process has {expected}")
-    for worker, threads in client.run(os.getenv, THREADS_VARIABLE).items():
+    for worker, threads in client.run(os.getenv, threads_variable).items():
         if threads != "1":
             raise GtbError(
-                f"--cluster {address}: {worker} was started without {THREADS_VARIABLE}=1, and digits depend on it"
+                f"--cluster {address}: {worker} was started without {threads_variable}=1, and digits depend on it"
             )

@@ -16,26 +16,7 @@ if TYPE_CHECKING:
     from threading import Thread
 
 
-STANDARD = "-"
-"""The name of a file that stands for standard input or output."""
-
-PROGRESS_DELAY = 2.0
-"""Seconds before a progress bar appears."""
-
-SYSTEM_LIMITS = {
-    errno.EMFILE: "too many open files: the system allows this process no more",
-    errno.ENFILE: "too many open files: the system allows no more",
-    errno.EAGAIN: "no more processes or threads: the system allows no more",
-    errno.ENOMEM: "not enough memory for this",
-    errno.ENOENT: "the working folder is gone",
-}
-"""Messages for system errors that concern neither a file nor a stream."""
-
-PROGRESS_INTERVAL = 0.1
-"""Seconds between two updates of a progress bar."""
-
-BAR_CHARACTERS = 30
-"""Length of a progress bar in characters."""
+STANDARD = "-"  # the name of a file that stands for standard input or output
 
 
 def complain(message: str) -> None:
@@ -45,6 +26,14 @@ def complain(message: str) -> None:
 
 def lines_about(error: Exception) -> list[str]:
     """Return the lines of the message for any error; GTB_TRACEBACK=1 shows where an internal error comes from."""
+    # Messages for system errors that concern neither a file nor a stream
+    system_limits = {
+        errno.EMFILE: "too many open files: the system allows this process no more",
+        errno.ENFILE: "too many open files: the system allows no more",
+        errno.EAGAIN: "no more processes or threads: the system allows no more",
+        errno.ENOMEM: "not enough memory for this",
+        errno.ENOENT: "the working folder is gone",
+    }
     match error:
         case GtbError():
             return str(error).split("\n")
@@ -52,8 +41,8 @@ def lines_about(error: Exception) -> list[str]:
             return ["not enough memory for this"]
         case OSError(filename=str() | bytes() as name):
             return [f"{os.fsdecode(name)}: {error.strerror}"]
-        case OSError(errno=number) if number in SYSTEM_LIMITS:
-            return [SYSTEM_LIMITS[number]]
+        case OSError(errno=number) if number in system_limits:
+            return [system_limits[number]]
         case OSError():
             return [f"cannot write standard output: {error.strerror or error}"]
     if os.environ.get("GTB_TRACEBACK"):
@@ -182,25 +171,28 @@ class Progress:
             self._thread.join()
 
     def _draw(self) -> None:
+        progress_delay = 2.0  # seconds before a progress bar appears
+        progress_interval = 0.1  # seconds between two updates of a progress bar
+        bar_characters = 30  # length of a progress bar in characters
         import time
 
         start = time.monotonic()
-        if self._over.wait(PROGRESS_DELAY):
+        if self._over.wait(progress_delay):
             return
         with suppress(OSError, ValueError):  # the terminal is gone
             while True:
                 share = min(self._done / self._total, 0.99)
                 seconds = int(time.monotonic() - start)
-                bar = "#" * int(share * BAR_CHARACTERS)
+                bar = "#" * int(share * bar_characters)
                 clock = f"{seconds // 60}:{seconds % 60:02d}"
-                line = f"[{bar:-<{BAR_CHARACTERS}}] {share:4.0%} {clock} {printable(self.label)}".rstrip()
+                line = f"[{bar:-<{bar_characters}}] {share:4.0%} {clock} {printable(self.label)}".rstrip()
                 width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
                 with self._lock:
                     # The last column is left free: writing there makes some terminals start a new line.
                     self._width = width - 1
                     sys.stderr.write("\r" + line[: self._width].ljust(self._width))
                     sys.stderr.flush()
-                if self._over.wait(PROGRESS_INTERVAL):
+                if self._over.wait(progress_interval):
                     break
             with self._lock:
                 self._clear()

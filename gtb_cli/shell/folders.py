@@ -9,8 +9,8 @@ from typing import NamedTuple
 from gtb_cli.errors import GtbError, SpecError
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
+# Largest number of subfolders that are read: twenty that link to each other have a million paths through them
 MAX_FOLDERS = 10_000
-"""Largest number of subfolders that are read: twenty that link to each other have a million paths through them."""
 
 
 class Pair(NamedTuple):

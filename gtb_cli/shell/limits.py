@@ -21,14 +21,6 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-KNOT_PREFIX = "knot:"
-"""Prefix of a knot's index, which stands for the lifting that is 1 at this knot and 0 at all others."""
-
-INDEX_DIGITS = 6
-"""Largest number of digits of a knot's index; patches have fewer knots than that."""
-
-MOVE_PATTERN = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
-
 
 def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...] | None) -> object:
     """Read one x or several: each a positive number, a number expression, or inf."""
@@ -44,20 +36,24 @@ def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...
 
 def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
     """Read lifting values, or the index of a knot."""
+    # Prefix of a knot's index, which stands for the lifting that is 1 at this knot and 0 at all others
+    knot_prefix = "knot:"
+    index_digits = 6  # largest number of digits of a knot's index; patches have fewer knots than that
     text = (value or "").strip()
-    if not text.startswith(KNOT_PREFIX):
+    if not text.startswith(knot_prefix):
         return numbers_of(ctx, param, value)
-    index = text.removeprefix(KNOT_PREFIX)
+    index = text.removeprefix(knot_prefix)
     if not index.isdecimal() or not index.isascii():
         raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
-    return int(index[:INDEX_DIGITS])
+    return int(index[:index_digits])
 
 
 def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
     """Read pairs K:Q."""
+    move_pattern = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
     moves: dict[int, int] = {}
     for text in value:
-        match = MOVE_PATTERN.fullmatch(text)
+        match = move_pattern.fullmatch(text)
         if not match:
             raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
         k, q = int(match[1]), int(match[2])

@@ -23,11 +23,7 @@ if TYPE_CHECKING:
     from gtb_cli.files import StagedFiles
     from gtb_cli.meshes.measures import Measures
 
-PACKAGES = ("numpy", "trimesh")
-"""Packages whose versions may change bytes."""
-
-RENEWAL_SECONDS = 2.0
-"""Seconds between two versions of a growing manifest."""
+PACKAGES = ("numpy", "trimesh")  # packages whose versions may change bytes
 
 
 @dataclass
@@ -186,11 +182,12 @@ class OneByOne:
 
     def add(self, name: str, blocks: Iterable[bytes]) -> None:
         """Write a file into the folder."""
+        renewal_seconds = 2.0  # seconds between two versions of a growing manifest
         from gtb_cli.files import StagedFiles
 
         with StagedFiles(self._folder) as files:
             files.add(name, blocks)
-        if time.monotonic() - self._last > RENEWAL_SECONDS:
+        if time.monotonic() - self._last > renewal_seconds:
             self._replace()
             self._last = time.monotonic()
 

@@ -20,15 +20,13 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-MAX_JOBS = 64
-"""Largest number of worker processes."""
+MAX_JOBS = 64  # largest number of worker processes
 
-HEARTBEAT_SECONDS = 1.0
-"""Seconds between two signs of life of a worker."""
+HEARTBEAT_SECONDS = 1.0  # seconds between two signs of life of a worker
 
+# Signs of life that a worker may miss while its result is awaited. If there is too little memory to import them, some
+# libraries try for ever and let no other thread run meanwhile.
 MISSED_HEARTBEATS = 60
-"""Signs of life that a worker may miss while its result is awaited. If there is too little memory to import them, some
-libraries try for ever and let no other thread run meanwhile."""
 
 
 def processors() -> int:

@@ -23,17 +23,12 @@ if TYPE_CHECKING:
     from gtb_cli.sequences.sequence import Member, MeshSequence
     from gtb_cli.theory.patch import Patch
 
-ANIMATION_FORMAT = "glb"
-"""The format that holds an animation."""
+ANIMATION_FORMAT = "glb"  # the format that holds an animation
 
-LIMIT_LABEL = "limit"
-"""Name of the last mesh of a sequence."""
 
-NAME_DIGITS = 6
-"""Digits of numbers in file names, unless a number needs more."""
+NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 
-WRITING_SHARE = 0.1
-"""Fraction of a step's work that is the writing of its file, for the progress bar."""
+WRITING_SHARE = 0.1  # fraction of a step's work that is the writing of its file, for the progress bar
 
 
 @dataclass(frozen=True)
@@ -196,14 +191,15 @@ def number_text(value: float) -> str:
 
 def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, source: str) -> None:
     """Make and write the meshes and `sequence.json`, or an animation, and report each mesh when it is made."""
+    limit_label = "limit"  # name of the last mesh of a sequence
     texts = [number_text(value) for value in sequence.values[:-1]]
     if out.animated:
-        labels = [f"{sequence.key}={text}" for text in texts] + [LIMIT_LABEL]
+        labels = [f"{sequence.key}={text}" for text in texts] + [limit_label]
         # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
         write_blocks(out.place, _animation(sequence, labels, out, source))
         return
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
-    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), LIMIT_LABEL]]
+    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), limit_label]]
     check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
     _write_folder(sequence, names, kind, out, source)
 

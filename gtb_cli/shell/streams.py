@@ -18,14 +18,10 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-STDIN = "<stdin>"
-"""Name of standard input in messages."""
+STDIN = "<stdin>"  # name of standard input in messages
 
-UNSAFE_CHARACTERS = '/\\:*?"<>|'
-"""Characters that some file systems do not allow in names."""
 
-MAX_STEM_BYTES = 200
-"""Longest stem of a file name, in bytes: every file system allows it with a suffix."""
+MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
 def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
@@ -192,7 +188,8 @@ def is_device(output: str) -> bool:
 
 def file_stem(name: str | None) -> str:
     """Turn any name into the stem of a file name that stays in its folder and is not hidden."""
-    kept = "".join(c if c.isprintable() and c not in UNSAFE_CHARACTERS else "_" for c in name or "").strip()
+    unsafe_characters = '/\\:*?"<>|'  # characters that some file systems do not allow in names
+    kept = "".join(c if c.isprintable() and c not in unsafe_characters else "_" for c in name or "").strip()
     if kept.startswith((".", "-")):
         kept = "_" + kept[1:]
     return kept.encode("utf-8")[:MAX_STEM_BYTES].decode("utf-8", "ignore").rstrip() or "patch"

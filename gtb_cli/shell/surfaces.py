@@ -18,14 +18,13 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-EXACT_SUFFIXES = CAD_SUFFIXES | {name: name for name in CELL_FORMATS}
-
 
 def surface_format(format: str | None, output: str) -> str | None:
     """Return the surface format that -f or the suffix of the output names; None for meshes."""
+    exact_suffixes = CAD_SUFFIXES | {name: name for name in CELL_FORMATS}
     if format is not None:
         return format if format in (*CAD_FORMATS, *CELL_FORMATS) else None
-    return EXACT_SUFFIXES.get(suffix_of(output))
+    return exact_suffixes.get(suffix_of(output))
 
 
 def _short(reason: str) -> str:

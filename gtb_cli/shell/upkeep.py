@@ -10,12 +10,6 @@ from typing import Any
 
 from gtb_cli.errors import ExportError
 
-READ_BYTES = 1 << 20
-"""Bytes read at a time."""
-
-MAKE_SIGNS = frozenset(";:=|*?[~")
-"""Characters that mean something to make, and that a backslash does not quote everywhere."""
-
 
 def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
     """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
@@ -51,12 +45,13 @@ def is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
 
 def _sum_of(path: str) -> str | None:
     """Return the sha256 of a regular file, or None if there is no such file."""
+    read_bytes = 1 << 20  # bytes read at a time
     if not os.path.isfile(path):
         return None
     found = hashlib.sha256()
     try:
         with open(path, "rb") as file:
-            while block := file.read(READ_BYTES):
+            while block := file.read(read_bytes):
                 found.update(block)
     except OSError:
         return None
@@ -85,7 +80,9 @@ def _target(name: str) -> str:
 
 def _escaped(name: str) -> str:
     """Name a file as make reads it, or refuse a name that make would take for something else, such as a recipe."""
-    if not name.isprintable() or not MAKE_SIGNS.isdisjoint(name):
+    # Characters that mean something to make, and that a backslash does not quote everywhere
+    make_signs = frozenset(";:=|*?[~")
+    if not name.isprintable() or not make_signs.isdisjoint(name):
         raise ExportError(
             f"--deps: make cannot name {name!r}: expected no control characters, and none of ; : = | * ? [ ~"
         )

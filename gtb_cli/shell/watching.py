@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 HOST = "127.0.0.1"
 
-HEADERS = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
-
 
 class Watch:
     """What the files show now: made anew when a file has changed; after an error, the last good state.
@@ -85,6 +83,7 @@ def _stamp(path: str) -> object:
 
 def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
     """Return the class that answers a browser on this machine."""
+    headers = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
 
     class Handler(BaseHTTPRequestHandler):
         """Answers requests for the page and for news, and refuses requests to any other host name."""
@@ -108,7 +107,7 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
             body = text.encode("utf-8")
             self.send_response(status)
             for name, value in {
-                **HEADERS,
+                **headers,
                 "Content-Type": f"{kind}; charset=utf-8",
                 "Content-Length": len(body),
             }.items():
