@@ -3,11 +3,10 @@
 The names below are the public API. They are imported when first used, so that ``import gtb_cli`` costs nothing.
 """
 
+from typing import TYPE_CHECKING
+
 from gtb_cli.display import register
 from gtb_cli.version import __version__
-
-# While typing, or annotations from __future__, are imported, Ctrl-C would show a traceback.
-TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from gtb_cli.assembly.seams import joints

@@ -1,21 +1,18 @@
 """The process behind `gtb` and ``python -m gtb_cli``: its settings and its exit."""
 
-import sys  # and not annotations from __future__, which Python looks for in a file
+from __future__ import annotations
 
-try:  # Python shows a traceback until signals are caught, and these imports take most of that time
-    import gc
-    import math
-    import os
-    import signal
-    import time
-    from types import FrameType
-except KeyboardInterrupt:
-    sys.exit(130)
+import gc
+import math
+import os
+import signal
+import sys
+import time
+from types import FrameType
 
 SIGNAL_STATUS = 128  # exit status of a stopped process before the signal's number is added: 130 after Ctrl-C
 
-
-# Set to 1: the last digit of a sum depends on its split among threads, and small matrices gain nothing by them
+# Set to 1: the last digit of a sum depends on its split among threads, and small matrices gain nothing by them.
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
@@ -25,9 +22,6 @@ class Stopped(KeyboardInterrupt):
 
 def main() -> None:
     """Run the command line of this process, and exit."""
-    # New objects after which Python looks for cycles among them, in place of 700: imports make many objects and no
-    # cycles, and looking for these takes a twentieth of the time of a small mesh
-    garbage_collection_objects = 100_000
     try:
         _catch_signals()
         for name in THREADS:
@@ -39,11 +33,9 @@ def main() -> None:
         for stream in (sys.stdout, sys.stderr):
             if stream is not None and hasattr(stream, "reconfigure"):
                 stream.reconfigure(errors="backslashreplace")
-        gc.set_threshold(garbage_collection_objects)
+        gc.set_threshold(100_000)  # objects, not 700: imports make many, and looking for cycles among them takes time
         from gtb_cli.commands.cli import run
-        from gtb_cli.process.forks import allow_forks
 
-        allow_forks()  # other threads draw the progress or wait for the disk
         status = run(sys.argv[1:])
     except KeyboardInterrupt as stop:
         status = SIGNAL_STATUS + (stop.args[0] if stop.args else signal.SIGINT)

@@ -1,7 +1,8 @@
 """The methods `plot` and `_repr_html_` of patches, models and meshes: floors far above these classes draw them."""
 
-# Every command imports this first: typing would cost more than the room itself.
-TYPE_CHECKING = False
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -9,19 +10,19 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-_registered: "dict[str, Callable[[str], Any]]" = {}
+_registered: dict[str, Callable[[str], Any]] = {}
 
 
-def register(function_of: "Callable[[str], Any]") -> None:
+def register(function_of: Callable[[str], Any]) -> None:
     """Let this function return the functions `plot` and `frame`, each when it is first needed."""
     _registered["function_of"] = function_of
 
 
-def plot(thing: "Any", ax: "Axes | None" = None, what: "str | None" = None, **options: "Any") -> "Axes":
+def plot(thing: Any, ax: Axes | None = None, what: str | None = None, **options: Any) -> Axes:
     """Draw it on matplotlib axes, and return these; see `gtb_cli.plot`."""
     return _registered["function_of"]("plot")(thing, ax, what, **options)  # type: ignore[no-any-return]
 
 
-def frame(thing: "Any") -> str:
+def frame(thing: Any) -> str:
     """Return HTML of a frame for notebooks in which it can be turned."""
     return _registered["function_of"]("frame")(thing)  # type: ignore[no-any-return]

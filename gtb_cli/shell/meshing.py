@@ -112,8 +112,3 @@ class MeshOptions:
 def summary(mesh: Mesh) -> str:
     """Describe the size of a mesh, for messages."""
     return f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
-
-
-def expected_bytes(mesh: Mesh) -> float:
-    """Estimate the size of a file, for progress."""
-    return 60.0 * max(len(mesh.cells), 1)

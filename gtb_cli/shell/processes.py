@@ -10,23 +10,15 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.forks import SIGNALS, signals_later
 from gtb_cli.process.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future, ProcessPoolExecutor
-    from multiprocessing.connection import Connection
+    from concurrent.futures import Future
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 MAX_JOBS = 64  # largest number of worker processes
-
-HEARTBEAT_SECONDS = 1.0  # seconds between two signs of life of a worker
-
-# Signs of life that a worker may miss while its result is awaited. If there is too little memory to import them, some
-# libraries try for ever and let no other thread run meanwhile.
-MISSED_HEARTBEATS = 60
 
 
 def processors() -> int:
@@ -49,7 +41,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
     Raises
     ------
     GtbError
-        A process was killed, or is silent for long, as happens when memory runs out; or `function` raises it.
+        A process cannot be started, or was killed, as happens when memory runs out; or `function` raises it.
 
     Notes
     -----
@@ -61,17 +53,19 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
 
     # A copy of this process has already imported everything; copies are safe only on Linux.
     context = get_context("fork" if sys.platform == "linux" else "spawn")
-    life, sign = context.Pipe(duplex=False)
-    if os.name == "posix":
-        os.set_blocking(sign.fileno(), False)  # if nobody listens for hours, the pipe is full
-    executor = ProcessPoolExecutor(jobs, context, _start_worker, (sign,))
+    executor = ProcessPoolExecutor(jobs, context, _start_worker)
+
+    def submitted(task: T) -> Future[R]:
+        try:
+            return executor.submit(function, task)  # which may start a process
+        except BrokenProcessPool:
+            raise
+        except (OSError, RuntimeError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise GtbError(f"cannot start a process: {reason} (-j 1 needs none)") from None
+
     try:
-        yield from in_order(
-            lambda task: _submitted(executor, function, task),
-            tasks,
-            lambda: jobs,
-            lambda future: _awaited(future, life, executor),
-        )
+        yield from in_order(submitted, tasks, lambda: jobs)
         executor.shutdown()
     except BrokenProcessPool:
         raise GtbError("a process was killed (is there too little memory? -j 1 needs less)") from None
@@ -84,62 +78,26 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
             writer.close()
         with suppress(RuntimeError):  # its own thread could not be started
             executor.shutdown(cancel_futures=True)
-        life.close()
-        sign.close()
 
 
-def _awaited(result: Future[R], life: Connection, executor: ProcessPoolExecutor) -> R:
-    """Wait for a result, unless a worker falls silent first, or the thread that would bring it ends."""
-    from concurrent.futures import wait
-    from multiprocessing import active_children
-
-    missed: dict[int | None, int] = {}
-    while not wait([result], HEARTBEAT_SECONDS).done:
-        manager = getattr(executor, "_executor_manager_thread", None)
-        if manager is not None and not manager.is_alive() and not result.done():
-            raise GtbError("cannot start a thread for the processes (-j 1 needs none)")
-        heard = set()
-        while life.poll():
-            heard.add(int.from_bytes(life.recv_bytes(), "little"))
-        for process in active_children():
-            missed[process.pid] = 0 if process.pid in heard else missed.get(process.pid, 0) + 1
-        if max(missed.values(), default=0) > MISSED_HEARTBEATS:
-            raise GtbError("a process has fallen silent (is there too little memory? -j 1 needs less)")
-    return result.result()
-
-
-def _submitted(executor: ProcessPoolExecutor, function: Callable[[T], R], task: T) -> Future[R]:
-    try:
-        with signals_later():  # this may start processes
-            return executor.submit(function, task)
-    except (OSError, RuntimeError) as error:
-        if "process pool" in str(error):  # a worker was killed
-            raise
-        reason = getattr(error, "strerror", None) or error
-        raise GtbError(f"cannot start a process: {reason} (-j 1 needs none)") from None
-
-
-def _start_worker(sign: Connection) -> None:
-    """Leave Ctrl-C to the parent process, end when it ends, however it ends, and give signs of life until then."""
+def _start_worker() -> None:
+    """Leave Ctrl-C to the parent process, and end when that ends, however it ends."""
     import threading
 
     if not os.environ.get("GTB_TRACEBACK"):
         sys.stderr = None  # where memory runs out, the trace of what failed goes there: this process's parent says it
     limit_threads(1)  # the processes already share the processors
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for number in SIGNALS - {signal.SIGINT}:
-        signal.signal(number, signal.SIG_DFL)
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    threading.Thread(target=_live, args=(sign,), daemon=True).start()
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _live(sign: Connection) -> None:
+def _end_with_parent() -> None:
     from multiprocessing import parent_process
 
     parent = parent_process()
-    while parent is not None and parent.is_alive():
-        with suppress(OSError):  # nobody listens
-            sign.send_bytes(os.getpid().to_bytes(8, "little"))
-        parent.join(HEARTBEAT_SECONDS)
+    if parent is not None:
+        parent.join()
     os._exit(1)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import ExportError
-from gtb_cli.shell.console import STANDARD, Console, Progress
-from gtb_cli.shell.meshing import MeshOptions, expected_bytes, summary
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import OUTPUT, Function, check_outputs, console_option, mesh_options, spec_format_option
 from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 ANIMATION_FORMAT = "glb"  # the format that holds an animation
-
-
 NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
-
-WRITING_SHARE = 0.1  # fraction of a step's work that is the writing of its file, for the progress bar
 
 
 @dataclass(frozen=True)
@@ -191,30 +187,24 @@ def number_text(value: float) -> str:
 
 def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, source: str) -> None:
     """Make and write the meshes and `sequence.json`, or an animation, and report each mesh when it is made."""
-    limit_label = "limit"  # name of the last mesh of a sequence
     texts = [number_text(value) for value in sequence.values[:-1]]
     if out.animated:
-        labels = [f"{sequence.key}={text}" for text in texts] + [limit_label]
         # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
+        labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
         write_blocks(out.place, _animation(sequence, labels, out, source))
         return
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
-    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), limit_label]]
+    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), "limit"]]
     check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
-    _write_folder(sequence, names, kind, out, source)
-
-
-def _write_folder(sequence: MeshSequence, names: list[str], kind: str, out: SequenceOutput, source: str) -> None:
-    """Write a file for each mesh."""
     from gtb_cli.files import StagedFiles
 
     entries = []
-    with StagedFiles(out.place, SEQUENCE_RECORD) as files, out.console.progress(len(names)) as progress:
-        for name, member in zip(names, _members(sequence, names, progress, source), strict=True):
-            place, mesh = os.path.join(out.place, name), member.mesh
-            files.add(name, progress.over(out.options.encoded(mesh, kind), WRITING_SHARE, expected_bytes(mesh)))
+    with StagedFiles(out.place, SEQUENCE_RECORD) as files:
+        for name, member in _members(sequence, names, out.console, source):
+            files.add(name, out.options.encoded(member.mesh, kind))
             entries.append(sequence.entry(member, name))
-            _say(place, sequence, member, out.options.warnings(mesh, kind), out.console)
+            warnings = out.options.warnings(member.mesh, kind)
+            _say(os.path.join(out.place, name), sequence, member, warnings, out.console)
         files.add(SEQUENCE_RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
 
 
@@ -227,27 +217,25 @@ def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, s
     entries: list[dict[str, Any]] = []
     said: set[str] = set()
     file = "" if out.place == STANDARD else f"{out.place}: "
-    with out.console.progress(len(labels)) as progress:
-        for label, member in zip(labels, _members(sequence, labels, progress, source), strict=True):
-            meshes.append(member.mesh)
-            entries.append(sequence.entry(member, label, "label"))
-            warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
-            said.update(warnings)
-            _say(f"{file}{label}", sequence, member, warnings, out.console)
+    for label, member in _members(sequence, labels, out.console, source):
+        meshes.append(member.mesh)
+        entries.append(sequence.entry(member, label, "label"))
+        warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
+        said.update(warnings)
+        _say(f"{file}{label}", sequence, member, warnings, out.console)
     extras = {"sequence": sequence.record(entries)}
-    recipe, uv, up = options.recipe, options.uv, options.up
-    yield from animated_glb(meshes, labels, normals=recipe.normals, uv=uv, up=up, extras=extras)
+    yield from animated_glb(meshes, labels, normals=options.recipe.normals, uv=options.uv, up=options.up, extras=extras)
 
 
-def _members(sequence: MeshSequence, names: list[str], progress: Progress, source: str) -> Iterator[Member]:
+def _members(sequence: MeshSequence, names: list[str], console: Console, source: str) -> Iterator[tuple[str, Member]]:
     """Make the meshes, with the spec's name in errors."""
     members = iter(sequence)
-    for name in names:
-        progress.label = name
-        with about(source):
-            member = next(members)
-        progress.advance(1 - WRITING_SHARE)
-        yield member
+    with console.counter(len(names)) as begin:
+        for name in names:
+            begin(name)
+            with about(source):
+                member = next(members)
+            yield name, member
 
 
 def _say(place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str], console: Console) -> None:

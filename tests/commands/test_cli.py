@@ -1,7 +1,9 @@
 """Commands and options, run in this process; what only real processes show is in test_shell.py."""
 
+import io
 import json
 import math
+import os
 from pathlib import Path
 
 import click
@@ -705,12 +707,19 @@ def test_errors_name_what_they_are_about():
         raise GtbError("one\ntwo")
 
 
-def test_progress_goes_from_nothing_to_all():
-    progress = console.Progress(2.0, visible=False)
-    with progress:
-        progress.advance(1.0)
-        assert list(progress.over([b"1234", b"5678", b"90"], 1.0, 5.0)) == [b"1234", b"5678", b"90"]
-    assert progress._done == 2.0
+def test_what_takes_long_is_counted_on_a_terminal(monkeypatch):
+    class Terminal(io.StringIO):
+        isatty = staticmethod(lambda: True)
+        fileno = staticmethod(lambda: 2)
+
+    shown, clock = Terminal(), iter([0.0, 1.0, 3.0, 4.0])
+    monkeypatch.setattr(console.sys, "stderr", shown)
+    monkeypatch.setattr(console.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(console.os, "get_terminal_size", lambda descriptor: os.terminal_size((12, 24)))
+    with console.Console().counter(3) as begin:
+        for label in ("a.toml", "b.toml", "c.toml"):
+            begin(label)
+    assert shown.getvalue() == "\r\r[2/3] b.tom\r" + " " * 11 + "\r[3/3] c.tom\r" + " " * 11 + "\r"
 
 
 def test_help_says_what_options_take_and_what_they_are_without():

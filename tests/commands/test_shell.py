@@ -261,21 +261,16 @@ def test_binary_data_is_not_for_a_terminal(options, refused, on_terminal):
 
 
 @long
-def test_a_bar_appears_when_work_takes_long(on_terminal):
-    child, terminal = on_terminal("mesh", PENTAGON, "-n", 100, keep_stdout=True)
-    shown = b""
-    while b"%" not in shown:  # the pipe is full, and so the work takes as long as nobody reads
-        assert select.select([terminal], [], [], SOON)[0]
-        shown += os.read(terminal, 65536)
-    assert re.search(rb"\[#+-+\] +\d+% 0:0\d /", shown)
-    child.stdout.read()
-    shown += read_all(terminal).encode()
+def test_files_are_counted_when_work_takes_long(on_terminal, tmp_path):
+    specs = [SPECS / f"{name}.toml" for name in ("pentagon", "hexagon", "nonagon", "bicubic")]
+    child, terminal = on_terminal("mesh", *specs, *LARGE[:-1], "-o", tmp_path / "out")
+    shown = read_all(terminal)
     assert child.wait(TIMEOUT) == 0
-    assert shown.endswith(b" \r")
+    assert re.search(r"\r\[4/4\] \S*bicubic.toml\r +\rgtb: ", shown)
 
 
 @pytest.mark.parametrize("options", mostly_long([["-n", "4"], ["-n", "100", "-q"]]))
-def test_no_bar_when_work_is_short_or_nobody_wants_it(options, on_terminal):
+def test_no_counter_when_work_is_short_or_nobody_wants_it(options, on_terminal):
     child, terminal = on_terminal("mesh", PENTAGON, *options, keep_stdout=True)
     if "-q" in options:
         time.sleep(2.5)
@@ -343,27 +338,6 @@ def test_a_process_that_is_stopped_in_an_import_leaves_no_new_folder(tmp_path):
     assert done.stdout == b"stopped in an import\n"
     assert done.stderr == b""
     assert names(tmp_path) == []
-
-
-STOPPED_AT_ONCE = """
-import sys
-
-class Stop:
-    def find_spec(self, name, path=None, target=None):
-        if name == "signal":
-            raise KeyboardInterrupt
-
-sys.modules.pop("signal", None)
-sys.meta_path.insert(0, Stop())
-import gtb_cli.__main__
-"""
-
-
-def test_ctrl_c_before_signals_are_caught_shows_no_traceback():
-    """But in the milliseconds in which Python itself starts."""
-    line = [sys.executable, "-c", STOPPED_AT_ONCE]
-    done = subprocess.run(line, env=environment(), capture_output=True, timeout=TIMEOUT, check=False)
-    assert (done.returncode, done.stderr) == (130, b"")
 
 
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
