@@ -1,4 +1,4 @@
-"""What `gtb plot` draws: a figure for each value of its --what."""
+"""Figures of `gtb plot`, one for each value of its --what, and of `plot` in Python."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.look import Look, empty_figure, settings, whole, with_numbers
 from gtb_cli.pictures.nets import is_flat
+from gtb_cli.pictures.planar import draw_basis, draw_curves, draw_decomposition, draw_domain
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -51,45 +53,50 @@ def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike
         return figure
 
 
-def axes_for(figure: Figure, shape: Patch | Model, what: str, look: Look) -> Axes:
+def axes_for(figure: Figure, thing: Patch | Model | Mesh, what: str, look: Look) -> Axes:
     """Return axes that suit a picture: with room for numbers, or over the whole figure."""
-    plane = (what == "curve" and _is_plane(shape)) or what in ("basis", "domain")
-    plane |= what == "decomposition" and not (look.lifted and isinstance(shape, Patch) and shape.dimension == 2)
-    return with_numbers(figure) if plane else whole(figure)
+    in_space = what in ("mesh", "surface") or (what == "curve" and not _is_plane(thing))
+    in_space |= what == "decomposition" and look.lifted and isinstance(thing, Patch) and thing.dimension == 2
+    return whole(figure) if in_space else with_numbers(figure)
 
 
-def draw_on(ax: Axes, shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> None:
-    """Draw a spec on axes, as `figure_of` does; the basis of a surface needs a figure."""
-    if what in ("curve", "surface"):
-        patches = _patches_of(shape, what)
-        if what == "surface":
-            from gtb_cli.pictures.solid import draw_surface
+def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lifting: ArrayLike | None = None) -> None:
+    """Draw a spec on axes, as `figure_of` does, or a mesh; the basis of a surface needs a figure."""
+    if isinstance(thing, Mesh):
+        if what != "mesh":
+            raise DomainError(f"what: a mesh has one picture, and none is called {what!r}")
+        from gtb_cli.pictures.solid import draw_mesh
 
-            draw_surface(ax, shape, look)
-        elif _is_plane(shape):
-            from gtb_cli.pictures.planar import draw_curves
+        draw_mesh(ax, thing, look)
+    elif what in ("curve", "surface"):
+        kind = default_picture(thing)
+        if kind != what:
+            raise DomainError(f"is a {kind}, and has no picture as a {what}: expected --what {kind}")
+        if _is_plane(thing):
+            draw_curves(ax, thing.patches, look)
+            return
+        from gtb_cli.pictures.solid import draw_space_curves, draw_surface
 
-            draw_curves(ax, patches, look)
+        if kind == "curve":
+            draw_space_curves(ax, thing.patches, look)
         else:
-            from gtb_cli.pictures.solid import draw_space_curves
-
-            draw_space_curves(ax, patches, look)
-        return
-    patch = _single(shape, what)
-    from gtb_cli.pictures.planar import draw_basis, draw_decomposition, draw_domain
-
-    if what == "basis":
-        if patch.dimension == 2:
-            raise DomainError("a basis of a surface is several pictures, and needs a figure, not axes")
-        draw_basis(ax, [patch], look)
+            draw_surface(ax, thing, look)
+    elif isinstance(thing, Model):
+        raise DomainError(f"is a model of {len(thing.patches)} patches, and --what {what} is for one")
     elif what == "domain":
-        draw_domain(ax, patch, look)
+        draw_domain(ax, thing, look)
+    elif what == "basis":
+        if thing.dimension == 2:
+            raise DomainError("a basis of a surface is several pictures, and needs a figure, not axes")
+        draw_basis(ax, [thing], look)
+    elif what != "decomposition":
+        raise DomainError(f"what: expected curve, surface, basis, domain or decomposition, got {what!r}")
     else:
         from gtb_cli.knots.decomposition import regular_decomposition
         from gtb_cli.theory.degeneration import lifting_of
 
-        found = regular_decomposition(patch.knots, lifting_of(patch, lifting))
-        if look.lifted and patch.dimension == 2:
+        found = regular_decomposition(thing.knots, lifting_of(thing, lifting))
+        if look.lifted and thing.dimension == 2:
             from gtb_cli.pictures.solid import draw_lifted
 
             draw_lifted(ax, found, look)
@@ -99,8 +106,6 @@ def draw_on(ax: Axes, shape: Patch | Model, what: str, look: Look, *, lifting: A
 
 def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: str, look: Look) -> Figure:
     """Draw variants of a curve, or their basis functions, in one picture."""
-    from gtb_cli.pictures.planar import draw_basis, draw_curves
-
     if variants[0].dimension == 2:
         raise DomainError("variants are drawn of a curve, or of its basis; this is a surface")
     with settings():
@@ -115,23 +120,13 @@ def figure_of_variants(variants: Sequence[Patch], names: Sequence[str], what: st
         return figure
 
 
-def default_picture(shape: Patch | Model) -> str:
-    """Return what is drawn by default: a curve or a surface."""
-    return "curve" if shape.dimension == 1 else "surface"
+def default_picture(thing: Patch | Model | Mesh) -> str:
+    """Return what is drawn by default: a curve, a surface or a mesh."""
+    return "mesh" if isinstance(thing, Mesh) else "curve" if thing.dimension == 1 else "surface"
 
 
-def _patches_of(shape: Patch | Model, what: str) -> Sequence[Patch]:
-    kind = default_picture(shape)
-    if kind != what:
-        raise DomainError(f"is a {kind}, and has no picture as a {what}: expected --what {kind}")
-    return shape.patches
-
-
-def _single(shape: Patch | Model, what: str) -> Patch:
-    if isinstance(shape, Model):
-        raise DomainError(f"is a model of {len(shape.patches)} patches, and --what {what} is for one")
-    return shape
-
-
-def _is_plane(shape: Patch | Model) -> bool:
-    return shape.dimension == 1 and is_flat([patch.control_points for patch in shape.patches])
+def _is_plane(thing: Patch | Model | Mesh) -> bool:
+    """Tell whether it is a curve in a plane of constant height, or several."""
+    if isinstance(thing, Mesh) or thing.dimension == 2:
+        return False
+    return is_flat([patch.control_points for patch in thing.patches])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +16,7 @@ from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_num
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.planar import level
 from gtb_cli.pictures.scene import Surface, draw, lines, plain, points, scenes_of, triad
-from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of
-from gtb_cli.tessellation.tessellate import vertex_normals
+from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of, with_normals
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
@@ -135,14 +134,6 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
         np.concatenate([surface.normals, film.normals]),
         np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
     )
-
-
-def with_normals(mesh: Mesh) -> Mesh:
-    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals."""
-    if mesh.normals is not None or mesh.is_curve:
-        return mesh
-    missing = np.full_like(mesh.vertices, np.nan)
-    return replace(mesh, normals=vertex_normals(missing, mesh.vertices, mesh.faces))
 
 
 def figure_of_distances(frames: Frames, look: Look) -> Figure:

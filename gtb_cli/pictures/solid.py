@@ -60,6 +60,16 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     triad(ax, look.camera)
 
 
+def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
+    """Draw a mesh: its segments, or its triangles and open sides."""
+    surface = None if mesh.is_curve else surface_of(with_normals(mesh), max(len(mesh.groups), 1))
+    scene = scene_of(look.camera, surface, [mesh.vertices])
+    raster = draw(ax, scene)
+    pairs = mesh.cells if mesh.is_curve else mesh.open_sides
+    lines(ax, scene, raster, list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
+    triad(ax, look.camera)
+
+
 def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
     """Return the surface of a mesh, with a colour for each patch."""
     colours = plain(len(mesh.cells))
@@ -67,6 +77,14 @@ def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
         for index, (_, start, stop) in enumerate(mesh.groups):
             colours[start:stop] = rgb(patch_colour(index))
     return Surface(mesh.vertices, mesh.faces, mesh.normals, colours)
+
+
+def with_normals(mesh: Mesh) -> Mesh:
+    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals."""
+    if mesh.normals is not None or mesh.is_curve:
+        return mesh
+    missing = np.full_like(mesh.vertices, np.nan)
+    return replace(mesh, normals=vertex_normals(missing, mesh.vertices, mesh.faces))
 
 
 def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:

@@ -156,5 +156,6 @@ def test_python_draws_and_shows_itself():
     assert len(mesh.plot(dpi=40).images) == 1
     with pytest.raises(gtb_cli.DomainError, match="got 'colour'"):
         patch.plot(colour="red")
-    with pytest.raises(gtb_cli.DomainError, match="none is called 'domain'"):
-        mesh.plot(what="domain")
+    for thing, what in ((mesh, "domain"), (patch, "nothing")):
+        with pytest.raises(gtb_cli.DomainError, match=f"'{what}'"):
+            thing.plot(what=what)
