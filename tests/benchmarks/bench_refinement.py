@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -14,8 +16,9 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.benchmarks import Row, coarser, paired
+from tests.benchmarks import Row, coarser, missing, paired
 from tests.benchmarks.bench_evaluate import SPECS, spec
+from tests.benchmarks.peers import by_open_cascade
 
 PLACES = np.array([[1, 1, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=float)
 PLACES /= PLACES.sum(axis=1, keepdims=True)
@@ -26,6 +29,8 @@ def rows() -> Iterator[Row]:
     """Tolerances small enough for some ten thousand triangles, and for a thousand where they are counted."""
     for name, part in (("pentagon", 2e-5), ("example-4.4", 1e-4), ("bicubic", 2e-5), ("teapot", 1e-4)):
         yield cost_of_a_triangle(name, coarser(part))
+    for name, part, ratio in (("teapot", 2e-3, 4.0), ("teapot", 5e-4, 2.5), ("hebesphenorotunda", 2e-3, 3.4)):
+        yield beside_open_cascade(name, coarser(part), ratio)
     for name in ("pentagon", "example-4.4", "bicubic", "hexagon"):
         yield triangles_at_equal_error(name, coarser(1e-3))
 
@@ -52,6 +57,27 @@ def cost_of_a_triangle(name: str, part: float) -> Row:
         runs=3,
     )
     return replace(row, ratio=row.ratio * uniform / count, budget=budget)
+
+
+def beside_open_cascade(name: str, part: float, budget: float) -> Row:
+    """Compare the time of a mesh of many small patches with that of Open CASCADE's, whose error is about the same."""
+    model = load(SPECS / f"{name}.toml")
+    assert isinstance(model, Model)
+    tolerance = tolerance_of(model, part)
+    what = f"{name} to {part:g} of its diagonal beside Open CASCADE's mesher"
+    try:
+        with TemporaryDirectory() as folder:
+            run = by_open_cascade(model, tolerance, Path(folder))
+    except ImportError as error:
+        return missing(what, error)
+    count = len(tessellate(model, tolerance=tolerance).faces)
+    fresh = [load(SPECS / f"{name}.toml") for _ in range(8)]  # patches keep what they found: each is used once
+    return paired(
+        f"{what}, {count} triangles beside {run()}",
+        lambda: tessellate(fresh.pop(), tolerance=tolerance, normals=False),
+        run,
+        budget=budget,
+    )
 
 
 def triangles_at_equal_error(name: str, part: float) -> Row:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import NdBSpline
 
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 Evaluation = Callable[[], np.ndarray]
@@ -91,3 +92,32 @@ def by_vtk(mesh: Mesh, path: Path) -> Callable[[], object]:
     writer.SetFileName(str(path))
     # Write does nothing where neither its input nor its options have changed.
     return lambda: (writer.Modified(), writer.Write())
+
+
+def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[], int]:
+    """Open CASCADE's mesher, in C++, with one thread, on the sewn surfaces of a model; it counts the triangles."""
+    from OCP.BRep import BRep_Builder, BRep_Tool
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.BRepTools import BRepTools
+    from OCP.TopAbs import TopAbs_FACE
+    from OCP.TopExp import TopExp_Explorer
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS, TopoDS_Shape
+
+    from gtb_cli.formats.cad import encode_cad
+    from gtb_cli.formats.splines import spline_surfaces
+
+    path, shape = folder / "x.brep", TopoDS_Shape()
+    path.write_bytes(encode_cad(spline_surfaces(model).surfaces, "brep").data)
+    BRepTools.Read_s(shape, str(path), BRep_Builder())
+
+    def run() -> int:
+        BRepTools.Clean_s(shape)
+        BRepMesh_IncrementalMesh(shape, tolerance, False, 0.5, False)
+        faces, count = TopExp_Explorer(shape, TopAbs_FACE), 0
+        while faces.More():
+            count += BRep_Tool.Triangulation_s(TopoDS.Face(faces.Current()), TopLoc_Location()).NbTriangles()
+            faces.Next()
+        return count
+
+    return run
