@@ -11,10 +11,10 @@
     ? 2
     ! gtb: error: two.toml: knots: is missing…
 
-A session has a folder of its own, in which `specs` is that of the repository. A command, which `> ` continues over
-lines, is followed by its status where that is not 0, the lines of its standard output, and behind `! ` those of
-standard error. … stands for anything in a line, and for any number of lines where it is alone. Commands run in the
-process of the tests but where they need a shell (shell.run_line).
+A session has a folder of its own, in which `specs` is that of the repository; commands before the first title open
+every session. A command, which `> ` continues over lines, is followed by its status where that is not 0, the lines of
+its standard output, and behind `! ` those of standard error. … stands for anything in a line, and for any number of
+lines where it is alone. Commands run in the process of the tests but where they need a shell (shell.run_line).
 
 `python -m tests.transcripts FILE` prints commands of a file of this form with what they do now.
 """
@@ -79,42 +79,44 @@ def matches(lines: tuple[str, ...], text: str) -> bool:
 def shown(command: str, status: int, out: Sequence[str], err: Sequence[str]) -> str:
     """A step as it stands in a transcript."""
     head = ["$ " + command.replace("\n", "\n> ")] * bool(command) + [f"? {status}"] * bool(status)
-    return "\n".join([*head, *out, *("! " + line for line in err)])
+    return "\n".join([*head, *out, *(f"! {line}".rstrip() for line in err)])
 
 
-def sessions(name: str | Path) -> list[Session]:
-    """All sessions of a transcript."""
+def read(path: Path) -> tuple[list[Step], list[Session]]:
+    """Read a transcript: the commands that open every session, and the sessions, with these."""
+    first: list[Step] = []
     found: list[Session] = []
-    for number, line in enumerate((TRANSCRIPTS / name).read_text(encoding="utf-8").splitlines(), start=1):
-        steps = found[-1].steps if found else []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        steps = found[-1].steps if found else first
         if line.startswith("=== "):
-            found.append(Session(str(name), line[4:]))
+            found.append(Session(path.name, line[4:], first[:]))
         elif line.startswith("$ "):
             steps.append(Step(number, line[2:]))
         elif steps and line.startswith("> "):
             steps[-1] = replace(steps[-1], command=f"{steps[-1].command}\n{line[2:]}")
         elif steps and line.startswith("? "):
             steps[-1] = replace(steps[-1], status=int(line[2:]))
-        elif steps and line.startswith("! "):
+        elif steps and line.startswith("!"):
             steps[-1] = replace(steps[-1], err=(*steps[-1].err, line[2:]))
-        elif steps:
+        elif len(steps) > (len(first) if found else 0):
             steps[-1] = replace(steps[-1], out=(*steps[-1].out, line))
         elif line and not line.startswith("#"):
-            raise ValueError(f"{name}:{number}: expected a title, a command or a comment, got {line}")
-    for session in found:
-        session.steps[:] = [replace(step, out=without_empty_lines(step.out)) for step in session.steps]
-    return found
+            raise ValueError(f"{path}:{number}: expected a title, a command or a comment, got {line}")
+    for steps in (first, *(session.steps for session in found)):
+        steps[:] = [replace(step, out=_without_empty_lines(step.out)) for step in steps]
+    return first, found
 
 
-def without_empty_lines(lines: tuple[str, ...]) -> tuple[str, ...]:
+def _without_empty_lines(lines: tuple[str, ...]) -> tuple[str, ...]:
     """Drop empty lines at the end."""
-    return without_empty_lines(lines[:-1]) if lines and not lines[-1] else lines
+    return _without_empty_lines(lines[:-1]) if lines and not lines[-1] else lines
 
 
 if __name__ == "__main__":
-    for session in sessions(Path(sys.argv[1]).resolve()):
-        print(f"=== {session.title}")
+    first, found = read(Path(sys.argv[1]))
+    print("\n".join(shown(step.command, step.status, step.out, step.err) for step in first))
+    for session in found:
+        print(f"\n=== {session.title}")
         with tempfile.TemporaryDirectory() as name:
-            for step, done in session.results(Path(name)):
+            for step, done in [*session.results(Path(name))][len(first) :]:
                 print(shown(step.command, done.status, done.text.splitlines(), done.err.splitlines()))
-        print()

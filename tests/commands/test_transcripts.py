@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests import transcripts
-from tests.transcripts import TRANSCRIPTS, Session, Step, matches, sessions
+from tests.transcripts import TRANSCRIPTS, Session, Step, matches, read
 
-ALL = [session for path in sorted(TRANSCRIPTS.glob("*.txt")) for session in sessions(path.name)]
+ALL = [session for path in sorted(TRANSCRIPTS.glob("*.txt")) for session in read(path)[1]]
 
 
 @pytest.mark.parametrize("session", ALL, ids=str)
@@ -45,12 +44,12 @@ def test_the_runner_sees_what_differs(step: Step, seen: str | None, tmp_path: Pa
             session.run(tmp_path)
 
 
-def test_the_parts_of_a_transcript(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transcripts, "TRANSCRIPTS", tmp_path)
-    text = "# words\n=== one\n# why\n$ cat <<E\n> a\n> E\n? 3\nx\n\n! y\n\n=== two\n$ true\n"
+def test_the_parts_of_a_transcript(tmp_path: Path) -> None:
+    text = "# words\n$ cd\n\n=== one\n# why\n$ cat <<E\n> a\n> E\n? 3\nx\n\n! y\n!\n\n=== two\n$ true\n"
     (tmp_path / "t.txt").write_text(text, encoding="utf-8")
-    one, two = sessions("t.txt")
-    assert one.steps == [Step(4, "cat <<E\na\nE", 3, ("x",), ("y",))]
-    assert two.steps == [Step(13, "true")]
+    first, (one, two) = read(tmp_path / "t.txt")
+    assert first == [Step(2, "cd")]
+    assert one.steps == [*first, Step(6, "cat <<E\na\nE", 3, ("x",), ("y", ""))]
+    assert two.steps == [*first, Step(16, "true")]
     assert [matches(("a", "…"), text) for text in ("a\n", "a\nb\nc\n", "b\na\n", "")] == [True, True, False, False]
     assert [matches((), text) for text in ("", "\n", "a")] == [True, True, False]

@@ -78,18 +78,6 @@ def test_what_differs_is_made_again_and_all_is_as_if_it_were_made_at_once(jobs, 
     assert whole(place) == found
 
 
-@pytest.mark.parametrize(
-    "more", [["-n", "3"], ["--normals"], ["--max-faces", "99999"], ["--require", "watertight"], ["-f", "ply"]]
-)
-def test_other_options_make_everything_again(more, place):
-    assert resumed(specs=["pentagon.toml"]).status == 0
-    assert "up to date" in resumed(specs=["pentagon.toml"]).err
-    result = resumed(*more, specs=["pentagon.toml"])
-    assert result.status == ("--require" in more)
-    assert "up to date" not in result.err
-    assert ("is open" in result.err) == ("--require" in more)
-
-
 def test_another_version_makes_everything_again(place, monkeypatch):
     resumed(specs=["pentagon.toml", "bicubic.toml"])
     monkeypatch.setattr("gtb_cli.shell.manifest.__version__", "9.9")
@@ -142,50 +130,6 @@ def test_a_change_in_an_included_file_makes_a_mesh_again(place, made):
     assert resumed(specs=specs).status == 2
 
 
-def test_an_interruption_before_the_first_file_leaves_nothing(place):
-    result = resumed(specs=["broken.toml", "missing.toml"])
-    assert result.status == 2
-    assert not Path("out").exists()
-    assert not Path("m.json").exists()
-
-
-def test_a_single_file_is_kept_too(place, made):
-    line = ("mesh", "pentagon.toml", "-n", 2, "-o", "x.obj", "--manifest", "m.json", "--resume")
-    gtb(*line)
-    before = whole(place)
-    assert "x.obj: " in gtb(*line).err
-    assert made == ["pentagon"]
-    assert whole(place) == before
-
-
-def test_warnings_are_repeated(place):
-    far = Path("bicubic.toml").read_text() + "\n"
-    Path("far.toml").write_text(far)
-    first = gtb("mesh", "far.toml", "-n", 2, "-o", "x.stl", "--uv", "--manifest", "m.json", "--resume")
-    second = gtb("mesh", "far.toml", "-n", 2, "-o", "x.stl", "--uv", "--manifest", "m.json", "--resume")
-    warnings = [line for line in first.err.splitlines() if "warning" in line]
-    assert warnings
-    assert [line for line in second.err.splitlines() if "warning" in line] == warnings
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("mesh pentagon.toml -o x.obj --resume", "needs --manifest FILE"),
-        ("mesh pentagon.toml -o x.obj --resume --manifest -", "needs --manifest FILE"),
-        ("mesh pentagon.toml --deps x.d", "make knows files only"),
-        ("mesh - -o x.obj --deps x.d", "make knows files only"),
-        ("mesh pentagon.toml -o x.obj --deps pentagon.toml", "would be overwritten"),
-    ],
-)
-def test_what_cannot_be_resumed_or_watched_is_refused(line, words, place):
-    before = whole(place)
-    result = gtb(*line.split(), stdin=Path(PENTAGON).read_bytes())
-    assert result.status == 2
-    assert words in result.err
-    assert whole(place) == before
-
-
 MAKEFILE = """
 out/%.obj: %.toml
 	@mkdir -p out
@@ -231,11 +175,3 @@ def test_a_name_that_is_more_than_a_name_to_make_is_refused(name, place):
     assert result.status == 2
     assert "--deps: make cannot name" in result.err
     assert not Path("x.d").exists()
-
-
-def test_rules_are_written_beside_the_meshes(place):
-    assert gtb("mesh", "pentagon.toml", "-n", 2, "-o", "x.obj", "--deps", "x.d").status == 0
-    assert Path("x.d").read_text() == "x.obj: pentagon.toml\n"
-    assert gtb("mesh", *SPECS, "-n", 2, "-o", "out", "--deps", "y.d").status == 2
-    lines = [f"out/{name}.obj: {name}.toml" for name in ("pentagon", "bicubic", "cubic-bezier")]
-    assert Path("y.d").read_text().splitlines() == lines
