@@ -30,10 +30,10 @@ from gtb_cli.design.sides import (
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
-from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
@@ -272,7 +272,7 @@ def _folds(patch: Patch) -> tuple[int, int]:
 
 def _shares_at(patch: Patch, p: FloatArray) -> FloatArray:
     """Return (n, m) values T of a patch's basis at (m, 2) linear parameters inside Δ."""
-    s = torus_of(patch.knots, patch.log_products, p, starts(patch.knots, p), 1e-6)
+    s = MomentMap(patch.knots, patch.log_products).inverse(p, 1e-7)
     return shares(exponents(patch.knots, patch.log_products, s))
 
 

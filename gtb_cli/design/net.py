@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.fairing.torus import starts, torus_of
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.values import frozen
 
@@ -177,10 +177,10 @@ def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: I
     logs = logs.copy()
     free = np.concatenate([np.flatnonzero(group >= 0), inner])
     columns = np.arange(len(free))
-    s = starts(knots, knots[free])
+    s = None
     wanted = np.log(share / (1 - share))
     for _ in range(rounds):
-        s = torus_of(knots, logs, knots[free], s, 1e-5)
+        s = MomentMap(knots, logs).inverse(knots[free], 1e-6, s)
         t = shares(exponents(knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):
             change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))

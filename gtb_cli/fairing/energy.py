@@ -12,9 +12,9 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.torus import starts, torus_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.triangulation import central_triangulation
+from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponents, shares
 from gtb_cli.theory.patch import Patch
 
@@ -48,7 +48,7 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> Floa
     p, areas = energy_samples(domain, len(domain.knots))
     unit = np.sqrt(areas.sum())
     knots, middles = (domain.knots - domain.center) / unit, (p - domain.center) / unit
-    s = torus_of(knots, log_weights, middles, starts(knots, middles), 1e-10)
+    s = MomentMap(knots, log_weights).inverse(middles, 1e-10)
     return moments_energy(knots, log_weights, s, areas / unit**2, kind)
 
 

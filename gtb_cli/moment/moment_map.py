@@ -44,10 +44,11 @@ class MomentMap:
         sums = weighted_sums(knots, self.log_weights, knots, s * self._extents[:, None])
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
-    def inverse(self, p: FloatArray, within: float = 0.0) -> FloatArray:
+    def inverse(self, p: FloatArray, within: float = 0.0, start: FloatArray | None = None) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
 
-        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET_RESIDUAL`.
+        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET_RESIDUAL`. From a good `start`
+        they are found sooner.
 
         Raises
         ------
@@ -55,7 +56,10 @@ class MomentMap:
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         unit, length = self._unit(np.ascontiguousarray(p.T)), block_length(len(self.knots))
-        s, target = self._starts(unit), max(TARGET_RESIDUAL, within)
+        s, target = (
+            self._starts(unit) if start is None else start * self._extents[:, None],
+            max(TARGET_RESIDUAL, within),
+        )
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
             s[:, block] = self._solved(unit[:, block], s[:, block], target)
@@ -99,7 +103,7 @@ class MomentMap:
 
     def _unit(self, p: FloatArray) -> FloatArray:
         """(d, m) points in the coordinates of the solver."""
-        unit = p - self._origin[:, None]
+        unit = np.subtract(p, self._origin[:, None], order="C")
         unit /= self._extents[:, None]
         if len(unit) == 1:  # far from the origin, rounding may move points out of the hull
             np.clip(unit, self._sum.knots.min(), self._sum.knots.max(), out=unit)

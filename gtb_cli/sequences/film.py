@@ -8,16 +8,12 @@ from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.moment.solve import LogSum, solve
+from gtb_cli.moment.torus import shares
 from gtb_cli.theory.knot_limit import Film, KnotLimit
 
 FILM_CELLS = {1: 1024, 2: 64}
 """Cells of a film along each of its sides."""
-
-EVENNESS = 1e-9
-"""Error of log(t / (1 − t)) at a vertex of a section, whose parameter should be t."""
-
-MAX_STEPS = 100
-"""Steps of Newton's method for the vertices; vertices lie on the film whatever their parameters are."""
 
 
 def film_mesh(limit: KnotLimit) -> Mesh:
@@ -54,31 +50,12 @@ def _film_points(film: Film, n: int) -> FloatArray:
 def _section_points(along: FloatArray, log_weights: FloatArray, control_points: FloatArray, n: int) -> FloatArray:
     """(l (n + 1), 3) points of curves with (l, k) logarithms of weights, even in their linear parametrisations.
 
-    Newton's method solves log(μ / (1 − μ)) = log(t / (1 − t)), which is almost linear in s, between bounds that shrink.
+    Those that are not found stay where the solver left them: on the film, too.
     """
     x = (along - along.min()) / np.ptp(along)
-    t = np.arange(1, n) / n
-    s = np.zeros((len(log_weights), n - 1))
-    low, high = np.full_like(s, -np.inf), np.full_like(s, np.inf)
-    for _ in range(MAX_STEPS):
-        shares = _shares(log_weights[:, None] + s[..., None] * x)
-        mean, rest = shares @ x, shares @ (1 - x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.log(mean / rest) - np.log(t / (1 - t))
-            slope = (shares * (x - mean[..., None]) ** 2).sum(axis=-1) / (mean * rest)
-            step = s - error / slope
-        if (np.abs(error) <= EVENNESS).all():
-            break
-        low, high = np.where(error < 0, s, low), np.where(error > 0, s, high)
-        further = 1 + np.abs(s)
-        up = np.where(np.isfinite(high), (s + high) / 2, s + further)
-        down = np.where(np.isfinite(low), (s + low) / 2, s - further)
-        s = np.where((step > low) & (step < high), step, np.where(error < 0, up, down))
-    ends = [_shares(np.where(x == end, log_weights, -np.inf))[:, None] for end in (0, 1)]
-    return np.concatenate([ends[0], shares, ends[1]], axis=1).reshape(-1, len(x)) @ control_points
-
-
-def _shares(exponents: FloatArray) -> FloatArray:
-    """Exponentials along the last axis, divided by their sums."""
-    e = np.exp(exponents - exponents.max(axis=-1, keepdims=True))
-    return np.asarray(e / e.sum(axis=-1, keepdims=True))
+    t = np.tile(np.arange(1, n) / n, len(log_weights))
+    weights = np.repeat(log_weights.T, n - 1, axis=1)
+    s, _ = solve(LogSum(x[:, None] - 0.5, weights), t[None] - 0.5, np.log(t / (1 - t))[None])
+    inner = shares((x[:, None] - 0.5) * s + weights).T.reshape(len(log_weights), n - 1, -1)
+    ends = [shares(np.where(x == end, log_weights, -np.inf).T).T[:, None] for end in (0, 1)]
+    return np.concatenate([ends[0], inner, ends[1]], axis=1).reshape(-1, len(x)) @ control_points
