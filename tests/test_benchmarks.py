@@ -23,7 +23,7 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(("evaluate", 8), ("export", 5), ("meshes", 10)),
+        *(("evaluate", 8), ("export", 9), ("meshes", 10)),
         *(
             pytest.param(*module, marks=long)
             for module in (("diff", 6), ("refinement", 8), ("sequences", 3), ("startup", 7), ("threads", 5))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
@@ -16,9 +15,6 @@ from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
@@ -32,24 +28,19 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     name : str
         Name of the solid, written in text files.
     """
+    from trimesh import Trimesh
     from trimesh.exchange.stl import export_stl
 
     # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths
-    exponent = int(np.frexp(np.ptp(vertices, axis=0).max() or 1.0)[1])
+    exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max() or 1.0)[1])
     exponent = 0 if 0 <= exponent < 200 else exponent
-    facets = _facets(np.ldexp(vertices, -exponent), triangles)
+    facets = Trimesh(np.ldexp(vertices, -exponent), triangles, process=False, validate=False)
     if ascii:
         return _text(vertices, triangles, facets.face_normals, name)
     if exponent:
         facets.face_normals  # noqa: B018 (they stay as they are when the facets shrink)
         facets.apply_scale(2.0**exponent)
     return [export_stl(facets)]
-
-
-def _facets(vertices: FloatArray, triangles: IntArray) -> Trimesh:
-    from trimesh import Trimesh
-
-    return Trimesh(vertices, triangles, process=False, validate=False)
 
 
 def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: str) -> Iterator[bytes]:

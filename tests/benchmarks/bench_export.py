@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import tempfile
+import tracemalloc
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.exchange.gltf import export_glb
 from trimesh.exchange.obj import export_obj
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
@@ -23,6 +27,7 @@ from tests.tiny_meshes import surface
 BINARY: dict[str, Callable[[trimesh.Trimesh], bytes]] = {
     "ply": lambda mesh: export_ply(mesh, vertex_normal=False),
     "stl": export_stl,
+    "glb": lambda mesh: export_glb(trimesh.Scene(mesh), include_normals=False),
 }
 
 
@@ -49,13 +54,30 @@ def rows() -> Iterator[Row]:
     mesh = surface(segments(1000))
     yield from text(mesh)
     for kind, export in BINARY.items():
-        assert b"".join(encode_mesh(mesh, kind)) == export(as_trimesh(mesh))
-        yield paired(
-            f"{kind.upper()}, the same, beside trimesh's exporter",
-            lambda kind=kind: consume(encode_mesh(mesh, kind)),  # type: ignore[misc]
-            lambda export=export: export(as_trimesh(mesh)),  # type: ignore[misc]
-            budget=1.2,
-        )
+        name, turned = kind.upper(), mesh.with_y_up if kind == "glb" else mesh
+        ours, theirs = partial(written, mesh, kind), partial(exported, export, turned)
+        yield paired(f"{name}, the same, beside trimesh's exporter", ours, theirs, budget=1.2)
+        yield memory(f"{name}, the same, beside trimesh's exporter", ours, theirs)
+
+
+def written(mesh: Mesh, kind: str) -> None:
+    consume(encode_mesh(mesh, kind))
+
+
+def exported(export: Callable[[trimesh.Trimesh], bytes], mesh: Mesh) -> None:
+    export(as_trimesh(mesh))
+
+
+def memory(what: str, measured: Callable[[], None], beside: Callable[[], None]) -> Row:
+    """Compare the memory that two functions take at most, beyond what there is before."""
+    peaks = []
+    for run in (measured, beside):
+        gc.collect()
+        tracemalloc.start()
+        run()
+        peaks.append(tracemalloc.get_traced_memory()[1] / 1e6)
+        tracemalloc.stop()
+    return Row(what, *peaks, peaks[0] / peaks[1], budget=1.2, unit="MB")
 
 
 def text(mesh: Mesh) -> Iterator[Row]:
