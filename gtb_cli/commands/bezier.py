@@ -7,12 +7,9 @@ import click
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.streams import spec_of, write_text
 
 DEFAULT_DEGREE = 25  # default of --max-degree, the same as in `gtb_cli.bezier.pieces`
-
-# Highest degree that may be asked for: the binomial coefficients of higher degrees exceed the range of floats
-MAX_PIECE_DEGREE = 1000
 
 
 @click.command
@@ -25,7 +22,7 @@ MAX_PIECE_DEGREE = 1000
 )
 @click.option(
     "--max-degree",
-    type=WholeNumber(1, MAX_PIECE_DEGREE),
+    type=WholeNumber(1, 1000),  # binomial coefficients of higher degrees exceed the range of floats
     metavar="D",
     default=DEFAULT_DEGREE,
     help=f"Highest degree of a piece; {DEFAULT_DEGREE} without this option.",
@@ -54,8 +51,7 @@ def bezier(
 
     if split is not None and len(split) != 1:
         raise click.UsageError(f"--split: expected one parameter, got {len(split)}")
-    loaded = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
+    with spec_of(spec, spec_format) as loaded:
         if split is None:
             pieces = bezier_pieces(loaded, max_degree)
         elif isinstance(loaded, Model):

@@ -10,35 +10,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import GtbError, RequirementError
-from gtb_cli.shell.console import Console, printable
-from gtb_cli.shell.options import json_option, require_option, specs_argument, text_options, weld_option
-from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
-from gtb_cli.shell.streams import about, is_terminal, read_spec, shown_input, write_text
-from gtb_cli.shell.workers import jobs_option
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.options import require_option
+from gtb_cli.shell.several import ReportRequest, report_options
+from gtb_cli.shell.streams import is_terminal, shown_input, spec_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
 
 
 @click.command
-@specs_argument
-@json_option
-@long_option
-@weld_option
-@require_option("Exit with status 1")
-@jobs_option
-@text_options
-def check(
-    specs: tuple[str, ...],
-    as_json: bool,
-    in_full: bool,
-    weld: float | str | None,
-    require: tuple[str, ...],
-    jobs: int,
-    output: str,
-    spec_format: str | None,
-    console: Console,
-) -> None:
+@report_options(require_option("Exit with status 1"))
+def check(request: ReportRequest, require: tuple[str, ...], console: Console) -> None:
     """\b
     Example: gtb check specs/pentagon.toml
 
@@ -50,33 +33,25 @@ def check(
     fails is listed, and --json has the rest. Several specs, or those in a folder, get a line each, unless --long or
     --json asks for everything. Exit status 1 if a property or requirement fails, 2 if a spec cannot be read.
     """
-    failed_status = 1  # exit status when a property fails
-    from gtb_cli.checks.report import Report, counts
+    from gtb_cli.checks.report import counts
 
-    several = len(specs) > 1 or os.path.isdir(specs[0])
-    checked = partial(_checked, spec_format=spec_format, weld=weld, require=require)
-    found, errors = reports_on(inputs_of(specs, output), checked, jobs)
+    output = request.output
+    colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    found, errors = request.found(partial(_checked, require=require))
     rows = [(name, report) for name, (report, _) in found]
     refused = [line for _, (_, lines) in found for line in lines]
-    if as_json:
-        data = [(name, _patch_data(row) if isinstance(row, Report) else _model_data(row)) for name, row in rows]
-        text = json_of(data, several)
-    else:
-        colours = is_terminal(output) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-        text = ""
-        for name, row in rows:
-            if several and not in_full:
-                text += f"{'holds' if row.holds else 'fails'}  {printable(name)}: {counts(row.findings)}\n"
-                continue
-            text += f"{printable(name)}\n" if several else ""
-            text += _table(row.findings, colours) if isinstance(row, Report) else _model_text(row, colours)
-    write_text(output, text)
+    request.write(
+        rows,
+        _data,
+        lambda name, row: f"{'holds' if row.holds else 'fails'}  {name}: {counts(row.findings)}",
+        partial(_text, colours=colours),
+    )
     if errors:
         raise GtbError("\n".join(errors + refused))
     if refused:
         raise RequirementError("\n".join(refused))
     if not all(row.holds for _, row in rows):
-        raise click.exceptions.Exit(failed_status)
+        raise click.exceptions.Exit(1)
 
 
 def _checked(
@@ -86,8 +61,7 @@ def _checked(
     from gtb_cli.checks.check import check as measure
     from gtb_cli.tessellation.recipe import Recipe, welded
 
-    read = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
+    with spec_of(spec, spec_format) as read:
         loaded = welded(read, weld)
         report = measure(loaded)
         try:
@@ -98,36 +72,24 @@ def _checked(
     return report, []
 
 
-def _patch_data(report: Report) -> dict[str, Any]:
-    return {"name": report.name, "holds": report.holds, "properties": [_data(found) for found in report.findings]}
+def _data(report: Report | ModelReport) -> dict[str, Any]:
+    from gtb_cli.checks.report import Report
+
+    head = {"name": report.name, "holds": report.holds}
+    if isinstance(report, Report):
+        return {**head, "properties": list(map(_finding_data, report.findings))}
+    return {**head, "patches": list(map(_data, report.patches)), "joints": list(map(_finding_data, report.joints))}
 
 
-def _model_data(report: ModelReport) -> dict[str, Any]:
-    return {
-        "name": report.name,
-        "holds": report.holds,
-        "patches": [_patch_data(part) for part in report.patches],
-        "joints": [_data(found) for found in report.joints],
-    }
-
-
-def _data(found: Finding) -> dict[str, Any]:
+def _finding_data(found: Finding) -> dict[str, Any]:
     """Return a finding as plain data; numbers that are not finite become null, since JSON cannot write them."""
     value, bound = (x if x is not None and math.isfinite(x) else None for x in (found.value, found.bound))
     named = {"name": found.name, "reference": found.reference, "status": found.status}
     return {**named, "value": value, "bound": bound, "reason": found.reason}
 
 
-def _table(findings: tuple[Finding, ...], colours: bool) -> str:
-    from gtb_cli.checks.report import counts
-
-    return f"{_rows(findings, colours)}{counts(findings)}\n"
-
-
 def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
     verdict_colours = {"holds": "green", "fails": "red", "measured": "cyan", "not applicable": None}
-    name_width = 40  # columns for the name of a property
-    figures_width = 20  # columns for the figures of a property
     lines = []
     for found in findings:
         value, bound = ("" if x is None else f"{x:.3g}" for x in (found.value, found.bound))
@@ -138,15 +100,17 @@ def _rows(findings: tuple[Finding, ...], colours: bool) -> str:
         if colours:
             status = click.style(status, fg=verdict_colours[found.status])
         text = f"{found.reference}: {found.reason}"
-        lines.append(f"{status}  {found.name:{name_width}}  {figures:{figures_width}}  {text}\n")
+        lines.append(f"{status}  {found.name:40}  {figures:20}  {text}\n")
     return "".join(lines)
 
 
-def _model_text(report: ModelReport, colours: bool) -> str:
-    from gtb_cli.checks.report import counts
+def _text(report: Report | ModelReport, colours: bool) -> str:
+    """Write a table with a row for each property, or for a model those of its joints and what fails in each patch."""
+    from gtb_cli.checks.report import Report, counts
 
-    text = _table(report.joints, colours)
-    for index, part in enumerate(report.patches):
+    findings = report.findings if isinstance(report, Report) else report.joints
+    text = f"{_rows(findings, colours)}{counts(findings)}\n"
+    for index, part in enumerate([] if isinstance(report, Report) else report.patches):
         failing = tuple(found for found in part.findings if found.status == "fails")
         name = f"patch {index}" + (f" ({part.name})" if part.name else "")
         text += f"{name}: {counts(part.findings)}\n{_rows(failing, colours)}"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.meshing import MeshOptions, summary
+from gtb_cli.shell.meshing import MeshOptions, format_of_lines
 from gtb_cli.shell.options import json_option, lifting_option, spec_argument, text_options
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_blocks, write_text
+from gtb_cli.shell.streams import about, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -52,10 +52,8 @@ def decompose(
 
     if net and as_json:
         raise click.UsageError("--net writes a mesh and --json writes text: give one of them")
-    options = MeshOptions(Recipe())
-    kind = options.format_for_lines(output, "--net") if net else ""
-    loaded = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
+    kind = format_of_lines(output, "--net") if net else ""
+    with spec_of(spec, spec_format) as loaded:
         if isinstance(loaded, Model):
             if lifting is not None:
                 raise click.UsageError("--lifting is for a single patch, and this is a model")
@@ -69,8 +67,7 @@ def decompose(
             found = _data(parts[0])
         if net:
             mesh = _net(loaded.patches, parts, loaded.name)
-            write_blocks(output, options.encoded(mesh, kind))
-            return console.report(output, summary(mesh), options.warnings(mesh, kind))
+            return MeshOptions(Recipe()).write(output, kind, mesh, console)
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
 

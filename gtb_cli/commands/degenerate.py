@@ -10,13 +10,11 @@ import click
 from gtb_cli.shell.limits import heights_of, lifting_of, x_of
 from gtb_cli.shell.options import WholeNumber, spec_argument
 from gtb_cli.shell.sequences import NAME_DIGITS, SequenceOutput, sequence_options
-from gtb_cli.shell.streams import about, read_patch, shown_input
+from gtb_cli.shell.streams import shown_input, single, spec_of
 
 if TYPE_CHECKING:
     from gtb_cli.arrays import FloatArray
     from gtb_cli.theory.patch import Patch
-
-MAX_MEMBERS = 10_000  # largest number of members of a sweep
 
 
 @click.command
@@ -34,7 +32,7 @@ MAX_MEMBERS = 10_000  # largest number of members of a sweep
 @click.option("--to", "last", callback=x_of, metavar="X", help="Sweep: the last x.")
 @click.option(
     "--count",
-    type=WholeNumber(2, MAX_MEMBERS),
+    type=WholeNumber(2, 10_000),
     metavar="N",
     help="Sweep: the number of x from --from to --to, in equal ratios, rounded to six digits.",
 )
@@ -71,10 +69,10 @@ def degenerate(
     if out.emits_spec and len(set(xs)) != 1:
         raise click.UsageError(f"--emit-spec prints the spec of one x: expected a single -x, got {len(set(xs))}")
     out.check_length(xs)
-    patch = read_patch(spec, spec_format)
-    with about(shown_input(spec)):
-        from gtb_cli.sequences.sequence import degeneration_sequence
+    from gtb_cli.sequences.sequence import degeneration_sequence
 
+    with spec_of(spec, spec_format) as loaded:
+        patch = single(loaded)
         heights = heights_of(patch, lifting)
         sequence = out.made(degeneration_sequence, patch, xs, heights)
         text = _spec(patch, xs[0], heights) if out.emits_spec else ""

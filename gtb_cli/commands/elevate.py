@@ -12,14 +12,12 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-MAX_ELEVATIONS = 1000  # largest number of elevations
-
 
 @click.command
 @spec_argument
 @click.option(
     "--by",
-    type=WholeNumber(0, MAX_ELEVATIONS),
+    type=WholeNumber(0, 1000),
     metavar="D",
     default=1,
     help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",

@@ -6,7 +6,7 @@ import codecs
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from typing import IO, TYPE_CHECKING, NoReturn
 
 import click
@@ -22,14 +22,9 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
-# Largest number of segments of each edge of a grid; the cells are counted before the grid is made
-MAX_GRID_SEGMENTS = 10**6
-
 # Lines that are evaluated together. The number does not depend on how a pipe delivers them, so the last digits do not
 # either.
 BATCH_LINES = 8192
-
-READ_BYTES = 1 << 20  # bytes read at a time
 
 MAX_LINE_BYTES = 10_000  # longest line, in bytes
 
@@ -40,7 +35,7 @@ MAX_LINE_BYTES = 10_000  # longest line, in bytes
 @click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis instead of points.")
 @click.option(
     "--grid",
-    type=WholeNumber(1, MAX_GRID_SEGMENTS),
+    type=WholeNumber(1, 10**6),  # segments; the cells are counted before the grid is made
     metavar="N",
     help="Instead of PARAMS, use the parameters of the vertices of gtb mesh -n N; each line begins with them.",
 )
@@ -155,21 +150,16 @@ def _batches(
 
 def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
     """Yield batches of lines, each with the number of its first line, from 1; on a terminal every line at once."""
-    first, lines, rest = 1, [], b""
-    each = 1 if file.isatty() else BATCH_LINES
-    read = file.readline if file.isatty() else file.read
-    chunk = read(READ_BYTES).removeprefix(codecs.BOM_UTF8)
-    while chunk:
-        pieces = (rest + chunk).split(b"\n")
-        rest = pieces.pop()
-        lines += pieces
-        if len(rest) > MAX_LINE_BYTES:
-            raise SpecError(f"{source}:{first + len(lines)}: a line of more than {MAX_LINE_BYTES} characters")
-        while len(lines) >= each:
-            yield first, lines[:each]
-            first, lines = first + each, lines[each:]
-        chunk = read(READ_BYTES)
-    yield first, [*lines, rest]
+    first, size = 1, 1 if file.isatty() else BATCH_LINES
+    rest = iter(partial(file.readline, MAX_LINE_BYTES + 1), b"")
+    while lines := list(islice(rest, size)):
+        for number, line in enumerate(lines, first):
+            if len(line) > MAX_LINE_BYTES:
+                raise SpecError(f"{source}:{number}: a line of more than {MAX_LINE_BYTES} characters")
+        if first == 1:
+            lines[0] = lines[0].removeprefix(codecs.BOM_UTF8)
+        yield first, lines
+        first += len(lines)
 
 
 def _refuse(source: str, first: int, lines: list[bytes], fields: list[list[bytes]], d: int) -> NoReturn:

@@ -8,7 +8,7 @@ import click
 
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import spec_argument, text_options
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.streams import spec_of, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.fairing.energy import Energy
@@ -43,10 +43,8 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
     from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
-    loaded = read_spec(spec, spec_format)
-    patches = loaded.patches
-    with about(shown_input(spec)):
-        found = [made_fair(patch, energy, keep) for patch in patches]
+    with spec_of(spec, spec_format) as loaded:
+        found = [made_fair(patch, energy, keep) for patch in loaded.patches]
         model = isinstance(loaded, Model)
         text = dump(Model(tuple(part.patch for part in found), loaded.name) if model else found[0].patch)
     write_text(output, text)

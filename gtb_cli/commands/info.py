@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import Console, printable
-from gtb_cli.shell.options import json_option, specs_argument, text_options, weld_option
-from gtb_cli.shell.several import inputs_of, json_of, long_option, reports_on
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
-from gtb_cli.shell.workers import jobs_option
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.several import ReportRequest, report_options
+from gtb_cli.shell.streams import spec_of
 
 if TYPE_CHECKING:
     from gtb_cli.checks.description import Description
@@ -25,22 +22,8 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 
 
 @click.command
-@specs_argument
-@json_option
-@long_option
-@weld_option
-@jobs_option
-@text_options
-def info(
-    specs: tuple[str, ...],
-    as_json: bool,
-    in_full: bool,
-    weld: float | str | None,
-    jobs: int,
-    output: str,
-    spec_format: str | None,
-    console: Console,
-) -> None:
+@report_options()
+def info(request: ReportRequest, console: Console) -> None:
     """\b
     Example: gtb info specs/pentagon.toml
 
@@ -51,29 +34,20 @@ def info(
     from linear. Several specs, or those in a folder, get a line each, unless --long or --json asks for everything. If
     a spec cannot be read, a message says so and the exit status is 2.
     """
-    several = len(specs) > 1 or os.path.isdir(specs[0])
-    described = partial(_found, spec_format=spec_format, weld=weld, in_full=as_json or in_full)
-    rows, errors = reports_on(inputs_of(specs, output), described, jobs)
-    if as_json:
-        text = json_of(rows, several)
-    elif several and not in_full:
-        text = "".join(f"{printable(name)}: {_line(found)}\n" for name, found in rows)
-    else:
-        text = "\n".join(
-            (f"{printable(name)}\n" if several else "") + _text(found, in_full=in_full) for name, found in rows
-        )
-    write_text(output, text)
+    in_full = request.in_full
+    rows, errors = request.found(partial(_found, in_full=request.as_json or in_full))
+    request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
     if errors:
         raise GtbError("\n".join(errors))
 
 
-def _line(found: dict[str, Any]) -> str:
+def _line(name: str, found: dict[str, Any]) -> str:
     """Describe a spec in a few words."""
     if "patches" in found:
         state = "closed" if found["closed"] else f"{len(found['open_edges'])} open edges"
         kind = "surfaces" if found["dimension"] == 2 else "curves"
-        return f"model of {len(found['patches'])} {kind}, {state}"
-    return f"{_kind(found)}, {found['knots']} knots"
+        return f"{name}: model of {len(found['patches'])} {kind}, {state}"
+    return f"{name}: {_kind(found)}, {found['knots']} knots"
 
 
 def _kind(found: dict[str, Any]) -> str:
@@ -87,9 +61,8 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
     from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
-    loaded = read_spec(spec, spec_format)
-    with about(shown_input(spec)):
-        loaded = welded(loaded, weld)
+    with spec_of(spec, spec_format) as read:
+        loaded = welded(read, weld)
     if isinstance(loaded, Model):
         patches = [_report(*pair) for pair in zip(loaded.patches, descriptions(loaded.patches), strict=True)]
         return {

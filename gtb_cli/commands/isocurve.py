@@ -5,12 +5,10 @@ from __future__ import annotations
 import click
 
 from gtb_cli.shell.console import Console
-from gtb_cli.shell.meshing import MeshOptions, summary
+from gtb_cli.shell.meshing import MeshOptions, format_of_lines
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, text_options
-from gtb_cli.shell.streams import about, read_patch, shown_input, write_blocks, write_text
+from gtb_cli.shell.streams import single, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
-
-MAX_SEGMENTS = 1_000_000  # largest number of segments of the curve
 
 
 @click.command
@@ -19,7 +17,7 @@ MAX_SEGMENTS = 1_000_000  # largest number of segments of the curve
 @click.option("--v", "v", callback=numbers_of, metavar="V", help="Keep the second parameter at this value.")
 @click.option(
     "--polyline",
-    type=WholeNumber(1, MAX_SEGMENTS),
+    type=WholeNumber(1, 1_000_000),
     metavar="N",
     help="Write N segments instead of a spec, on any surface, as OBJ, PLY or GLB by the suffix of the output; their "
     "parameters are evenly spread.",
@@ -53,14 +51,12 @@ def isocurve(
     if len(given) != 1 or len(given[0][1]) != 1:
         raise click.UsageError("expected one of --u V and --v V")
     axis, (value,) = given[0]
-    options = MeshOptions(Recipe())
-    kind = options.format_for_lines(output, "--polyline") if polyline is not None else ""
-    patch = read_patch(spec, spec_format)
-    with about(shown_input(spec)):
+    kind = format_of_lines(output, "--polyline") if polyline is not None else ""
+    with spec_of(spec, spec_format) as loaded:
+        patch = single(loaded)
         if polyline is None:
             return write_text(output, dump(curve_of(patch, axis, value)))
         points = isoparametric_points(patch, axis, value, polyline + 1)[1]
         segments = np.stack([np.arange(polyline), np.arange(1, polyline + 1)], axis=1)
         mesh = Mesh(points, segments, name=patch.name or "patch")
-        write_blocks(output, options.encoded(mesh, kind))
-        console.report(output, summary(mesh), options.warnings(mesh, kind))
+        MeshOptions(Recipe()).write(output, kind, mesh, console)

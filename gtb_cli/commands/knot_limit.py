@@ -9,12 +9,10 @@ import click
 from gtb_cli.shell.limits import moves_of
 from gtb_cli.shell.options import numbers_of, spec_argument
 from gtb_cli.shell.sequences import SequenceOutput, sequence_options
-from gtb_cli.shell.streams import about, read_patch, shown_input
+from gtb_cli.shell.streams import shown_input, single, spec_of
 
 if TYPE_CHECKING:
     from gtb_cli.theory.knot_limit import KnotLimit
-
-EXAMPLE_STEPS = "0,0.4,0.8"  # default steps t, those of Example 4.2 of the paper
 
 
 @click.command("knot-limit")
@@ -31,7 +29,7 @@ EXAMPLE_STEPS = "0,0.4,0.8"  # default steps t, those of Example 4.2 of the pape
 @click.option(
     "--steps",
     callback=numbers_of,
-    default=EXAMPLE_STEPS,
+    default="0,0.4,0.8",  # those of Example 4.2 of the paper
     show_default=True,
     metavar="S,…",
     help="Write a mesh for each of these fractions of the way.",
@@ -56,12 +54,12 @@ def knot_limit(
     -o FILE.glb writes one file instead, an animation; see gtb degenerate --help.
     """
     out.check_length(steps)
-    patch = read_patch(spec, spec_format)
-    with about(shown_input(spec)):
-        from gtb_cli.language.writer import dump
-        from gtb_cli.sequences.sequence import knot_sequence
-        from gtb_cli.theory.knot_limit import knot_limit as limit_of
+    from gtb_cli.language.writer import dump
+    from gtb_cli.sequences.sequence import knot_sequence
+    from gtb_cli.theory.knot_limit import knot_limit as limit_of
 
+    with spec_of(spec, spec_format) as loaded:
+        patch = single(loaded)
         limit = limit_of(patch, moves)
         sequence = out.made(knot_sequence, patch, moves, steps)
         text = dump(limit.merged) if out.emits_spec else ""

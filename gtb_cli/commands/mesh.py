@@ -31,8 +31,8 @@ from gtb_cli.shell.streams import (
     is_device,
     is_folder,
     is_terminal,
-    read_spec,
     shown_input,
+    spec_of,
     stem_of,
     write_blocks,
     write_text,
@@ -238,8 +238,7 @@ def _planned(
         from gtb_cli.shell.upkeep import input_sums
 
         sums = input_sums(path, spec_format)  # before the spec is read: it may change meanwhile
-    spec = read_spec(path, spec_format)
-    with about(shown_input(path)):
+    with spec_of(path, spec_format) as spec:
         options.recipe.check_size(spec)
     return Task(output(stem_of(path) or file_stem(spec.name)), path, spec, options, kind, sums)
 

@@ -13,7 +13,7 @@ from gtb_cli.errors import DomainError, ExportError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
-from gtb_cli.shell.streams import about, is_device, is_terminal, read_spec, shown_input, single, write_blocks
+from gtb_cli.shell.streams import about, is_device, is_terminal, single, spec_of, write_blocks
 from gtb_cli.vocabulary import COLOUR_MAPS, suffix_of
 
 if TYPE_CHECKING:
@@ -188,8 +188,7 @@ def plot(
         refuse_limit(limit, spec)
         figure = _of_folder(spec, what or "sequence", look)
     else:
-        loaded = read_spec(spec, spec_format)
-        with about(shown_input(spec)):
+        with spec_of(spec, spec_format) as loaded:
             figure = _of_spec(loaded, what, look, limit, vary)
     from gtb_cli.pictures.look import encoded, settings
 

@@ -11,7 +11,7 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
-from gtb_cli.shell.streams import about, read_spec, shown_input, write_text
+from gtb_cli.shell.streams import about, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -124,8 +124,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
         with about(path):
             _refuse_too_many(len(mesh.cells))
             return content_of_mesh(mesh, stem)
-    spec = read_spec(path, spec_format)
-    with about(shown_input(path)):
+    with spec_of(path, spec_format) as spec:
         if resolution is not None:
             _refuse_too_many(Recipe(resolution).faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import click
+
 from gtb_cli.errors import ExportError
-from gtb_cli.shell.console import STANDARD
-from gtb_cli.shell.streams import is_device, is_folder, is_terminal
+from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.streams import is_device, is_folder, is_terminal, write_blocks
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, Up, suffix_of
@@ -37,6 +39,21 @@ class MeshOptions:
     uv: bool = False
     ascii: bool = False
     up: Up | None = None
+
+    def refuse(self, reason: str, *names: str) -> None:
+        """Raise a usage error with a reason if one of these options is given."""
+        recipe = self.recipe
+        given: dict[str, object] = {
+            "normals": recipe.normals,
+            "uv": self.uv,
+            "ascii": self.ascii,
+            "certify": recipe.certify,
+        }
+        given |= {"radius": recipe.radius, "thickness": recipe.thickness}
+        given |= {"attribute": recipe.attributes, "require": recipe.require}
+        for name in names:
+            if given[name]:
+                raise click.UsageError(f"--{name} {reason}")
 
     @property
     def settings(self) -> dict[str, object]:
@@ -101,12 +118,18 @@ class MeshOptions:
             raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give {way_out}")
         return kind
 
-    def format_for_lines(self, output: str, option: str) -> str:
-        """Return the format of an output that holds lines, for which an option asks."""
-        kind = self.format_for(output)
-        if kind == "stl":
-            raise ExportError(f"{option} writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
-        return kind
+    def write(self, output: str, kind: str, mesh: Mesh, console: Console) -> None:
+        """Write a mesh in a format, and report it."""
+        write_blocks(output, self.encoded(mesh, kind))
+        console.report(output, summary(mesh), self.warnings(mesh, kind))
+
+
+def format_of_lines(output: str, option: str) -> str:
+    """Return the format of an output that holds lines, for which an option asks."""
+    kind = MeshOptions(Recipe()).format_for(output)
+    if kind == "stl":
+        raise ExportError(f"{option} writes lines, and STL holds only triangles: use OBJ, PLY or GLB")
+    return kind
 
 
 def summary(mesh: Mesh) -> str:

@@ -139,15 +139,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
             "--parametrization toric: the meshes of a sequence have the same faces only in the linear one; "
             "toric parameters would run together"
         )
-    for name, given in (
-        ("certify", options.recipe.certify),
-        ("radius", options.recipe.radius is not None),
-        ("thickness", options.recipe.thickness is not None),
-        ("attribute", bool(options.recipe.attributes)),
-        ("require", bool(options.recipe.require)),
-    ):
-        if given:
-            raise click.UsageError(f"--{name} is for single meshes, of gtb mesh")
+    options.refuse("is for single meshes, of gtb mesh", "certify", "radius", "thickness", "attribute", "require")
     return animation
 
 

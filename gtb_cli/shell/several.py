@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
+import functools
+import os
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, lines_about
+from gtb_cli.shell.console import STANDARD, lines_about, printable
 from gtb_cli.shell.folders import specs_among
-from gtb_cli.shell.streams import refuse_overwriting, shown_input
-from gtb_cli.shell.workers import Workers
+from gtb_cli.shell.options import Function, json_option, specs_argument, taken, text_options, weld_option
+from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.workers import Workers, jobs_option
 
 Found = TypeVar("Found")
 Task = TypeVar("Task")
-
-long_option = click.option(
-    "--long",
-    "in_full",
-    is_flag=True,
-    help="Print everything, not just a line for each of several specs or an extract of a large model.",
-)
 
 
 def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:
@@ -77,9 +74,76 @@ def fault(spec: str, error: Exception) -> GtbError:
     return GtbError("\n".join(f"{shown_input(spec)}: {line}" for line in lines_about(error)))
 
 
-def json_of(rows: Sequence[tuple[str, dict[str, Any]]], several: bool) -> str:
-    """Return one JSON object, or for several specs a list of objects, each with the name of its file."""
-    import json
+@dataclass(frozen=True)
+class ReportRequest:
+    """The specs on which a command reports, and how it does so.
 
-    data = [{"file": name, **row} for name, row in rows] if several else rows[0][1]
-    return json.dumps(data) + "\n"
+    Attributes
+    ----------
+    specs : tuple of str
+        Paths of specs, and of folders of them.
+    as_json : bool
+    in_full : bool
+        Whether everything is printed, and not just a line for each of several specs.
+    weld : float, str or None
+    jobs : int
+    output : str
+    spec_format : str or None
+    """
+
+    specs: tuple[str, ...]
+    as_json: bool
+    in_full: bool
+    weld: float | str | None
+    jobs: int
+    output: str
+    spec_format: str | None
+
+    def found(self, report: Callable[..., Found]) -> tuple[list[tuple[str, Found]], list[str]]:
+        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, as `reports_on` does."""
+        found = partial(report, spec_format=self.spec_format, weld=self.weld)
+        return reports_on(inputs_of(self.specs, self.output), found, self.jobs)
+
+    def write(
+        self,
+        rows: Sequence[tuple[str, Found]],
+        record: Callable[[Found], dict[str, Any]],
+        line: Callable[[str, Found], str],
+        text: Callable[[Found], str],
+        gap: str = "",
+    ) -> None:
+        """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
+        import json
+
+        several = len(self.specs) > 1 or os.path.isdir(self.specs[0])
+        if self.as_json:
+            data = [({"file": name} if several else {}) | record(found) for name, found in rows]
+            lines = [json.dumps(data if several else data[0])]
+        elif several and not self.in_full:
+            lines = [line(printable(name), found) for name, found in rows]
+        else:
+            texts = [(f"{printable(name)}\n" if several else "") + text(found) for name, found in rows]
+            lines = [gap.join(texts).removesuffix("\n")]
+        write_text(self.output, "\n".join(lines) + "\n")
+
+
+def report_options(*more: Callable[[Function], Function]) -> Callable[[Function], Function]:
+    """Add the specs and options of a report, and `more`; the command gets the former as `request`."""
+    long_option = click.option(
+        "--long",
+        "in_full",
+        is_flag=True,
+        help="Print everything, not just a line for each of several specs or an extract of a large model.",
+    )
+
+    def decorator(function: Function) -> Function:
+        @functools.wraps(function)
+        def command(**values: Any) -> object:
+            return function(request=ReportRequest(**taken(values, ReportRequest)), **values)
+
+        made: Function = command
+        for option in (text_options, jobs_option, *reversed(more), weld_option, long_option, json_option):
+            made = option(made)
+        return specs_argument(made)
+
+    return decorator

@@ -40,10 +40,17 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     return load(path)
 
 
-def read_patch(path: str, spec_format: str | None = None) -> Patch:
-    """Read a spec of a single patch, as `read_spec` does."""
+@contextmanager
+def spec_of(path: str, spec_format: str | None = None) -> Iterator[Patch | Model]:
+    """Read a spec as `read_spec` does, and name it in errors about the shape that it describes."""
     spec = read_spec(path, spec_format)
     with about(shown_input(path)):
+        yield spec
+
+
+def read_patch(path: str, spec_format: str | None = None) -> Patch:
+    """Read a spec of a single patch, as `read_spec` does."""
+    with spec_of(path, spec_format) as spec:
         return single(spec)
 
 

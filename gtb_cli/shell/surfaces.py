@@ -50,23 +50,12 @@ def write_surfaces(
     DomainError
         The format holds only exact pieces, and there are none.
     """
-    recipe = options.recipe
     if len(specs) > 1 or is_folder(output) or os.path.isdir(specs[0]):
         raise click.UsageError(f"{kind.upper()} is written for one spec, to a file or standard output")
-    given = {
-        "--normals": recipe.normals,
-        "--uv": options.uv,
-        "--ascii": options.ascii,
-        "--certify": recipe.certify,
-        "--radius": recipe.radius,
-        "--thickness": recipe.thickness,
-        "--attribute": recipe.attributes,
-    }
-    for name, value in given.items():
-        if value:
-            raise click.UsageError(f"{name} is for meshes, and {kind.upper()} holds surfaces")
-    if kind in CELL_FORMATS and recipe.require:
-        raise click.UsageError(f"--require is for meshes, and cells of {kind.upper()} share no vertices")
+    names = ("normals", "uv", "ascii", "certify", "radius", "thickness", "attribute")
+    options.refuse(f"is for meshes, and {kind.upper()} holds surfaces", *names)
+    if kind in CELL_FORMATS:
+        options.refuse(f"is for meshes, and cells of {kind.upper()} share no vertices", "require")
     spec = read_spec(specs[0], spec_format)
     if options.up == "y":
         spec = _with_y_up(spec)
