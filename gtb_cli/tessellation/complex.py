@@ -110,6 +110,13 @@ class Complex:
         return bool(np.isin(self.cell_patch, self.cell_patch[rows]).all()) and not _repeated(cells).any()
 
 
+def kinds_of(domains: Sequence[Domain]) -> IntArray:
+    """(r,) number of the first domain that equals each one: what depends on the domain alone is found once for all."""
+    first: dict[tuple[bytes, bytes], int] = {}
+    keys = ((domain.knots.tobytes(), domain.normals.tobytes()) for domain in domains)
+    return np.array([first.setdefault(key, number) for number, key in enumerate(keys)])
+
+
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
     """Triangulate each domain with `resolution` cells along an edge, and join them.
 
@@ -124,7 +131,9 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
         None for a single patch that is joined with nothing.
     resolution : int
     """
-    parts = [triangulation(patch.domain, resolution) for patch in patches]
+    kinds = kinds_of([patch.domain for patch in patches]).tolist()
+    made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
+    parts = [made[kind] for kind in kinds]
     if joints is None:
         return alone(patches[0].domain, parts[0])
     moves = _moves(patches, joints, resolution)

@@ -13,21 +13,16 @@ from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.splitting import Cells, Edges
 
 
-def kinds(domains: Sequence[Domain]) -> IntArray:
-    """(r,) number of the first domain that equals each one: what depends on the domain alone is found once for all."""
-    first: dict[Domain, int] = {}
-    return np.array([first.setdefault(domain, number) for number, domain in enumerate(domains)])
-
-
 class Peaks:
     """Parameters, inside the domains of surfaces and on their edges, near which samples may miss much.
 
-    They are the knots, whose weights may be extreme, and the middles between neighbouring knots, which may crowd.
+    They are the knots, whose weights may be extreme, and the middles between neighbouring knots, which may crowd; found
+    once for all domains of one kind, see `kinds_of`.
     """
 
-    def __init__(self, domains: Sequence[Domain]) -> None:
-        self.kinds = kinds(domains)
-        self.of_kind = {kind: peaks_of(domains[kind]) for kind in dict.fromkeys(self.kinds.tolist())}
+    def __init__(self, domains: Sequence[Domain], kinds: IntArray) -> None:
+        self.kinds = kinds
+        self.of_kind = {kind: peaks_of(domains[kind]) for kind in dict.fromkeys(kinds.tolist())}
 
     def along(self, edges: Edges) -> tuple[IntArray, FloatArray]:
         """Find (q,) edges on the boundary of Δ with peaks between their ends, and (q, 2) these peaks."""

@@ -91,7 +91,7 @@ class _Refinement:
         self.mesh = Subdivision(start, points, sampler.patches, thin_height)
         self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.evaluated)
         self.certify, self.rounds = certify or not is_surface, 0
-        self.peaks = Peaks(self.mesh.domains) if is_surface else None
+        self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
         self.flat = np.array([is_surface and not certify and is_flat(patch, tolerance) for patch in sampler.evaluated])

@@ -11,8 +11,7 @@ from gtb_cli.arrays import BoolArray, FloatArray, IntArray, column_dot, cross_of
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
-from gtb_cli.tessellation.complex import Complex
-from gtb_cli.tessellation.peaks import kinds
+from gtb_cli.tessellation.complex import Complex, kinds_of
 from gtb_cli.tessellation.splitting import Cells, Edges, Vertices, divide, new_cells, unknown_edges
 from gtb_cli.theory.edges import edge_curves
 from gtb_cli.theory.patch import Patch
@@ -35,7 +34,8 @@ class Subdivision:
         self.vertices = Vertices(start.patch, start.parameters, start.face, points)
         self.collapsed = start.collapsed
         self.domains = [patch.domain for patch in patches]
-        self.edges, sides = edges_of(start, self.domains)
+        self.kinds = kinds_of(self.domains)
+        self.edges, sides = edges_of(start, self.domains, self.kinds)
         # Indices may have 32 bits, and others are joined to them.
         self.cells = new_cells(start.cells.astype(np.int64), sides, start.corners, start.cell_patch)
         self.is_surface = start.cells.shape[1] == 3
@@ -177,7 +177,7 @@ class Subdivision:
         return Complex(patch, parameters, face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
-def edges_of(start: Complex, domains: Sequence[Domain]) -> tuple[Edges, IntArray]:
+def edges_of(start: Complex, domains: Sequence[Domain], kinds: IntArray) -> tuple[Edges, IntArray]:
     """The sides of all cells, each once, and the (k, 1 or 3) sides of each cell."""
     if start.cells.shape[1] == 2:
         no_face = np.zeros(len(start.cells), dtype=np.int64)
@@ -189,8 +189,7 @@ def edges_of(start: Complex, domains: Sequence[Domain]) -> tuple[Edges, IntArray
     patch = np.repeat(start.cell_patch, 3)[first]
     # A side lies on an edge of its domain if both ends do.
     face = np.zeros(len(first), dtype=np.int64)
-    kind = kinds(domains)
-    for index, rows in groups(kind[patch]):
+    for index, rows in groups(kinds[patch]):
         domain = domains[index]
         heights = [domain.heights_of_columns(places[rows, end]) for end in (0, 1)]
         face[rows] = domain.faces.at(np.maximum(*heights))
