@@ -142,8 +142,9 @@ def report_options(*more: Callable[[Function], Function]) -> Callable[[Function]
             return function(request=ReportRequest(**taken(values, ReportRequest)), **values)
 
         made: Function = command
-        for option in (text_options, jobs_option, *reversed(more), weld_option, long_option, json_option):
+        after: tuple[Callable[[Function], Function], ...] = (weld_option, *more, jobs_option, text_options)
+        for option in reversed(after):
             made = option(made)
-        return specs_argument(made)
+        return specs_argument(json_option(long_option(made)))
 
     return decorator
