@@ -12,8 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, put_columns
 from gtb_cli.errors import ToleranceError
-from gtb_cli.moment import solve as solver
-from gtb_cli.moment.solve import RESIDUAL, TARGET_RESIDUAL, LogSum, short_steps, solve
+from gtb_cli.moment.solve import MAX_STEPS, RESIDUAL, TARGET_RESIDUAL, LogSum, short_steps, solve
 from gtb_cli.moment.starts import LayerStarts, extents_of, layer_starts, origin_of, tame_starts
 from gtb_cli.moment.torus import SAFE_EXPONENT, block_length, weighted_sums
 from gtb_cli.values import frozen
@@ -26,8 +25,8 @@ class MomentMap:
     Parameters
     ----------
     knots : (n, d) float
-    log_weights : (n,) float
-        log(c_i ω_i).
+    log_weights : (n,) or (w, n) float
+        log(c_i ω_i), or several vectors of them.
 
     Notes
     -----
@@ -40,15 +39,21 @@ class MomentMap:
 
     def __call__(self, s: FloatArray) -> FloatArray:
         """(m, d) points μ(s) at (d, m) torus coordinates."""
-        knots = self._sum.knots
+        knots = self._unit_knots
         sums = weighted_sums(knots, self.log_weights, knots, s * self._extents[:, None])
         return np.asarray((sums[1:] / sums[0]).T * self._extents + self._origin)
 
-    def inverse(self, p: FloatArray, within: float = 0.0, start: FloatArray | None = None) -> FloatArray:
+    def inverse(
+        self,
+        p: FloatArray,
+        within: float = 0.0,
+        start: FloatArray | None = None,
+        numbers: IntArray | None = None,
+    ) -> FloatArray:
         """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
 
         A residual of `within` times the hull's size suffices if `within` exceeds `TARGET_RESIDUAL`. From a good `start`
-        they are found sooner.
+        they are found sooner. Of several vectors of weights, `numbers` has each point's.
 
         Raises
         ------
@@ -56,62 +61,51 @@ class MomentMap:
             |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         unit, length = self._unit(np.ascontiguousarray(p.T)), block_length(len(self.knots))
-        s, target = (
-            self._starts(unit) if start is None else start * self._extents[:, None],
-            max(TARGET_RESIDUAL, within),
-        )
+        s, target = self._starts(unit) if start is None else start * self._extents[:, None], self._target(within)
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
-            s[:, block] = self._solved(unit[:, block], s[:, block], target)
+            total = self._sum(None if numbers is None else numbers[block])
+            s[:, block] = _solved(total, unit[:, block], s[:, block], target)
         return np.asarray(s / self._extents[:, None])
-
-    def _solved(self, unit: FloatArray, start: FloatArray, target: float) -> FloatArray:
-        s, missing = short_steps(self._sum, unit, start, target)
-        if not len(missing):
-            return s
-        # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
-        for starts in (tame_starts, lambda total, p, start: np.zeros_like(start)):
-            if len(missing):
-                p, begin = unit[:, missing], start[:, missing]
-                s[:, missing], rest = solve(self._sum, p, starts(self._sum, p, begin), target)
-                missing = missing[rest]
-        if len(missing):
-            residual = np.abs(self._sum.moments(s[:, missing]).mean - unit[:, missing]).max()
-            raise ToleranceError(
-                f"linear parametrisation: residual {residual:.1e} of the hull's size after {solver.MAX_STEPS} steps, "
-                f"{RESIDUAL:g} is required"
-            )
-        return s
 
     def starts(self, p: FloatArray) -> FloatArray:
         """(d, m) torus coordinates of (d, m) points if only the nearest layers of knots counted."""
         return np.asarray(self._starts(self._unit(p)) / self._extents[:, None])
 
-    def near(self, p: FloatArray, start: FloatArray, within: float = 0.0) -> tuple[FloatArray, IntArray]:
+    def near(
+        self, p: FloatArray, start: FloatArray, within: float = 0.0, numbers: IntArray | None = None
+    ) -> tuple[FloatArray, IntArray]:
         """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that are not found."""
-        s, missing = solve(self._sum, self._unit(p), start * self._extents[:, None], max(TARGET_RESIDUAL, within))
+        s, missing = solve(self._sum(numbers), self._unit(p), start * self._extents[:, None], self._target(within))
         return s / self._extents[:, None], missing
 
     def very_near(self, p: FloatArray, start: FloatArray, within: float = 0.0) -> tuple[FloatArray, IntArray]:
         """Return what `near` does after short steps alone; what is not found so, or not to all digits, is missing."""
-        start, reach = start * self._extents[:, None], self._sum.reach
-        far = np.flatnonzero(~(reach[:-1] @ np.abs(start) + reach[-1] <= SAFE_EXPONENT))
+        start, total = start * self._extents[:, None], self._sum(None)
+        far = np.flatnonzero(~(total.reach[:-1] @ np.abs(start) + total.reach[-1] <= SAFE_EXPONENT))
         there, start[:, far] = start[:, far], np.nan
-        s, missing = short_steps(self._sum, self._unit(p), start, max(TARGET_RESIDUAL, within))
+        s, missing = short_steps(total, self._unit(p), start, self._target(within))
         put_columns(s, far, there)
         return s / self._extents[:, None], missing
+
+    @staticmethod
+    def _target(within: float) -> float:
+        return max(TARGET_RESIDUAL, within)
+
+    def _sum(self, numbers: IntArray | None) -> LogSum:
+        return self._one_sum if numbers is None else LogSum(self._unit_knots, self.log_weights[numbers].T)
 
     def _unit(self, p: FloatArray) -> FloatArray:
         """(d, m) points in the coordinates of the solver."""
         unit = np.subtract(p, self._origin[:, None], order="C")
         unit /= self._extents[:, None]
         if len(unit) == 1:  # far from the origin, rounding may move points out of the hull
-            np.clip(unit, self._sum.knots.min(), self._sum.knots.max(), out=unit)
+            np.clip(unit, self._unit_knots.min(), self._unit_knots.max(), out=unit)
         return np.asarray(unit)
 
     @cached_property
     def _starts(self) -> LayerStarts:
-        return layer_starts(self._sum.knots)
+        return layer_starts(self._unit_knots)
 
     @cached_property
     def _extents(self) -> FloatArray:
@@ -124,5 +118,29 @@ class MomentMap:
         return origin_of(self.knots)
 
     @cached_property
-    def _sum(self) -> LogSum:
-        return LogSum(np.asarray((self.knots - self._origin) / self._extents), self.log_weights)
+    def _unit_knots(self) -> FloatArray:
+        return np.asarray((self.knots - self._origin) / self._extents)
+
+    @cached_property
+    def _one_sum(self) -> LogSum:
+        return LogSum(self._unit_knots, self.log_weights)
+
+
+def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> FloatArray:
+    """Solve from a start, then from tamer weights and from 0: far from the origin, layers of knots that rounding has
+    put off their edge are much too thin to start from.
+    """
+    s, missing = short_steps(total, p, start, target)
+    for starts in (tame_starts, lambda total, p, start: np.zeros_like(start)):
+        if not len(missing):
+            return s
+        some, there = total.columns(missing), p[:, missing]
+        s[:, missing], rest = solve(some, there, starts(some, there, start[:, missing]), target)
+        missing = missing[rest]
+    if len(missing):
+        residual = np.abs(total.columns(missing).moments(s[:, missing]).mean - p[:, missing]).max()
+        raise ToleranceError(
+            f"linear parametrisation: residual {residual:.1e} of the hull's size after {MAX_STEPS} steps, "
+            f"{RESIDUAL:g} is required"
+        )
+    return s

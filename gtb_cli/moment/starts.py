@@ -63,11 +63,12 @@ def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:
     As the power t of steep weights grows, s(t) tends to −t g + s_F, where g is the gradient of the cell of the regular
     decomposition that holds p, and s_F its own solution: it is extrapolated as a linear function of t.
     """
-    w, tame = total.log_weights, max(3.0, len(total.knots))  # the range of logarithms that the first start stands
+    tame = max(3.0, len(total.knots))  # the range of logarithms that the first start stands
+    w = total.log_weights.reshape(len(total.knots), -1)
     affine = np.column_stack([total.knots, np.ones(len(w))])
     slopes = np.linalg.lstsq(affine, w)[0]
-    bends = w - affine @ slopes
-    t = tame / max(float(np.ptp(bends)), tame)
+    bends = (w - affine @ slopes).reshape(total.log_weights.shape)
+    t = tame / max(float(np.ptp(bends, axis=0).max()), tame)
     if t == 1:
         return start
     s = before = start
@@ -77,4 +78,4 @@ def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:
         following = min(2 * t, 1.0)
         s = found + (found - before) * ((following - t) / (t - power)) if power else found
         before, power, t = found, t, following
-    return s - slopes[:-1, None]
+    return np.asarray(s - slopes[:-1])

@@ -40,11 +40,13 @@ def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> F
     ----------
     knots : (n, d) float
         Preferably centred: only their differences matter.
-    log_weights : (n,) float
-        log(c_i ω_i).
+    log_weights : (n,) or (n, m) float
+        log(c_i ω_i), for all columns or for each.
     s : (d, m) float
         Torus coordinates.
     """
+    if log_weights.ndim == 2:
+        return scaled_exponentials(knots @ s + log_weights)
     e = exponents(knots, log_weights, s)
     return np.exp(e, out=e) if _are_safe(knots, log_weights, s) else scaled_exponentials(e)
 

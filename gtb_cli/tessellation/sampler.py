@@ -12,7 +12,8 @@ from gtb_cli.arrays import FloatArray, IntArray, put_columns
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.parametrization import Parametrization, RationalBasis, toric_locations
+from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.parametrization import Parametrization, blend_each, toric_locations
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -21,7 +22,7 @@ from gtb_cli.values import frozen
 class Sampler:
     """Points and normals of several patches at parameters of either parametrisation.
 
-    Patches with equal knots and weights are located together: they differ only in their control points.
+    Patches with equal knots are located together.
 
     With `shared_edges`, edges are sampled linearly, by their own data, even in the toric parametrisation, so that
     patches that share an edge have the same points there.
@@ -52,20 +53,21 @@ class Sampler:
         """
         result = np.empty((len(patch), 3))
         face = self._whole_faces(patch, face)
-        for nets, rows, numbers in self.shared_bases(patch):
-            locations = self._located(nets.basis, parameters[rows], face[rows], within)
-            if len(nets.control_points) > 1:
-                result[rows] = nets.basis.blend_each(nets.control_points, numbers, locations)
+        for nets, rows, numbers in self.alike(patch):
+            locations = self._located(nets.linear, parameters[rows], face[rows], within, nets.weights_of(numbers))
+            if len(nets.patches) > 1:
+                result[rows] = blend_each(nets.control_points, nets.linear.log_weights, numbers, locations)
             else:
-                result[rows] = nets.basis.blend(nets.control_points[0], locations, len(numbers))
+                result[rows] = nets.patches[0].points_at(locations, len(numbers))
         return result
 
     def normals(self, patch: IntArray, parameters: FloatArray, face: IntArray) -> FloatArray:
         """(m, 3) unit normals, NaN where there is none, reversed where a patch is flipped."""
         result = np.empty((len(patch), 3))
         face = self._whole_faces(patch, face)
-        for nets, rows, numbers in self.shared_bases(patch):
-            locations = list(self._located(nets.basis, parameters[rows], face[rows], 0.0))
+        for nets, rows, numbers in self.alike(patch):
+            vectors = nets.weights_of(numbers)
+            locations = list(self._located(nets.linear, parameters[rows], face[rows], 0.0, vectors))
             bounds = np.searchsorted(numbers, np.arange(len(nets.members) + 1)).tolist()
             for index, begin, end in zip(nets.members, bounds[:-1], bounds[1:], strict=True):
                 sign = -1.0 if self.flipped and self.flipped[index] else 1.0
@@ -82,13 +84,12 @@ class Sampler:
         """
         points, right = np.full((len(patch), 3), np.nan), np.full(guesses.shape, np.nan)
         inside = np.flatnonzero(self._whole_faces(patch, face) == INTERIOR)
-        for nets, rows, numbers in self.shared_bases(patch[inside]):
+        for nets, rows, numbers in self.alike(patch[inside]):
             rows = inside[rows]
-            location, found = nets.near(parameters[rows], guesses.take(rows, axis=1), within)
+            location, found = nets.near(numbers, parameters[rows], guesses.take(rows, axis=1), within)
             there = rows[location.rows]
-            points[there] = nets.basis.blend_each(
-                nets.control_points, numbers[location.rows], [location._replace(rows=slice(None))]
-            )
+            numbers, weights = numbers[location.rows], nets.linear.log_weights
+            points[there] = blend_each(nets.control_points, weights, numbers, [location._replace(rows=slice(None))])
             put_columns(right, there, found)
         rest = np.flatnonzero(np.isnan(points[:, 0]))
         if len(rest):
@@ -102,10 +103,10 @@ class Sampler:
 
     def locations(self, index: int, u: FloatArray, face: IntArray, within: float = 0.0) -> Iterator[Location]:
         """Locate (m, d) parameters of one patch, known to lie on given faces of its domain."""
-        return self._located(self.evaluated[index].rational_basis, u, face, within)
+        return self._located(self.evaluated[index].rational_basis.linear, u, face, within, None)
 
-    def shared_bases(self, patch: IntArray) -> Iterator[tuple[Nets, IntArray, IntArray]]:
-        """Yield for (m,) patches those that share a basis, (k,) rows, and the (k,) ascending numbers of their nets."""
+    def alike(self, patch: IntArray) -> Iterator[tuple[Nets, IntArray, IntArray]]:
+        """Yield for (m,) patches those with equal knots, (k,) rows, and the (k,) ascending numbers of their nets."""
         place = self._place_of[patch]
         order = np.argsort(place, kind="stable")
         place, begin, first = place[order], 0, 0
@@ -118,14 +119,17 @@ class Sampler:
     def _whole_faces(self, patch: IntArray, face: IntArray) -> IntArray:
         return face if self.faces is None else self.faces[patch, face]
 
-    def _located(self, basis: RationalBasis, u: FloatArray, face: IntArray, within: float) -> Iterator[Location]:
+    def _located(
+        self, linear: LinearParametrization, u: FloatArray, face: IntArray, within: float, vectors: IntArray | None
+    ) -> Iterator[Location]:
         if self.parametrization == "linear":
-            yield from basis.linear.locations(u, face, within, self.resolution)
+            yield from linear.locations(u, face, within, self.resolution, vectors)
             return
-        yield from toric_locations(basis.domain, u, face)
+        yield from toric_locations(linear.shape, u, face)
         if self.shared_edges and face.any():
             rows = np.flatnonzero(face)
-            for location in basis.linear.locations(u[rows], face[rows]):
+            own = None if vectors is None else vectors[rows]
+            for location in linear.locations(u[rows], face[rows], numbers=own):
                 yield location._replace(rows=rows[location.rows])
 
     @cached_property
@@ -133,7 +137,8 @@ class Sampler:
         members: dict[tuple[bytes, ...], list[int]] = {}
         for index, patch in enumerate(self.evaluated):
             basis = patch.rational_basis
-            arrays = basis.domain.knots, basis.domain.normals, basis.log_weights
+            # Uniform meshes are interpolated from coarse ones, which depend on the weights.
+            arrays = basis.domain.knots, basis.domain.normals, *((basis.log_weights,) if self.resolution else ())
             members.setdefault(tuple(array.tobytes() for array in arrays), []).append(index)
         return [Nets(tuple(self.evaluated[index] for index in indices), tuple(indices)) for indices in members.values()]
 
@@ -148,7 +153,7 @@ class Sampler:
 
 @frozen
 class Nets:
-    """The control points of patches with equal knots and weights.
+    """The control points of patches with equal knots, and for uniform meshes equal weights.
 
     Parameters
     ----------
@@ -160,33 +165,39 @@ class Nets:
     patches: Sequence[Patch]
     members: tuple[int, ...]
 
-    @property
-    def basis(self) -> RationalBasis:
-        """The rational basis of the first patch."""
-        return self.patches[0].rational_basis
+    @cached_property
+    def linear(self) -> LinearParametrization:
+        """The linear parametrisation with the weights of all patches, or with one vector if they are equal."""
+        basis = self.patches[0].rational_basis
+        weights = np.stack([patch.log_products for patch in self.patches])
+        return basis.linear if (weights == weights[0]).all() else LinearParametrization(basis.domain, weights)
+
+    def weights_of(self, numbers: IntArray) -> IntArray | None:
+        """Return the numbers of the vectors of weights of (m,) patches, or None if there is one vector."""
+        return numbers if self.linear.log_weights.ndim == 2 else None
 
     @cached_property
     def control_points(self) -> FloatArray:
         """(patches, n, 3) control points."""
         return np.stack([patch.control_points for patch in self.patches])
 
-    def near(self, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
+    def near(self, numbers: IntArray, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
         """Locate (m, 2) linear parameters inside Δ, in the chart of its longest edge, from (2, m) guesses.
 
         A guess is the difference between torus coordinates and those from the nearest layers of knots, or from 0 if
         knots crowd. It changes slowly, so that a nearby point's serves; NaN stands for an unknown one. Parameters may
         be off by `within`, a fraction of the domain's size. Returns the points found, and their (2, k) right guesses.
         """
-        chart = self.basis.linear.longest
+        chart = self.linear.longest
         places = chart.columns(u)
         layers = chart.moments.starts(places)
         base = np.zeros_like(layers) if self._is_crowded else layers
         start = np.where(np.isnan(guesses), layers, base + guesses)
-        s, missing = chart.moments.near(places, start, within)
+        s, missing = chart.moments.near(places, start, within, self.weights_of(numbers))
         rows = np.delete(np.arange(len(u)), missing)
         if len(missing):
             s, base = s.take(rows, axis=1), base.take(rows, axis=1)
-        return Location(rows, self.basis.domain.faces[INTERIOR], chart.moments.knots, s, None), s - base
+        return Location(rows, self.linear.shape.faces[INTERIOR], chart.moments.knots, s, None), s - base
 
     @cached_property
     def _is_crowded(self) -> bool:
@@ -195,6 +206,6 @@ class Nets:
         The distance from an edge to the next knot, in units of 1/√n of the widest, is 1 in lattices; it was 0.4 or more
         in all of specs/, and 0.001 among 1,000 random knots.
         """
-        heights = self.basis.domain.heights
+        heights = self.linear.shape.heights
         least = np.where(heights > 0, heights, np.inf).min(axis=0) / heights.max(axis=0)
         return bool(least.min() * len(heights) ** 0.5 < 0.1)

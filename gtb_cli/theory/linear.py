@@ -35,8 +35,8 @@ class LinearParametrization:
     Parameters
     ----------
     shape : Domain
-    log_weights : (n,) float
-        log(c_i ω_i).
+    log_weights : (n,) or (w, n) float
+        log(c_i ω_i), or several vectors of them.
 
     Notes
     -----
@@ -48,26 +48,33 @@ class LinearParametrization:
     log_weights: FloatArray
 
     def locations(
-        self, p: FloatArray, faces: IntArray | None = None, within: float = 0.0, resolution: int = 0
+        self,
+        p: FloatArray,
+        faces: IntArray | None = None,
+        within: float = 0.0,
+        resolution: int = 0,
+        numbers: IntArray | None = None,
     ) -> Iterator[Location]:
         """Locate (m, d) points of Δ: find s with |μ(s) − p| at most `RESIDUAL`, or `within`, times the hull's size.
 
-        Points may be the vertices of `triangulation` with a `resolution`: these are found sooner. See
-        `gtb_cli.theory.parametrization.RationalBasis.locations`.
+        Points may be the vertices of `triangulation` with a `resolution`: these are found sooner. Of several vectors of
+        weights, `numbers` has each point's. See `gtb_cli.theory.parametrization.RationalBasis.locations`.
         """
-        even = None if faces is None else self._even(p, faces, resolution)
+        even = None if faces is None or numbers is not None else self._even(p, faces, resolution)
         if even is None or faces is None:
-            yield from self._located(p, faces, within)
+            yield from self._located(p, faces, within, numbers)
             return
         rest = [np.flatnonzero(faces != INTERIOR)]
         for location, left in in_threads(even.located, even.blocks):
             yield location
             rest.append(left)
         rows = np.concatenate(rest)
-        for location in self._located(p[rows], faces[rows], within):
+        for location in self._located(p[rows], faces[rows], within, None):
             yield location._replace(rows=rows[location.rows])
 
-    def _located(self, p: FloatArray, faces: IntArray | None, within: float) -> Iterator[Location]:
+    def _located(
+        self, p: FloatArray, faces: IntArray | None, within: float, numbers: IntArray | None
+    ) -> Iterator[Location]:
         shape = self.shape
         heights = shape.heights_of_columns(p, 0, faces)
         on_boundary = (heights == 0).any(axis=0)
@@ -76,13 +83,15 @@ class LinearParametrization:
             face, rows = shape.faces[number], boundary[members]
             s = np.zeros((0, len(rows)))
             if not face.is_corner:
-                s = self._edge(number).inverse(shape.along(face.index, p[rows])[:, None], within)
+                along = shape.along(face.index, p[rows])[:, None]
+                s = self._edge(number).inverse(along, within, None, None if numbers is None else numbers[rows])
             yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
 
         def located(part: tuple[IntArray, _Chart]) -> Location:
             rows, chart = part
             here = heights.take(rows, axis=1)
-            s = chart.moments.inverse(chart.coordinates(p.take(rows, axis=0), here), within)
+            places, own = chart.coordinates(p.take(rows, axis=0), here), None if numbers is None else numbers[rows]
+            s = chart.moments.inverse(places, within, None, own)
             return Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
 
         parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
@@ -131,7 +140,7 @@ class LinearParametrization:
         """The moment map of an edge, by its number among the faces, in coordinates along it."""
         if number not in self._edges:
             face = self.shape.faces[number]
-            self._edges[number] = MomentMap(face_knots(self.shape, face), self.log_weights[face.knots])
+            self._edges[number] = MomentMap(face_knots(self.shape, face), self.log_weights[..., face.knots])
         return self._edges[number]
 
     def _chart(self, number: int) -> _Chart:

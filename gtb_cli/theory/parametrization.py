@@ -116,27 +116,29 @@ class RationalBasis:
                     column[location.rows] = values_there  # numpy takes twice as long for rows
         return result
 
-    def blend_each(self, values: FloatArray, numbers: IntArray, locations: Iterable[Location]) -> FloatArray:
-        """(m, k) sums ``Σ_i T_i values_i`` at m parameters, each with its own one of (p, n, k) values, by its number.
 
-        Numbers ascend, and so do the rows of each location.
-        """
-        result = np.empty((len(numbers), values.shape[2]))
-        for location in locations:
-            face, own = location.face.knots, numbers[location.rows]
-            shares, chosen = exponentials(location.knots, self.log_weights[face], location.s), values[:, face]
-            shares /= shares.sum(axis=0)
-            if len(own) < 16 * len(values):  # a few for each: all at once take less time than one after another
-                result[location.rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
-                continue
-            ends, sums = (
-                np.searchsorted(own, np.arange(len(values) + 1)).tolist(),
-                np.empty((values.shape[2], len(own))),
-            )
-            for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
-                np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
-            result[location.rows] = sums.T
-        return result
+def blend_each(
+    values: FloatArray, log_weights: FloatArray, numbers: IntArray, locations: Iterable[Location]
+) -> FloatArray:
+    """(m, k) sums ``Σ_i T_i values_i`` at m parameters, each with its own one of (p, n, k) values, by its number.
+
+    Numbers ascend, and so do the rows of each location. Logarithms of weights are (n,), or (p, n) with numbers alike.
+    """
+    result = np.empty((len(numbers), values.shape[2]))
+    for location in locations:
+        face, own = location.face.knots, numbers[location.rows]
+        weights, chosen = log_weights[..., face], values[:, face]
+        shares = exponentials(location.knots, weights if weights.ndim == 1 else weights[own].T, location.s)
+        shares /= shares.sum(axis=0)
+        if len(own) < 16 * len(values):  # a few for each: all at once take less time than one after another
+            result[location.rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
+            continue
+        ends = np.searchsorted(own, np.arange(len(values) + 1)).tolist()
+        sums = np.empty((values.shape[2], len(own)))
+        for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
+            np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
+        result[location.rows] = sums.T
+    return result
 
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
