@@ -53,7 +53,7 @@ def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = 
     worth : bool
         Whether the tasks are large enough; if not, or with one thread, this thread does them one after another.
     """
-    waiting_results = 2  # largest number of results per thread that wait for their turn
+
     count = thread_count()
     if count == 1 or not worth:
         yield from map(function, tasks)
@@ -65,7 +65,7 @@ def in_threads(function: Callable[[T], R], tasks: Iterable[T], *, worth: bool = 
         yield from in_order(
             lambda task: executor.submit(copy_context().run, function, task),
             tasks,
-            lambda: waiting_results * count,
+            lambda: 2 * count,
         )
 
 
