@@ -158,9 +158,7 @@ def test_a_command_is_imported_alone_and_without_numpy():
         early = imported_at_top(modules()[name])
         assert "numpy" not in packages(early), name
         assert (
-            own(early)
-            <= {"__init__", "errors", "process.threads", "version", "values", "vocabulary", RECIPE}
-            | shell
+            own(early) <= {"__init__", "errors", "process.threads", "version", "values", "vocabulary", RECIPE} | shell
         ), name
 
 
