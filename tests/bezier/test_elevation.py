@@ -18,8 +18,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS, load
 
-ROUNDING = 1e-13
-"""Fraction of the extent: sums of a few dozen products."""
+ROUNDING = 1e-13  # fraction of the extent: sums of a few dozen products
 
 PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
 

@@ -24,11 +24,9 @@ from gtb_cli.theory.tangents import tangents
 from tests.marks import mostly_long
 from tests.specs import GOOD_SPECS, SPECS, load
 
-SMALL = 1e-7
-"""What patches are broken by, of their size: not to be seen on a picture, and a million roundings."""
+SMALL = 1e-7  # what patches are broken by, of their size: not to be seen on a picture, and a million roundings
 
-SOLVED = 1e-9
-"""Rounding of figures that are computed here in another way: sums, and eigenvalues of small matrices."""
+SOLVED = 1e-9  # rounding of figures that are computed here in another way: sums, and eigenvalues of small matrices
 
 
 @cache
@@ -53,27 +51,26 @@ PATCHES = [path.stem for path in GOOD_SPECS if isinstance(load(path), Patch)]
 
 # --- what holds
 
-EXPECTED_NOT_TO_APPLY = {
-    "classical Bézier",
-    "isoparametric curves",
-    "multiple knots",
-    "toric degeneration",
-    "coefficients of unity",
-    "convexity",
-    "injective for all weights",
-    "sign of the Jacobian",
-}
-"""Properties with conditions that patches of ordinary size in `specs/` do not always fulfil."""
-
 
 @pytest.mark.parametrize("name", mostly_long(PATCHES, 10))
 def test_every_spec_has_the_properties(name):
+    # Properties with conditions that patches of ordinary size in `specs/` do not always fulfil
+    expected_not_to_apply = {
+        "classical Bézier",
+        "isoparametric curves",
+        "multiple knots",
+        "toric degeneration",
+        "coefficients of unity",
+        "convexity",
+        "injective for all weights",
+        "sign of the Jacobian",
+    }
     report = check(spec(name))
     assert report.holds
     for found in report.findings:
         assert found.reason
         if found.status == "not applicable":
-            assert found.name in EXPECTED_NOT_TO_APPLY
+            assert found.name in expected_not_to_apply
             assert found.value is found.bound is None
         elif found.status == "measured":
             assert found.bound is None
@@ -83,20 +80,18 @@ def test_every_spec_has_the_properties(name):
     assert [found.name for found in report.findings] == [prop.name for prop in PROPERTIES if prop[kind]]
 
 
-SCALES = [
-    (1e-9, 0.0, 1e9, 0.0),
-    (1e9, 0.0, 1e-9, 0.0),
-    (1.0, 1e7, 1.0, 1e7),
-    (1e-2, 0.0, 1e4, 1e7),
-    (1e4, 1e7, 1.0, 0.0),
-]
-
-
 @pytest.mark.parametrize(("index", "name"), mostly_long(enumerate(PATCHES), 6))
 def test_they_hold_at_any_size_and_place(index, name):
     """Each spec at one of the sizes with the knots small, and one with them large or far away."""
+    scales = [
+        (1e-9, 0.0, 1e9, 0.0),
+        (1e9, 0.0, 1e-9, 0.0),
+        (1.0, 1e7, 1.0, 1e7),
+        (1e-2, 0.0, 1e4, 1e7),
+        (1e4, 1e7, 1.0, 0.0),
+    ]
     patch = spec(name)
-    for scale, shift, points_scale, points_shift in (SCALES[3 * (index % 2)], SCALES[(1, 2, 4)[index % 3]]):
+    for scale, shift, points_scale, points_shift in (scales[3 * (index % 2)], scales[(1, 2, 4)[index % 3]]):
         moved = patch.replace(
             knots=patch.knots * scale + shift,
             control_points=patch.control_points * points_scale + points_shift,

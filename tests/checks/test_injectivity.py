@@ -14,8 +14,7 @@ from gtb_cli.checks.report import Outcome
 from gtb_cli.theory.patch import Patch
 from tests.patches import integer_pentagon
 
-SQUARE = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]], dtype=float)
-"""Nine knots."""
+SQUARE = np.array([[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [0, 2], [1, 2], [2, 2]], dtype=float)  # nine knots
 
 BENT = SQUARE.copy()
 BENT[4] = [2.5, 1.5]

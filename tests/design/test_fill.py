@@ -28,8 +28,7 @@ from tests.specs import load
 HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"
 
-PLANES = 1e-9
-"""Degrees between normals along filled edges and the given ones, at 50 digits and away from the corners."""
+PLANES = 1e-9  # degrees between normals along filled edges and the given ones, at 50 digits and away from the corners
 
 
 def exact(values: np.ndarray) -> list:
@@ -91,8 +90,8 @@ def assert_fills(filling: Filling, sides: list[HoleSide]) -> None:
     assert len(filling.patch.domain.vertices) == len(sides)
 
 
+# Seeds of loops by their number of sides: ten, but for many sides, which take long. Some patches turn sharply.
 SEEDS = {n: range(10) for n in (5, 3, 4, 6, 7, 8, 9)} | {10: range(3), 11: (0, 1), 12: (3, 8)}
-"""Seeds of loops by their number of sides: ten, but for many sides, which take long. Some patches turn sharply."""
 
 
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(n, seed) for n in SEEDS for seed in SEEDS[n]], quick=1))
@@ -442,11 +441,9 @@ def box() -> Model:
     return found
 
 
-BY_HAND = 974.65
-"""Thin-plate energy of the patch that stood in `specs/box-corner.toml` before: 37 knots, chosen by a person."""
-
-
 def test_the_corner_of_a_box_is_what_fill_makes_and_fairer_than_by_hand(box):
+    # Thin-plate energy of the patch that stood in `specs/box-corner.toml` before: 37 knots, chosen by a person
+    by_hand = 974.65
     kept, rest = box.patches[0], Model(box.patches[1:])
     assert [len(ring) for ring in rings(rest)] == [6, 6]
     filling = fill_hole(rest, "rounding-x edge 0", raises=0)
@@ -459,7 +456,7 @@ def test_the_corner_of_a_box_is_what_fill_makes_and_fairer_than_by_hand(box):
     np.testing.assert_allclose(kept.log_products, made.log_products, atol=1e-8)
     np.testing.assert_allclose(kept.control_points, made.control_points, atol=1e-7)
     assert energy(kept) == pytest.approx(filling.energy, rel=1e-6)
-    assert energy(kept) < BY_HAND / 18
+    assert energy(kept) < by_hand / 18
 
 
 def test_degrees_are_raised_where_stripes_would_wave_and_neighbours_stay():

@@ -15,8 +15,8 @@ from tests.marks import mostly_long
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
 
+# Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials
 DIFFERENCES = 1e-5
-"""Relative error of second differences with a step of 1e-4, and of sums over triangles of cubic polynomials."""
 
 
 def square(f) -> Patch:

@@ -22,14 +22,12 @@ from tests.patches import NAMES, bezier_triangle, bicubic, cubic_curve, named
 
 EPS = float(np.finfo(np.float64).eps)
 
+# Relative error of a β of these tests: a rounding of each of up to nine logarithms, times exponents up to 20
 BETA_ERROR = 1e-12
-"""Relative error of a β of these tests: a rounding of each of up to nine logarithms, times exponents up to 20."""
 
-CLASSICAL_ERROR = 1e-14
-"""Error of the values of classical bases, all at most 1, and of points of size 1."""
+CLASSICAL_ERROR = 1e-14  # error of the values of classical bases, all at most 1, and of points of size 1
 
-ROOTS = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
-"""The knots of Example 2.1."""
+ROOTS = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]  # the knots of Example 2.1
 
 
 # The definition

@@ -22,11 +22,9 @@ from tests.specs import SPECS, load
 from tests.surfaces import cylinder, inside, octant, plane, quartic_octant, rim, torus
 from tests.tiny_meshes import encoded
 
+# A few thousand roundings: what is left of 16 digits by sums of a dozen terms and an angle of some degrees
 DIGITS = 1e-12
-"""A few thousand roundings: what is left of 16 digits by sums of a dozen terms and an angle of some degrees."""
 
-LIMIT = 1e-7
-"""Between the limit on an edge and a point at 1e-9 of the domain from it, where curvatures change by tens per unit."""
 
 # --- known surfaces
 
@@ -255,11 +253,13 @@ def test_a_pole_of_points_that_are_equal_within_rounding():
 
 @pytest.mark.parametrize("name", ["bicubic", "bezier-triangle", "trapezoid", "repeated-knot", "example-4.1-integer"])
 def test_values_on_the_boundary_are_limits(name):
+    # Between the limit on an edge and a point at 1e-9 of the domain from it, where curvatures change by tens per unit
+    limit = 1e-7
     patch = load(SPECS / f"{name}.toml")
     u = rim(patch)
     near = u + 1e-9 * (patch.domain.vertices.mean(axis=0) - u)
     for there, here in zip(curvature(patch, u, "linear"), curvature(patch, near, "linear"), strict=True):
-        np.testing.assert_allclose(there, here, rtol=LIMIT, atol=LIMIT)
+        np.testing.assert_allclose(there, here, rtol=limit, atol=limit)
 
 
 def layered(second: float) -> Patch:

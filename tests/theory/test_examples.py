@@ -15,11 +15,9 @@ from tests import exact
 from tests.laws import linear_points
 from tests.patches import basis_curve, integer_pentagon, irrational_curve, numbers, pentagon
 
-FORMULA_ERROR = 1e-14
-"""Relative error of a printed product of powers: a few roundings, times exponents up to 3."""
+FORMULA_ERROR = 1e-14  # relative error of a printed product of powers: a few roundings, times exponents up to 3
 
-POINT_ERROR = 1e-13
-"""Error of points of size 5."""
+POINT_ERROR = 1e-13  # error of points of size 5
 
 
 def test_example_2_1_basis():

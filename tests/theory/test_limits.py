@@ -25,17 +25,11 @@ from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve
 from tests.shell import SPECS
 
-EXACT = 4e-15
-"""Error of numbers of size 1 after a few operations."""
+EXACT = 4e-15  # error of numbers of size 1 after a few operations
 
-ROUNDING = 1e-12
-"""Error of points: exponents of a few hundred are rounded to 1e-13 of themselves."""
+ROUNDING = 1e-12  # error of points: exponents of a few hundred are rounded to 1e-13 of themselves
 
-HUGE = 1e-10
-"""Error of points at x = 1e300, whose exponents are in the thousands."""
-
-CURVE_KNOTS = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
-DIGITS = 60
+HUGE = 1e-10  # error of points at x = 1e300, whose exponents are in the thousands
 
 
 def spec(name: str) -> Patch:
@@ -130,7 +124,8 @@ def test_bad_liftings(lifting, message):
 
 def exact_point(patch: Patch, x: str, u: tuple[float, ...]) -> list[float]:
     """P(u) by the paper's formula, powers of edge functions, in 60 digits."""
-    with mpmath.workdps(DIGITS):
+    digits = 60
+    with mpmath.workdps(digits):
         shape, power = patch.domain, mpmath.mpf(x)
 
         def height(edge: int, place: list[float]) -> mpmath.mpf:
@@ -350,9 +345,10 @@ def test_steps_of_example_42(step, knot):
 
 
 def test_all_knots_of_a_chain_move_to_its_end():
+    curve_knots = [0, math.sqrt(2) / 4, 0.5, math.sqrt(2) / 2, 1]
     patch = irrational_curve()
     found = move_knots(patch, {1: 3, 3: 2}, 0.5).knots[:, 0]
-    expected = [0, (CURVE_KNOTS[1] + 0.5) / 2, 0.5, (CURVE_KNOTS[3] + 0.5) / 2, 1]
+    expected = [0, (curve_knots[1] + 0.5) / 2, 0.5, (curve_knots[3] + 0.5) / 2, 1]
     np.testing.assert_allclose(found, expected, rtol=EXACT)
     assert (move_knots(patch, {1: 3, 3: 2}, 0).knots == patch.knots).all()
     assert move_knots(patch, {1: 3, 3: 2}, 1).knots[:, 0].tolist() == [0, 0.5, 0.5, 0.5, 1]

@@ -15,13 +15,11 @@ from tests.laws import inner_parameters, rounding
 from tests.marks import mostly_long
 from tests.patches import SURFACES, bicubic, collapsed_edge, named, pentagon
 
-NORMAL_ERROR = 1e-11
-"""Error of a unit normal: a hundred times that of T, for the angle between the two derivatives."""
+NORMAL_ERROR = 1e-11  # error of a unit normal: a hundred times that of T, for the angle between the two derivatives
 
+# Error of a normal 10^-DIGITS of the hull's size from an edge, where layers of knots are at least 0.01 apart
 LIMIT_ERROR = 1e-9
-"""Error of a normal 10^-DIGITS of the hull's size from an edge, where layers of knots are at least 0.01 apart."""
 
-DIGITS = 1000
 
 FEW_KNOTS = [name for name in SURFACES if len(named(name).knots) <= 16]
 
@@ -101,11 +99,12 @@ def test_normals_turn_with_the_surface():
 
 
 def approached(patch, place, inward):
-    """Normal at `place` + 10^-DIGITS `inward`, where `place` is exactly a combination of two corners."""
-    with exact.CONTEXT.workdps(DIGITS + 100):
+    """Normal at `place` + 10^-digits `inward`, where `place` is exactly a combination of two corners."""
+    digits = 1000
+    with exact.CONTEXT.workdps(digits + 100):
         (first, second), t = place
         a, b = exact.numbers(first.tolist()), exact.numbers(second.tolist())
-        step = exact.Number(10) ** -DIGITS
+        step = exact.Number(10) ** -digits
         u = [x * (1 - t) + y * t + step * exact.Number(float(n)) for x, y, n in zip(a, b, inward, strict=True)]
         return exact.normal(patch, u)
 

@@ -12,13 +12,13 @@ from tests.laws import error_of_linear_points, error_of_points
 from tests.patches import SHIFT, bumps
 
 COLUMNS, ROWS = [0.0, 0.4, 1.5, 2.0], [0.0, 0.9, 1.0]
-FACTORS = [1.0, 3.0, 0.2, 5.0], [2.0, 0.7, 1.0]
 
 
 def rectangle(scale=1.0, shift=0.0, products=True):
     """A patch on a grid of uneven knots in a random order."""
+    factors = [1.0, 3.0, 0.2, 5.0], [2.0, 0.7, 1.0]
     knots = np.stack(np.meshgrid(COLUMNS, ROWS), axis=-1).reshape(-1, 2)
-    weights = np.outer(FACTORS[1], FACTORS[0]).ravel()
+    weights = np.outer(factors[1], factors[0]).ravel()
     if not products:
         weights[4] *= 1.5
     order = np.random.default_rng(0).permutation(len(knots))
