@@ -131,7 +131,7 @@ def run_line(line: str, folder: Path) -> Result:
     stages = line.split(" | ")
     for stage in stages:
         bare = re.sub(r"'[^']*'|\"[^\"]*\"", "", stage)
-        if re.search(r"[$`;&()|\n\\]|<<|\d>|>>", bare) if bare.startswith("gtb ") else "gtb" in bare.split():
+        if re.search(r"[$`;&()|\n\\]|<<|\d>|>>|> /dev/", bare) if bare.startswith("gtb ") else "gtb" in bare.split():
             return shell(line, folder)
     status, out, err = 0, b"", ""
     with contextlib.chdir(folder):

@@ -13,7 +13,7 @@ import trimesh
 
 from gtb_cli import __version__
 from tests.marks import mostly_long
-from tests.shell import BICUBIC, CURVE, PENTAGON, REPOSITORY, SPECS, gtb, process
+from tests.shell import CURVE, PENTAGON, REPOSITORY, SPECS, gtb, process
 from tests.test_architecture import loaded_by
 
 BOX = str(SPECS / "hebesphenorotunda.toml")
@@ -67,98 +67,9 @@ def test_curves_have_a_length(tmp_path):
     assert not {"area", "volume"} & entry.keys()
 
 
-def test_names_are_those_below_its_folder_and_never_more(tmp_path):
-    (tmp_path / "in").mkdir()
-    for output, path, name in (
-        ("out", tmp_path / "m.json", "out/pentagon.obj"),
-        ("out", tmp_path / "out" / "m.json", "pentagon.obj"),
-        ("out", tmp_path / "in" / "m.json", "pentagon.obj"),
-    ):
-        found = manifest_of(PENTAGON, BICUBIC, "-n", 2, "-o", tmp_path / output, path=path)
-        assert found["files"][0]["file"] == name
-        assert str(tmp_path) not in path.read_text()
-
-
-def test_a_link_is_named_as_it_is_called(tmp_path):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "link.obj").symlink_to(tmp_path / "elsewhere" / "real.obj")
-    (tmp_path / "folder").symlink_to(tmp_path / "elsewhere")
-    for output, name in (("link.obj", "link.obj"), ("folder/x.obj", "elsewhere/x.obj")):
-        found = manifest_of(PENTAGON, "-n", 2, "-o", tmp_path / output, path=tmp_path / "m.json")
-        assert found["files"][0]["file"] == name
-    assert (tmp_path / "elsewhere" / "real.obj").exists()
-
-
-def test_the_same_bytes_wherever_and_with_any_number_of_processes(tmp_path):
-    texts = set()
-    for folder, jobs in (("a", 1), ("b", 2), ("a", 1)):
-        manifest_of(PENTAGON, BICUBIC, "-n", 3, "-j", jobs, "-o", tmp_path / folder, path=tmp_path / folder / "m.json")
-        texts.add((tmp_path / folder / "m.json").read_bytes())
-    assert len(texts) == 1
-
-
-def test_standard_output_is_for_one_of_them(tmp_path):
-    result = gtb("mesh", PENTAGON, "-n", 2, "-o", tmp_path / "x.obj", "--manifest", "-")
-    assert json.loads(result.out)["files"][0]["bytes"] == (tmp_path / "x.obj").stat().st_size
-    result = gtb("mesh", PENTAGON, "-n", 2, "--manifest", tmp_path / "m.json")
-    entry = json.loads((tmp_path / "m.json").read_text())["files"][0]
-    assert (entry["file"], entry["sha256"]) == ("-", hashlib.sha256(result.out).hexdigest())
-    result = gtb("mesh", PENTAGON, BICUBIC, "-n", 2, "-o", tmp_path / "out", "--manifest", "-")
-    assert len(json.loads(result.out)["files"]) == 2
-    result = gtb("mesh", PENTAGON, "--manifest", "-")
-    assert (result.status, result.out) == (2, b"")
-    assert "meshes already go to standard output" in result.err
-
-
 def test_a_pipe_takes_it(tmp_path):
     found = process("mesh", PENTAGON, "-n", "2", "-o", "x.obj", "--manifest", "/dev/stdout", folder=tmp_path)
     assert json.loads(found.out)["files"][0]["file"] == "x.obj"
-
-
-@pytest.fixture
-def broken(tmp_path):
-    path = tmp_path / "broken.toml"
-    path.write_text('knots = "none"\n', encoding="utf-8")
-    return path
-
-
-def test_a_spec_with_an_error_is_left_out(broken, tmp_path):
-    result = gtb("mesh", PENTAGON, broken, "-n", 2, "-o", tmp_path / "out", "--manifest", tmp_path / "m.json")
-    assert result.status == 2
-    assert [entry["file"] for entry in json.loads((tmp_path / "m.json").read_text())["files"]] == ["out/pentagon.obj"]
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_no_mesh_no_manifest(several, broken, tmp_path):
-    record = tmp_path / "m.json"
-    record.write_text("old")
-    output = tmp_path / ("out" if several else "x.obj")
-    result = gtb(
-        "mesh", broken, *([broken.with_name("missing.toml")] if several else []), "-o", output, "--manifest", record
-    )
-    assert result.status == 2
-    assert record.read_text() == "old"
-    assert not output.exists()
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_where_it_cannot_be_written_no_mesh_is(several, tmp_path):
-    output = tmp_path / ("out" if several else "x.obj")
-    (tmp_path / "folder").mkdir()
-    locked = tmp_path / "locked.toml"
-    locked.write_bytes(Path(CURVE).read_bytes())
-    for record, message in (
-        (tmp_path / "folder", "it is a folder"),
-        (tmp_path / "missing" / "m.json", "does not exist"),
-        (output / "locked.obj" if several else output, "would be written twice"),
-        (locked, "would be overwritten"),
-    ):
-        specs = [locked, PENTAGON] if several else [locked]
-        result = gtb("mesh", *specs, "-n", 2, "-o", output, "--manifest", record)
-        assert result.status == 2
-        assert message in result.err
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["folder", "locked.toml"]
-    assert locked.read_bytes() == Path(CURVE).read_bytes()
 
 
 def test_it_imports_no_trimesh_for_a_version(tmp_path):

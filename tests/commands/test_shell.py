@@ -27,7 +27,6 @@ from tests.shell import (
     command,
     environment,
     example_of,
-    gtb,
     process,
     run_process,
     script,
@@ -126,11 +125,6 @@ def test_the_example_in_the_help_runs(name, workplace):
     assert "error" not in result.err
 
 
-def test_commands_chain_through_pipes(workplace):
-    there = "cat specs/pentagon.toml | gtb mesh - -n 4 | tee x.obj | grep -c ^f"
-    assert shell(f"{there} && gtb mesh specs/pentagon.toml -n 4 | cmp - x.obj", workplace).out == b"80\n"
-
-
 @pytest.mark.parametrize(
     ("arguments", "status"),
     mostly_long(
@@ -191,46 +185,6 @@ def test_a_closed_pipe_ends_silently(line, workplace):
     result = shell(line, workplace)
     assert result.err == ""
     assert result.status == 0
-
-
-@pytest.mark.parametrize(
-    "arguments", mostly_long([["mesh", PENTAGON], ["--help"], ["mesh", "--help"], ["info", PENTAGON], ["schema"]], 2)
-)
-def test_a_full_disk_under_standard_output(arguments, tmp_path):
-    result = shell(f"gtb {' '.join(arguments)} > /dev/full", tmp_path)
-    assert result.status == 2
-    assert result.err == "gtb: error: cannot write standard output: No space left on device\n"
-
-
-def test_a_full_disk_under_eval(workplace):
-    result = shell("echo 1 1 | gtb eval specs/pentagon.toml > /dev/full", workplace)
-    assert result.status == 2
-    assert result.err == "gtb: error: cannot write standard output: No space left on device\n"
-
-
-@pytest.mark.parametrize(
-    ("line", "status", "error"),
-    [
-        ("gtb mesh - <&-", 2, "gtb: error: <stdin>: standard input is closed\n"),
-        ("gtb mesh specs/pentagon.toml >&-", 2, "gtb: error: cannot write standard output: it is closed\n"),
-        ("gtb mesh specs/pentagon.toml -n 2 -o x.obj >&- 2>&- <&-", 0, ""),
-        ("gtb frob 2>&-", 2, ""),
-        *mostly_long(
-            [
-                ("gtb mesh specs/pentagon.toml -o x.obj 2>&-", 0, ""),
-                ("gtb frob 2>/dev/full", 2, ""),
-                ("gtb mesh /dev/null", 2, "gtb: error: /dev/null: is empty\n"),
-                ("gtb mesh < specs/bicubic.toml specs/../specs/pentagon.toml > /dev/null", 0, ""),
-                ("gtb info <(cat specs/pentagon.toml) > /dev/null", 0, ""),
-            ],
-            quick=0,
-        ),
-    ],
-)
-def test_streams_that_are_not_as_usual(line, status, error, workplace):
-    result = shell(line, workplace)
-    assert result.status == status
-    assert result.err == error
 
 
 def test_eval_does_not_depend_on_how_a_pipe_is_cut(start, tmp_path):
@@ -435,25 +389,6 @@ def test_a_worker_killed_while_it_hands_over_its_result_is_not_waited_for():
 
 
 # --- files
-
-
-@pytest.mark.parametrize(
-    ("output", "message"),
-    [
-        ("there/x.obj", "cannot write there/x.obj: Not a directory"),
-        ("/proc/x.obj", "cannot write /proc/x.obj: "),
-        ("missing/x.obj", "cannot write missing/x.obj: the folder missing does not exist"),
-        ("/dev/full", "cannot write /dev/full: No space left on device"),
-    ],
-)
-def test_where_nothing_can_be_written(output, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "there").write_text("a file", encoding="utf-8")
-    result = gtb("mesh", PENTAGON, "-n", 2, "-o", output, "-f", "obj")
-    assert result.status == 2
-    assert result.err.startswith(f"gtb: error: {message}")
-    assert result.err.count("\n") == 1
-    assert names(tmp_path) == ["there"]
 
 
 @pytest.mark.parametrize("jobs", mostly_long([[BICUBIC, "-j", "2"], []]))

@@ -6,12 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from tests.marks import long
 from tests.transcripts import TRANSCRIPTS, Session, Step, matches, read
 
 ALL = [session for path in sorted(TRANSCRIPTS.glob("*.txt")) for session in read(path)[1]]
 
 
-@pytest.mark.parametrize("session", ALL, ids=str)
+@pytest.mark.parametrize(
+    "session",
+    [pytest.param(session, marks=long if session.title.startswith("long: ") else ()) for session in ALL],
+    ids=str,
+)
 def test_transcripts(session: Session, tmp_path: Path) -> None:
     session.run(tmp_path)
 
