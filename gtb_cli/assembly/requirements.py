@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-SMOOTH_PREFIX = "smooth:"
-"""Prefix of a requirement that ends with an angle in degrees, as in ``smooth:1deg``."""
+SMOOTH_PREFIX = "smooth:"  # prefix of a requirement that ends with an angle in degrees, as in ``smooth:1deg``
 
 
 def requirements(words: Sequence[str]) -> dict[str, float]:

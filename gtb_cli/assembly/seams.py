@@ -22,7 +22,6 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: corners have normals of their own
-
 MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
 
 

@@ -21,16 +21,14 @@ from gtb_cli.theory.patch import Patch
 
 WAY_OUT = "take a larger one, or leave out --certify"
 SPENT_SHARE = 0.02  # of the tolerance: what is known this well, yet not to hold, is too far
-
 MAX_CUTS = 4  # of a triangle of Δ in quarters, if it is too curved in torus coordinates; then it fails
-
 SLIVER_RATIO = 1e-6  # height of a triangle over its longest side, below which it counts as this side
 
+# (4, 3): corners of the quarters of a triangle; 3 … 5 are the middles of its sides
 QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-"""(4, 3): corners of the quarters of a triangle; 3 … 5 are the middles of its sides."""
 
+# (4, 3, 3): barycentric coordinates of the corners of the quarters of a triangle
 QUARTERS = np.concatenate([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])[QUARTER_CORNERS]
-"""(4, 3, 3): barycentric coordinates of the corners of the quarters of a triangle."""
 
 
 class Triangles(NamedTuple):

@@ -19,8 +19,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS
 
-QUALITY_NAME = "quality"
-"""The scalar that MeshLab colours by; it repeats the first attribute that was asked for."""
+QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the first attribute that was asked for
 
 
 def with_attributes(

@@ -6,11 +6,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 
-SIDE_STEPS = 4
-"""Steps at which edges are sampled at least; all other numbers of steps are multiples of it."""
-
-MIN_SAMPLES = 20_000
-"""Points at which a coarse mesh is sampled, at least, by a finer lattice on each triangle."""
+SIDE_STEPS = 4  # steps at which edges are sampled at least; all other numbers of steps are multiples of it
+MIN_SAMPLES = 20_000  # points at which a coarse mesh is sampled, at least, by a finer lattice on each triangle
 
 
 def inner_points(steps: int) -> FloatArray:

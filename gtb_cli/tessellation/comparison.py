@@ -21,11 +21,8 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
-BEGINNING_BYTES = 1 << 16
-"""Bytes by which a mesh is told from a spec."""
-
-MAX_RESOLUTION = 4096
-"""Segments of an edge up to which the resolution of a mesh is looked for."""
+BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
+MAX_RESOLUTION = 4096  # segments of an edge up to which the resolution of a mesh is looked for
 
 Comparable: TypeAlias = Mesh | Shape
 

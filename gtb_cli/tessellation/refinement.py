@@ -25,8 +25,7 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.sampling import Sampling
 from gtb_cli.tessellation.subdivision import Subdivision
 
-FINE_LATTICE_STEPS = 12
-"""Steps of the lattice on which triangles are sampled over which the surface is not quadratic."""
+FINE_LATTICE_STEPS = 12  # steps of the lattice on which triangles are sampled over which the surface is not quadratic
 
 
 def refine(

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
 
+# Cells along an edge from which refinement may start: the first number is taken with which no two cells have the same
+# vertices and each patch has a cell
 FIRST_RESOLUTIONS = (1, 2, 3, 4)
-"""Cells along an edge from which refinement may start: the first number is taken with which no two cells have the same
-vertices and each patch has a cell."""
 
 
 def tessellate(

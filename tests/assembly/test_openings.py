@@ -19,8 +19,8 @@ from tests.marks import mostly_long
 from tests.shell import SPECS, gtb
 from tests.specs import load
 
+# Knots of two patches side by side, of which one has its middle knot on the left, the other on the right
 SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0.5]]
-"""Knots of two patches side by side, of which one has its middle knot on the left, the other on the right."""
 
 
 def pair(weight: float = 1.0, knot: float = 0.5, shift: float = 0.0) -> Model:

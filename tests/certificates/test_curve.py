@@ -17,8 +17,7 @@ from tests.specs import SPECS, load
 
 SAMPLES = 2000
 
-SLACK = 1e-9
-"""Part of the tolerance by which a sample may exceed it through rounding."""
+SLACK = 1e-9  # part of the tolerance by which a sample may exceed it through rounding
 
 
 def dense_points(curve: Patch) -> np.ndarray:

@@ -22,11 +22,8 @@ from tests.marks import long, mostly_long
 from tests.shell import gtb
 from tests.specs import SPECS, load
 
-SLACK = 1e-9
-"""Part of the tolerance by which a sample may exceed it through rounding."""
-
-STEPS = 10
-"""Segments of each side of the lattice on which triangles are sampled."""
+SLACK = 1e-9  # part of the tolerance by which a sample may exceed it through rounding
+STEPS = 10  # segments of each side of the lattice on which triangles are sampled
 
 
 def random_surface(seed: int) -> Patch:

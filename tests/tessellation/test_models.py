@@ -30,17 +30,14 @@ from tests.specs import SPECS, load
 from tests.surfaces import area, assert_closed, product, quartic_octant, volume
 from tests.tiny_meshes import encoded
 
-DIGITS = 1e-11
-"""The linear parametrisation's residual, ten times over, as a fraction of a model's size."""
+DIGITS = 1e-11  # the linear parametrisation's residual, ten times over, as a fraction of a model's size
+RANDOM_DIGITS = 1e-9  # the same for random patches, whose points may move a hundred times faster than their parameters
 
-RANDOM_DIGITS = 1e-9
-"""The same for random patches, whose points may move a hundred times faster than their parameters."""
-
+# Relative error of volumes of fine meshes after one step of Richardson's extrapolation: h⁴ at h = 1/18
 EXTRAPOLATED = 2e-5
-"""Relative error of volumes of fine meshes after one step of Richardson's extrapolation: h⁴ at h = 1/18."""
 
+# Degrees between normals across edges of the closed solid: its six digits, over ribbons a tenth of an edge wide
 CREASE = 3e-3
-"""Degrees between normals across edges of the closed solid: its six digits, over ribbons a tenth of an edge wide."""
 
 NAMES = ("teapot", "hebesphenorotunda", "box-corner")
 MODELS = {name: load(SPECS / f"{name}.toml") for name in NAMES}

@@ -30,11 +30,8 @@ LIFTING = np.array([1, 0, 3, 2, 0, 1, 3, 1.0])
 GRID = np.array([[i, j] for i in range(4) for j in range(4)], dtype=float)
 BICUBIC = np.array([math.comb(3, i) * math.comb(3, j) for i in range(4) for j in range(4)], dtype=float)
 
-SLACK = 1e-9
-"""Part of the tolerance by which an independent sample may exceed it through rounding."""
-
-NOISE = 0.05
-"""By which part two measurements of one mesh at random points may differ."""
+SLACK = 1e-9  # part of the tolerance by which an independent sample may exceed it through rounding
+NOISE = 0.05  # by which part two measurements of one mesh at random points may differ
 
 
 def patch(z=HEIGHTS, weights=WEIGHTS, knots=PENTAGON, **more) -> Patch:

@@ -22,9 +22,7 @@ from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import gtb
 
-ROUNDING = 1e-13
-"""Distance, as a fraction of the size, of points from two representations of one curve."""
-
+ROUNDING = 1e-13  # distance, as a fraction of the size, of points from two representations of one curve
 ARC = np.array([(1.0, 0, 0), (1.0, 1, 0), (0.0, 1, 0)])
 UP = np.array([0.0, 0.0, 1.0])
 
