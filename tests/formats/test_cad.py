@@ -25,7 +25,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, UNITS
 from tests.marks import long, mostly_long
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
-from tests.shell import CURVE, PENTAGON, SPECS, gtb
+from tests.shell import SPECS, gtb
 from tests.specs import load
 
 INTEGERS = SPECS / "example-4.1-integer.toml"
@@ -358,15 +358,6 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     mixed = gtb("mesh", tmp_path / "mixed.toml", "-o", tmp_path / "mixed.step")
     assert "not exact: bottom: has " in mixed.err
     assert mixed.err.endswith("mixed.step: 1 exact and 4 fitted faces, 1 solid\n")
-    for arguments, status, message in [
-        ([INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight"], 1, "not watertight: 1 of 1 shells are open"),
-        ([INTEGERS, "-f", "step", "--normals"], 2, "--normals is for meshes, and STEP holds surfaces"),
-        ([INTEGERS, PENTAGON, "-f", "step", "-o", tmp_path], 2, "STEP is written for one spec"),
-        ([CURVE, "-f", "iges"], 2, "is a curve, and CAD files are made of surfaces"),
-        ([INTEGERS, "-f", "step", "--unit", "miles"], 2, "'miles' is not one of"),
-        ([INTEGERS, "-f", "step", "--manifest", tmp_path / "m.json"], 2, "--manifest and --deps are for meshes"),
-    ]:
-        result = gtb("mesh", *arguments)
-        assert result.status == status
-        assert message in result.err
+    open_shell = gtb("mesh", INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight", status=1)
+    assert "not watertight: 1 of 1 shells are open" in open_shell.err
     assert not (tmp_path / "y.step").exists()

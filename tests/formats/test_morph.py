@@ -303,41 +303,8 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["all.glb"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([*DEGENERATE, "-o", "x.glb", "-f", "obj"], "x.glb names a GLB file, the only kind with an animation"),
-        ([*DEGENERATE, "-o", "x.glb", "--ascii"], "GLB has no text form"),
-        ([*DEGENERATE_LINE, "-o", "no/x.glb"], "cannot write no/x.glb: the folder no does not exist"),
-        ([*DEGENERATE, "-o", "x.glb", "--max-faces", "251"], "4 meshes of 63 faces have more than 251"),
-        ([*DEGENERATE, "-o", "x.glb", "--attribute", "u"], "--attribute is for single meshes"),
-        (["degenerate", LINE, "-o", "x.glb", *["--from", "1", "--to", "2", "--count", "1001"]], "more than 1000"),
-        ([*MERGE, "--emit-spec", "-o", "-", "-f", "glb"], "--emit-spec prints to standard output"),
-        (
-            ["degenerate", "spec.glb", "-o", "spec.glb"],
-            "spec.glb is read by this command, and would be overwritten",
-        ),
-    ],
-)
-def test_what_is_refused(arguments, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    spec = tmp_path / "spec.glb"
-    spec.write_bytes(Path(LINE).read_bytes())
-    result = gtb(*arguments)
-    assert (result.status, result.out) == (2, b"")
-    (line,) = result.err.splitlines()
-    assert message in line
-    assert [path.name for path in tmp_path.iterdir()] == ["spec.glb"]
-    assert spec.read_bytes() == Path(LINE).read_bytes()
-
-
 def test_no_animation_on_a_terminal(monkeypatch):
     monkeypatch.setattr("gtb_cli.shell.meshing.is_terminal", lambda output: output == console_room.STANDARD)
     result = gtb(*DEGENERATE_LINE, "-f", "glb")
     assert (result.status, result.out) == (2, b"")
     assert "GLB is binary, and standard output is a terminal: give -o FILE" in result.err
-
-
-def test_a_curve_warns_once_that_it_has_no_normals(tmp_path):
-    result = gtb(*DEGENERATE_LINE, "--normals", "-o", tmp_path / "x.glb")
-    assert result.err.count("a curve has no normals, none are written") == 1

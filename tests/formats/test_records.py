@@ -48,12 +48,6 @@ def test_ply_holds_normals_uv_and_attributes(ascii, tmp_path):
     assert np.vstack(data["face"]["vertex_indices"]).tolist() == mesh.cells.tolist()
 
 
-def test_ply_has_no_normals_or_uv_unless_asked(tmp_path):
-    write_mesh(surface(), tmp_path / "mesh.ply")
-    names = [p.name for p in plyfile.PlyData.read(tmp_path / "mesh.ply")["vertex"].properties]
-    assert names == ["x", "y", "z"]
-
-
 def test_ply_as_text_keeps_doubles_far_from_the_origin(tmp_path):
     mesh = replace(surface(), vertices=surface().vertices * 1e-3 + 1e7)
     write_mesh(mesh, tmp_path / "mesh.ply", ascii=True)
@@ -100,12 +94,6 @@ def test_stl_as_text_keeps_doubles(tmp_path):
     write_mesh(mesh, tmp_path / "mesh.stl", ascii=True)
     loaded = trimesh.load(tmp_path / "mesh.stl", process=False)
     np.testing.assert_array_equal(loaded.triangles, mesh.vertices[mesh.cells])
-
-
-def test_stl_of_a_curve_is_refused_with_the_way_out(tmp_path):
-    with pytest.raises(ExportError, match="--radius R"):
-        write_mesh(curve(), tmp_path / "c.stl")
-    assert not list(tmp_path.iterdir())
 
 
 # --- GLB -------------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from gtb_cli.formats.vtu import CURVE, QUADRILATERAL, TRIANGLE, encode_vtu
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentagon, pentagon
-from tests.shell import PENTAGON, SPECS, gtb
+from tests.shell import SPECS, gtb
 from tests.specs import load
 
 PLACE = 1e-13
@@ -165,12 +165,3 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     assert (
         arrays(y_up)["Points"] == arrays((tmp_path / "x.vtu").read_bytes())["Points"][:, [0, 2, 1]] * [1, 1, -1]
     ).all()
-    for arguments, message in [
-        ([PENTAGON, "-o", tmp_path / "y.vtu"], "at most 25 is allowed. VTU files hold exact cells; PLY files, a mesh"),
-        ([PENTAGON, "-f", "vtu", "--normals"], "--normals is for meshes, and VTU holds surfaces"),
-        ([PENTAGON, "-f", "vtu", "--require", "watertight"], "cells of VTU share no vertices"),
-    ]:
-        result = gtb("mesh", *arguments)
-        assert result.status == 2
-        assert message in result.err
-    assert not (tmp_path / "y.vtu").exists()
