@@ -135,8 +135,8 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     Notes
     -----
     The hull is computed exactly, in integers, since floats are binary fractions. Simplices split by rounding of the
-    input are then joined, the largest first: a knot lies on a face within `GAP_TOLERANCE` of the lifting's range plus
-    the effect of `ROUNDING_ULPS` of the data. Gaps near this bound may be decided either way, but cells are joined only
+    input are then joined, the largest first: a knot lies on a face within 1e-12 of the lifting's range plus the effect
+    of rounding of the data. Gaps near this bound may be decided either way, but cells are joined only
     into convex polygons, so that they always tile Δ. Quickhull, O(n log n) on average: 60 knots take about 10 ms, 1000
     about 0.3 s.
 

@@ -18,14 +18,8 @@ from gtb_cli.values import by_value, frozen
 EdgeNormals: TypeAlias = Literal["auto", "unit", "primitive"]
 
 
+# Units in the last place of the data within which a parameter, inside or outside, counts as on an edge
 PARAMETER_ULPS = 4
-"""Units in the last place of the data within which a parameter, inside or outside, counts as on an edge."""
-
-EXTENT_RANGE = (1e-100, 1e100)
-"""Limits for the size of Δ, and for edge scales: products of two neither overflow nor underflow."""
-
-CANCELLING_DISTANCE = 2.0**-10
-"""Fraction of the hull's size below which the distance to an edge is computed again without cancellation."""
 
 
 @by_value
@@ -214,8 +208,10 @@ class Domain:
     @cached_property
     def _near(self) -> FloatArray:
         """(r,) edge functions below which the two products of a slanted edge may cancel, or rounding decides."""
+        # Fraction of the hull's size below which the distance to an edge is computed again without cancellation
+        cancelling_distance = 2.0**-10
         slanted = (self.normals != 0).all(axis=1) if self.dimension == 2 else np.zeros(2, dtype=bool)
-        return np.asarray(np.where(slanted, CANCELLING_DISTANCE * self.size, self.tolerance) * self.normal_lengths)
+        return np.asarray(np.where(slanted, cancelling_distance * self.size, self.tolerance) * self.normal_lengths)
 
     def _distance_without_cancellation(self, edges: IntArray, u: FloatArray) -> FloatArray:
         """(m,) signed distances of u[k] from edge edges[k], with a relative error of a few roundings."""
@@ -250,8 +246,10 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     ----------
     Def. 2.1, Def. 2.2, Remark 2.1 (the paper leaves the scale of the normals open).
     """
+    # Limits for the size of Δ, and for edge scales: products of two neither overflow nor underflow
+    extent_range = (1e-100, 1e100)
     points = finite("knots", knots)
-    low, high = EXTENT_RANGE
+    low, high = extent_range
     if np.abs(points).max(initial=0.0) > high:
         raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
     if points.ndim == 1:

@@ -10,8 +10,7 @@ import numpy as np
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray
 from gtb_cli.values import frozen
 
-INTERIOR = 0
-"""Number of Δ itself among its faces, and thus of points that do not lie on an edge."""
+INTERIOR = 0  # number of Δ itself among its faces, and thus of points that do not lie on an edge
 
 
 @frozen

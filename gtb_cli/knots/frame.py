@@ -10,11 +10,8 @@ from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.hull import knot_tolerance
 
+# Sine of the angle, a few thousand roundings, below which two unit vectors do not define a normal
 PARALLEL_SINE = 1e-12
-"""Sine of the angle, a few thousand roundings, below which two unit vectors do not define a normal."""
-
-COINCIDENT_ULPS = 8
-"""Units in the last place of the largest coordinate by which control points meant to be equal may differ."""
 
 
 class Frame(NamedTuple):
@@ -54,7 +51,9 @@ def frame(shape: Domain, k: int) -> Frame:
 
 def coordinate_rounding(points: FloatArray) -> float:
     """Distance within which points count as equal."""
-    return COINCIDENT_ULPS * EPS * float(np.abs(points).max())
+    # Units in the last place of the largest coordinate by which control points meant to be equal may differ
+    coincident_ulps = 8
+    return coincident_ulps * EPS * float(np.abs(points).max())
 
 
 def cleared(differences: FloatArray, rounding: FloatArray | float) -> FloatArray:

@@ -8,8 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 
-LAYER_TOLERANCE = 1e-9
-"""Fraction of the hull's size: knots whose distances from an edge differ by less form one layer."""
+LAYER_TOLERANCE = 1e-9  # fraction of the hull's size: knots whose distances from an edge differ by less form one layer
 
 
 def layers(heights: FloatArray) -> Iterator[IntArray]:

@@ -14,26 +14,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 from gtb_cli.knots.upper_hull import UpperHull, height, integers, upper_hull
 
-GAP_TOLERANCE = 1e-12
-"""A knot lies on a face if it is within this fraction of the lifting's range: a thousand times below the gaps to be
-distinguished (1e-9), a thousand times above the rounding of ordinary input. The range is that of the lifting without
-its best affine fit, so that affine parts do not count."""
-
-ROUNDING_ULPS = 2
-"""Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations of
-the caller. This counts, besides `GAP_TOLERANCE`, far from the origin and under large affine parts."""
-
-EXACT_BITS = 32
-"""Numbers that are all multiples of 2^-32 of the largest are taken as exact, since rounded results do not look like
-that by chance; if knots and lifting are such numbers (integers, say), gaps have no tolerance."""
-
-SLIVER_WIDTH = 2.0
-"""Width, in units of `knot_tolerance`, below which a triangle is due to rounding of knots meant to be collinear."""
-
-OUTLINE_GAP = 4.0
-"""Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
-hull."""
-
 
 @dataclass(frozen=True)
 class Lifted:
@@ -57,6 +37,13 @@ class Lifted:
 
 def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     """Lift knots; see `gtb_cli.knots.decomposition.regular_decomposition` for arguments and errors."""
+    # A knot lies on a face if it is within this fraction of the lifting's range: a thousand times below the gaps to be
+    # distinguished (1e-9), a thousand times above the rounding of ordinary input. The range is that of the lifting
+    # without its best affine fit, so that affine parts do not count.
+    gap_tolerance = 1e-12
+    # Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations of
+    # the caller. This counts, besides that fraction, far from the origin and under large affine parts.
+    rounding_ulps = 2
     points = finite("knots", knots)
     if points.ndim == 1:
         points = read_only(points[:, None])
@@ -89,14 +76,17 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
         scale=scale,
         places=_places(points, heights, tolerance),
         tolerance=tolerance,
-        floor=GAP_TOLERANCE * float(np.ptp(residual)) if any(inexact) else 0.0,
-        rounding=tuple(ROUNDING_ULPS * EPS * size * off for size, off in zip(sizes, inexact, strict=True)),
+        floor=gap_tolerance * float(np.ptp(residual)) if any(inexact) else 0.0,
+        rounding=tuple(rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)),
     )
 
 
 def _is_short(column: FloatArray) -> bool:
+    # Numbers that are all multiples of 2^-32 of the largest are taken as exact, since rounded results do not look like
+    # that by chance; if knots and lifting are such numbers (integers, say), gaps have no tolerance
+    exact_bits = 32
     exponent = math.frexp(float(np.abs(column).max()))[1]
-    scaled = np.ldexp(column, EXACT_BITS - exponent)
+    scaled = np.ldexp(column, exact_bits - exponent)
     return bool((scaled == np.rint(scaled)).all())
 
 
@@ -212,16 +202,21 @@ def _region(hull: UpperHull, seed: int, taken: set[int], holds: Callable[[int], 
 
 def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
     """(m,) whether each simplex is thicker than rounding."""
+    # Width, in units of `knot_tolerance`, below which a triangle is due to rounding of knots meant to be collinear
+    sliver_width = 2.0
     if lifted.dimension == 1:
         return np.ones(len(simplices), dtype=bool)
     corners = (lifted.points - lifted.points[0])[np.array(simplices)]
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.hypot(sides[..., 0], sides[..., 1]).max(axis=1)
-    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > SLIVER_WIDTH * lifted.tolerance * longest)
+    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > sliver_width * lifted.tolerance * longest)
 
 
 def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | None:
     """Corners of the union of simplices if it is convex, otherwise None."""
+    # Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
+    # hull
+    outline_gap = 4.0
     knots = sorted({i for simplex in simplices for i in simplex})
     points = lifted.points[knots]
     if lifted.dimension == 1:
@@ -233,7 +228,7 @@ def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | No
     borders = {(u, v) for simplex in simplices for u, v in border_of(simplex)}
     outer = np.array([(u, v) for u, v in sorted(borders) if (v, u) not in borders])
     centered = lifted.points - points[0]
-    if (depth_in(points[polygon] - points[0], centered[outer].mean(axis=1)) > OUTLINE_GAP * lifted.tolerance).any():
+    if (depth_in(points[polygon] - points[0], centered[outer].mean(axis=1)) > outline_gap * lifted.tolerance).any():
         return None
     return [knots[k] for k in polygon.tolist()]
 

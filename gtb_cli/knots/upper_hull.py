@@ -7,8 +7,7 @@ from itertools import pairwise
 
 from gtb_cli.arrays import FloatArray
 
-POINT_BELOW = -1
-"""Index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism."""
+POINT_BELOW = -1  # index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism
 
 
 @dataclass(frozen=True)

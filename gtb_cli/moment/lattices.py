@@ -19,17 +19,15 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.domain import Domain
 from gtb_cli.values import frozen
 
+# Steps of a lattice per step of the next coarser one: 3 would solve more nodes, 6 would spoil the polynomials
 STRIDE = 4
-"""Steps of a lattice per step of the next coarser one: 3 would solve more nodes, 6 would spoil the polynomials."""
 
-ORDER = 6
-"""Number of nodes of the polynomials along a line."""
+ORDER = 6  # number of nodes of the polynomials along a line
 
-MIN_COARSE_STEPS = 12
-"""Fewest steps along a side of a coarser lattice: an even coarser one would say little near edges."""
+MIN_COARSE_STEPS = 12  # fewest steps along a side of a coarser lattice: an even coarser one would say little near edges
 
+# Solves for (2, m) values at (m, 2) points, with or without approximate values to start from
 Solver: TypeAlias = Callable[[FloatArray, FloatArray | None], FloatArray]
-"""Solves for (2, m) values at (m, 2) points, with or without approximate values to start from."""
 
 
 def _lagrange(first: int, places: ArrayLike) -> FloatArray:
@@ -43,16 +41,9 @@ def _lagrange(first: int, places: ArrayLike) -> FloatArray:
 NODES_BEFORE, NODES_AFTER = ORDER // 2 - 1, ORDER // 2 + 1
 """Numbers of nodes by which a line is extended before its first node and beyond its last."""
 
-INNER_WEIGHTS = _lagrange(-NODES_BEFORE, np.arange(STRIDE) / STRIDE)
-"""Weights of the nodes around a step, at the places between its ends."""
-
-WEIGHTS_BEFORE = _lagrange(0, np.arange(-NODES_BEFORE, 0))
-WEIGHTS_AFTER = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
-"""Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes."""
-
 
 @frozen
-class Lattice:
+class VertexLattices:
     """Lattices over equal parts of Δ: ``origin + x along + y across + x y twist`` with whole x and y from 0.
 
     Attributes
@@ -88,9 +79,9 @@ class Lattice:
         return self.last >= STRIDE * MIN_COARSE_STEPS
 
     @property
-    def _coarse(self) -> Lattice:
+    def _coarse(self) -> VertexLattices:
         steps = self.along * STRIDE, self.across * STRIDE, self.twist * STRIDE**2
-        return Lattice(self.origin, *steps, self.last // STRIDE, self.triangular)
+        return VertexLattices(self.origin, *steps, self.last // STRIDE, self.triangular)
 
     def solved(self, solve: Solver) -> FloatArray:
         """(2, c, y, x) values at all places, 0 elsewhere."""
@@ -145,29 +136,32 @@ class Lattice:
         return result
 
 
-def lattice_of(domain: Domain, resolution: int) -> Lattice:
+def vertex_lattices(domain: Domain, resolution: int) -> VertexLattices:
     """Return those of the inner vertices of `triangulation`."""
     v, n = domain.vertices, resolution
     if len(v) > 4:
         following = np.roll(v, -1, axis=0)
         along, across = (following - v) / n, (v.mean(axis=0) - v) / n
-        return Lattice(v + across, along, across, np.zeros_like(v), n - 1, True)
+        return VertexLattices(v + across, along, across, np.zeros_like(v), n - 1, True)
     along, across = (v[1] - v[0])[None] / n, (v[-1] - v[0])[None] / n
     twist = (v[0] - v[1] + v[2] - v[-1])[None] / n**2 if len(v) == 4 else np.zeros((1, 2))
     origin = v[:1] + along + across + twist
-    return Lattice(origin, along + twist, across + twist, twist, n - (2 if len(v) == 4 else 3), len(v) == 3)
+    return VertexLattices(origin, along + twist, across + twist, twist, n - (2 if len(v) == 4 else 3), len(v) == 3)
 
 
 def _extended(values: FloatArray, last: IntArray) -> FloatArray:
     """(k, c, lines, nodes + ORDER) values along lines up to given last nodes, extended as far as `_between` needs."""
+    weights_before = _lagrange(0, np.arange(-NODES_BEFORE, 0))
+    # Weights that extend a line beyond its ends, by the polynomials of its first and of its last nodes
+    weights_after = _lagrange(0, np.arange(ORDER, ORDER + NODES_AFTER))
     nodes = values.shape[-1]
     lines = np.zeros((*values.shape[:-1], nodes + ORDER))
     lines[..., NODES_BEFORE : NODES_BEFORE + nodes] = values
-    lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ WEIGHTS_BEFORE
+    lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ weights_before
     long = np.flatnonzero(last >= ORDER - 1)
     end = NODES_BEFORE + 1 + last[long, None]
     lines[..., long[:, None], end + np.arange(NODES_AFTER)] = (
-        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ WEIGHTS_AFTER
+        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ weights_after
     )
     for line in np.flatnonzero(last < ORDER - 1).tolist():  # too short for a polynomial
         lines[..., line, :NODES_BEFORE] = lines[..., line, NODES_BEFORE, None]
@@ -177,14 +171,16 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
 
 def _between(lines: FloatArray) -> FloatArray:
     """(..., STRIDE * nodes) values at and between the nodes of extended lines."""
+    # Weights of the nodes around a step, at the places between its ends
+    inner_weights = _lagrange(-NODES_BEFORE, np.arange(STRIDE) / STRIDE)
     flat = np.ascontiguousarray(lines).ravel()
     count = len(flat) - ORDER + 1
     values = np.empty((len(flat), STRIDE))
     values[:count, 0] = flat[NODES_BEFORE : NODES_BEFORE + count]
     for place in range(1, STRIDE):
-        value = flat[:count] * INNER_WEIGHTS[0, place]
+        value = flat[:count] * inner_weights[0, place]
         for node in range(1, ORDER):
-            value += flat[node : node + count] * INNER_WEIGHTS[node, place]
+            value += flat[node : node + count] * inner_weights[node, place]
         values[:count, place] = value
     nodes = lines.shape[-1] - ORDER
     return values.reshape(*lines.shape, STRIDE)[..., :nodes, :].reshape(*lines.shape[:-1], -1)

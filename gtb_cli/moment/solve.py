@@ -17,17 +17,14 @@ from gtb_cli.moment.grid import Grid, grid_of
 from gtb_cli.moment.torus import SAFE_EXPONENT, scaled_exponentials
 from gtb_cli.values import frozen
 
-RESIDUAL = 1e-12
-"""Largest accepted |μ(s) − p|, as a fraction of the hull's size."""
+RESIDUAL = 1e-12  # largest accepted |μ(s) − p|, as a fraction of the hull's size
 
+# Residual accepted in the coordinates of the solver, whose axes may be longer and turned
 ACCEPTED_RESIDUAL = RESIDUAL / 2
-"""Residual accepted in the coordinates of the solver, whose axes may be longer and turned."""
 
-TARGET_RESIDUAL = 1e-14
-"""Residual at which a point is done if all digits are asked for."""
+TARGET_RESIDUAL = 1e-14  # residual at which a point is done if all digits are asked for
 
-MAX_STEPS = 300
-"""Regularised steps after which a point is missing."""
+MAX_STEPS = 300  # regularised steps after which a point is missing
 
 
 class Moments(NamedTuple):

@@ -7,18 +7,18 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.moment.grid import grid_of
 
+# Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache
 BLOCK_NUMBERS = 1 << 18
-"""Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache."""
 
+# Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum
 UNDERFLOW_EXPONENT = -700.0
-"""Exponents below this are cut off: exp would be subnormal, a hundred times slower, for 1e-304 of the sum."""
 
+# Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
+# each column need not be subtracted first, which saves two passes over the numbers
 SAFE_EXPONENT = 250.0
-"""Exponents up to this absolute value neither overflow nor underflow, even multiplied by coordinates: the largest of
-each column need not be subtracted first, which saves two passes over the numbers."""
 
+# Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0
 CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
-"""Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0."""
 
 NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
 

@@ -23,7 +23,7 @@ from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
-    from gtb_cli.moment.lattices import Lattice
+    from gtb_cli.moment.lattices import VertexLattices
 
 START_RESIDUAL = 1e-10  # suffices for points that only serve as starts of others
 
@@ -104,9 +104,9 @@ class LinearParametrization:
         """
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
             return None
-        from gtb_cli.moment.lattices import lattice_of  # a coarse mesh does not need it
+        from gtb_cli.moment.lattices import vertex_lattices  # a coarse mesh does not need it
 
-        lattice, inner = lattice_of(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
+        lattice, inner = vertex_lattices(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
             return None
         chart = self.longest
@@ -165,7 +165,7 @@ class _Even:
     p: FloatArray
     faces: IntArray
     inner: IntArray
-    lattice: Lattice
+    lattice: VertexLattices
     lines: FloatArray
     chart: _Chart
 

@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
-from gtb_cli.moment.lattices import MIN_COARSE_STEPS, STRIDE, lattice_of
+from gtb_cli.moment.lattices import MIN_COARSE_STEPS, STRIDE, vertex_lattices
 
 POLYGONS = {
     "triangle": [[0, 0], [3, 0], [1, 2]],
@@ -36,7 +36,7 @@ def polynomial(p):
 @pytest.mark.parametrize("name", POLYGONS)
 def test_polynomials_are_interpolated_to_the_vertices_in_order(name, resolution):
     shape = domain(POLYGONS[name])
-    lattice = lattice_of(shape, resolution)
+    lattice = vertex_lattices(shape, resolution)
     asked = []
 
     def solve(points, start):
@@ -68,5 +68,5 @@ SHORT = 10 * STRIDE
 
 
 def test_a_coarse_lattice_is_not_worth_it():
-    assert not lattice_of(domain(POLYGONS["pentagon"]), 32).is_worth_it
-    assert lattice_of(domain(POLYGONS["pentagon"]), SMALLEST).is_worth_it
+    assert not vertex_lattices(domain(POLYGONS["pentagon"]), 32).is_worth_it
+    assert vertex_lattices(domain(POLYGONS["pentagon"]), SMALLEST).is_worth_it
