@@ -12,7 +12,7 @@ from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
 from gtb_cli.theory.knot_limit import merge_knots
 from tests.marks import long, mostly_long
-from tests.shell import BICUBIC, SPECS, gtb, process
+from tests.shell import SPECS, gtb, process
 from tests.specs import load
 from tests.theory.test_limits import spec
 
@@ -31,14 +31,6 @@ def lines(path: Path, kind: str) -> list[str]:
 
 def listing(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
-
-
-def refusal(result) -> str:
-    assert result.status == 2
-    assert result.out == b""
-    (line,) = result.err.splitlines()
-    assert line.startswith("gtb: error: ")
-    return line.removeprefix("gtb: error: ")
 
 
 # --- degenerate
@@ -97,7 +89,6 @@ def test_the_spec_of_one_x(tmp_path):
     both = gtb("degenerate", SURFACE, "-x", "5", "-n1", "--no-distance", "--emit-spec", "-o", tmp_path)
     assert both.out == result.out
     assert len(listing(tmp_path)) == 3
-    assert "expected a single -x, got 2" in refusal(gtb("degenerate", SURFACE, "-x2", "-x3", "--emit-spec"))
     far = parse(gtb("degenerate", SURFACE, "-x1e200", "--emit-spec").out, "out.toml")
     np.testing.assert_allclose(far.log_weights, patch.log_weights + patch.lifting * np.log(1e200), rtol=1e-14)
 
@@ -195,48 +186,6 @@ def test_a_tolerance_in_percent(tmp_path):
     assert 10 < counts.pop() < 100
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["-x", "2"], "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"),
-        (["-x", "2", "-o", "-", "-f", "ply"], "a sequence is several files: give -o DIR"),
-        (["-x", "2", "-o", "x.obj"], "needs a folder, and x.obj names a file"),
-        (["-x", "-2", "-o", "out"], "'-2' is negative"),
-        (["-x", "frog", "-o", "out"], "unknown name 'frog'"),
-        (["-x", "nan", "-o", "out"], "unknown name 'nan'"),
-        (["-x", "0.5", "-x", "2", "-o", "out"], "0.5 goes towards 0 and 2 towards infinity"),
-        (["--from", "1", "--to", "2", "-o", "out"], "a sweep needs all of --from, --to and --count"),
-        (["--from", "1", "--to", "inf", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
-        (["--from", "0", "--to", "2", "--count", "3", "-o", "out"], "--from and --to must be positive and finite"),
-        (["--count", "1", "-o", "out"], "is not in the range"),
-        (["--from", "5", "--to", "5", "--count", "3", "-o", "out"], "too near each other for 3 values of six digits"),
-        (["--from", "0.1", "--to", "10", "--count", "3", "-o", "out"], "0.1 goes towards 0 and 10 towards infinity"),
-        (["-x", "0", "-x", "inf", "-o", "out"], "0 goes towards 0 and inf towards infinity"),
-        (["-x", "1e400", "-o", "out"], "inf is not finite"),
-        (["--parametrization", "toric", "-o", "out"], "toric parameters would run together"),
-        (["--thickness", "1", "-o", "out"], "--thickness is for single meshes"),
-        (["--require", "watertight", "-o", "out"], "--require is for single meshes"),
-        (["--attribute", "u", "-o", "out"], "--attribute is for single meshes"),
-        (["--lifting", "1,2", "-o", "out"], "lifting: expected 8, one for each knot, got 2"),
-        (["--lifting", "knot:8", "-o", "out"], "knot: expected an index from 0 to 7, got 8"),
-        (["--lifting", "knot:x", "-o", "out"], "expected the index of a knot, such as knot:3"),
-        (["-x", "2", "-n", "5000", "-o", "out"], "2 meshes of 175000000 faces have more than 5000000"),
-    ],
-)
-def test_what_degenerate_refuses(arguments, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert message in refusal(gtb("degenerate", SURFACE, *arguments))
-    assert listing(tmp_path) == []
-
-
-def test_errors_name_the_spec(tmp_path):
-    assert "bicubic.toml: has no lifting" in refusal(gtb("degenerate", BICUBIC, "-o", tmp_path))
-    model = b"[[patches]]\nknots=[0,1]\ncontrol_points=[[0,0],[1,1]]\n" * 2
-    for command in (["degenerate"], ["knot-limit", "--merge", "0:1"]):
-        message = refusal(gtb(*command, "-", "-o", tmp_path, stdin=model))
-        assert message == "<stdin>: expected a single patch, this is a model of 2"
-
-
 def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     """The disk is full at the second file: the new folder goes again, and an old one stays as it was.
 
@@ -303,25 +252,6 @@ def test_options_that_a_sequence_takes(tmp_path):
         assert "property double s" in header
 
 
-@pytest.mark.parametrize("command", [["degenerate", LINE, "-x2"], ["knot-limit", PLAIN, "--merge", "1:2"]])
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["-f", "stl"], "STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"),
-        (["-f", "glb", "--ascii"], "GLB has no text form"),
-        (["--radius", "0.1"], "--radius is for single meshes, of gtb mesh"),
-        (["--thickness", "0.1"], "--thickness is for single meshes, of gtb mesh"),
-        (["--attribute", "u"], "--attribute is for single meshes, of gtb mesh"),
-        (["--require", "watertight"], "--require is for single meshes, of gtb mesh"),
-        (["-n", "3", "--tolerance", "1%"], "-n and --tolerance exclude each other"),
-        (["-j", "2"], "No such option"),
-    ],
-)
-def test_options_that_a_sequence_refuses(tmp_path, command, options, message):
-    assert message in refusal(gtb(*command, *options, "-o", tmp_path / "new"))
-    assert listing(tmp_path) == []
-
-
 @pytest.mark.parametrize("name", ["../../up", "/tmp/up", "a/../../b", "..", "~/x", "-o", "a\\\\b"])
 @pytest.mark.parametrize("arguments", mostly_long([["degenerate", "-x2"], ["knot-limit", "--merge", "1:2"]]))
 def test_a_name_stays_in_the_folder(name, arguments, tmp_path):
@@ -361,17 +291,6 @@ def test_the_sequence_of_example_42(tmp_path):
     assert listing(tmp_path / "default") == listing(tmp_path)[1:] or "default" in listing(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "place"),
-    [
-        ([PLAIN, "--merge", "1:0"], "knot 1 comes to the end (0)"),
-        ([str(SPECS / "hexagon.toml"), "--merge", "18:6"], "knot 18 comes to edge 2"),
-    ],
-)
-def test_the_place_of_a_film_is_named(arguments, place):
-    assert place in gtb("knot-limit", *arguments, "--emit-spec").err
-
-
 def test_minus_zero_is_zero(tmp_path):
     assert gtb("knot-limit", PLAIN, "--merge", "1:2", "--steps", "-0", "-n2", "-o", tmp_path).status == 0
     assert listing(tmp_path) == ["example-3.1-limit.obj", "example-3.1-step0.obj", "sequence.json"]
@@ -394,33 +313,6 @@ def test_the_merged_spec_goes_on_through_a_pipe():
     for name in ("knots", "weights", "control_points", "coefficients"):
         assert (getattr(merged, name) == getattr(expected, name)).all()
     assert gtb("mesh", "-", "-n", "2", stdin=result.out).status == 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "Missing option '--merge'"),
-        (["--merge", "3:1"], "a sequence is several files: give -o DIR"),
-        (
-            ["--merge", "3:1", "--emit-spec", "-o", "-"],
-            "--emit-spec prints to standard output: give another -o, or none",
-        ),
-        (["--merge", "3", "-o", "out"], "expected two knot indices, such as 3:1"),
-        (["--merge", "3:1", "--merge", "3:2", "-o", "out"], "knot 3 cannot move to both 1 and 2"),
-        (["--merge", "3:9", "-o", "out"], "example-4.2.toml: merging: expected knot indices from 0 to 7, got 9"),
-        (["--merge", "1:3", "-o", "out"], "knot 1 -> 3 changes the hull: no other knot stays at its corner (1, 2)"),
-        (["--merge", "3:1", "--steps", "2", "-o", "out"], "step: expected a number from 0 to 1, got 2.0"),
-        (["--merge", "3:1", "--steps", "x", "-o", "out"], "unknown name 'x'"),
-        (["--merge", "3:1", "--steps", "", "-o", "out"], "is empty"),
-        (["--merge", "3:1", "--steps=-0.5", "-o", "out"], "step: expected a number from 0 to 1, got -0.5"),
-        (["--merge", "3:3", "-o", "out"], "3 -> 3 is a cycle"),
-        (["--merge", "3:1", "--radius", "1", "-o", "out"], "--radius is for single meshes"),
-    ],
-)
-def test_what_knot_limit_refuses(arguments, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert message in refusal(gtb("knot-limit", MOVING, *arguments))
-    assert listing(tmp_path) == []
 
 
 def test_steps_are_put_in_order_and_1_is_the_limit(tmp_path):

@@ -15,33 +15,6 @@ from tests.shell import PENTAGON, command, environment, gtb, process
 SPEC = Path(PENTAGON).read_bytes()
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
-COMMANDS = [
-    "info s.toml -o s.toml",
-    "info s.toml -o ./s.toml",
-    "info s.toml -o linked.toml",
-    "check s.toml -o s.toml",
-    "decompose s.toml -o s.toml",
-    "boundary s.toml 0 -o s.toml",
-    "coefficients s.toml -o s.toml",
-    "elevate s.toml -o s.toml",
-    "eval s.toml p.txt -o s.toml",
-    "eval s.toml p.txt -o p.txt",
-    "fit p.txt -o p.txt",
-    "diff a.obj b.obj -o a.obj",
-    "diff a.obj b.obj -o b.obj",
-    "diff meshes meshes -o meshes/a.obj",
-    "mesh s.toml -f obj -o s.toml",
-    "mesh s.toml -o x.obj --manifest s.toml",
-    "mesh s.toml w.obj -o ./",
-    "mesh w.obj -o ./",
-    "degenerate s.toml -f glb -o s.glb -x 2 -n 1",
-    "degenerate sequence.json -o ./ -x 2 -n 1",
-    "expand whole.toml -o part.toml",
-    "fill whole.toml -o part.toml",
-    "mesh whole.toml -f obj -o ./part.toml",
-    "mesh s.toml whole.toml -f obj -o ./ --deps part.toml",
-]
-
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
@@ -64,15 +37,6 @@ def folder(tmp_path, monkeypatch):
 
 def contents(folder):
     return {path: path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
-
-
-@pytest.mark.parametrize("line", COMMANDS)
-def test_an_input_is_not_overwritten(line, folder):
-    before = contents(folder)
-    result = gtb(*line.split())
-    assert result.status == 2
-    assert "would be overwritten" in result.err
-    assert contents(folder) == before
 
 
 def test_an_input_that_comes_by_a_redirection_is_not_overwritten(folder):
