@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gtb_cli.checks import basis, curve, degeneration, injectivity, lattice, surface
+from gtb_cli.checks import basis, curve, degeneration, ends, injectivity, lattice, surface
 from gtb_cli.checks.probe import Measure
 
 
@@ -38,8 +38,8 @@ PROPERTIES = (
     Property("progressive iteration", "Sec. 3 (c)", None, curve.progressive_iteration),
     Property("variation diminishing", "Thm 3.3", None, curve.variation_diminishing),
     Property("convexity", "Sec. 3 (i)", None, curve.convexity),
-    Property("end tangents", "Sec. 3 (e)", None, curve.end_tangents),
-    Property("end tangent lengths", "eq. 302", None, curve.end_tangent_lengths),
+    Property("end tangents", "Sec. 3 (e)", None, ends.end_tangents),
+    Property("end tangent lengths", "eq. 302", None, ends.end_tangent_lengths),
     Property("one weight to infinity", "Sec. 3 (g)", None, curve.one_weight),
     Property("isoparametric curves", None, "Sec. 4 (d)", surface.isoparametric_curves),
     Property("injective for all weights", None, "Craciun et al. 2010", injectivity.for_all_weights),
