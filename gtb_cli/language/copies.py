@@ -82,7 +82,7 @@ class Copy:
 
 
 def reflected(patch: Patch) -> Patch:
-    """The same surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
+    """Return the surface with Δ reflected, so that its normals point to the other side; a curve is not changed.
 
     The first coordinate u of the knots becomes min u + max u − u, or −u if that is not exact: rounding would move knots
     off the edges.
@@ -218,15 +218,11 @@ def carried_out(
     dict
         The copies under each number, or None if they cannot be made.
     """
-    # control points of all copies together: about 200 MB by the time they are meshed
-    max_copied_points = 2_000_000
-    max_shown = 8  # names of a circle shown in a message
     source = {name: (number, k) for number, copy in copies.items() for k, name in enumerate(copy.names)}
     made: dict[int, list[Patch] | None] = {}
-    left = max_copied_points
-    for start in copies:
-        chain: dict[int, None] = {}
-        number = start
+    left = 2_000_000  # control points of all copies together: about 200 MB by the time they are meshed
+    for number in copies:
+        chain: dict[int, None] = {}  # copies, each made from one of the next
         while number not in made and number not in chain:
             chain[number] = None
             original = copies[number].original
@@ -237,21 +233,21 @@ def carried_out(
             if number not in made:
                 links = list(chain)
                 circle = [copies[link].original for link in links[links.index(number) :]]
-                text = " -> ".join([*circle, circle[0]][:max_shown])
+                text = " -> ".join([*circle, circle[0]][:8])
                 values.faults.add((*copies[number].path, "copy"), f"copies itself: {text}")
                 made.update(dict.fromkeys(chain))
-        for number in reversed(chain):
-            if number in made:
+        for link in reversed(chain):
+            if link in made:
                 continue
-            copy = copies[number]
+            copy = copies[link]
             found = _original(copy, named, source, made, values)
             if found is not None and len(copy.names) * len(found.knots) > left:
-                fault = f"makes more than {max_copied_points} control points, together with the copies before"
+                fault = "makes more than 2000000 control points, together with the copies before"
                 values.faults.add(copy.path, fault)
                 found = None
             if found is not None:
                 left -= len(copy.names) * len(found.knots)
-            made[number] = None if found is None else _checked(copy, found, values)
+            made[link] = None if found is None else _checked(copy, found, values)
     return made
 
 

@@ -16,7 +16,7 @@ Repeated: TypeAlias = tuple[Path, int, int]
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
 # The beginnings of files that users mistake for specs
-_STRANGERS = {
+_OTHER_FILES = {
     "a PLY mesh": re.compile(rb"ply\r?\n"),
     "a GLB mesh": re.compile(rb"glTF"),
     "an STL mesh": re.compile(rb"solid\b[^\n=]*\n\s*facet\b"),
@@ -181,7 +181,7 @@ def _check_kind(data: bytes, source: str) -> None:
     """Refuse a file whose beginning shows that it is not a spec."""
     if data.startswith(LFS_POINTER):
         raise SpecError(f"{source}: {LFS_FAULT}")
-    kind = next((kind for kind, pattern in _STRANGERS.items() if pattern.match(data)), None)
+    kind = next((kind for kind, pattern in _OTHER_FILES.items() if pattern.match(data)), None)
     if kind is None and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         kind = "an STL mesh"
     if kind is not None:

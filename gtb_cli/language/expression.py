@@ -13,14 +13,7 @@ from gtb_cli.errors import SpecError
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
 BLANKS = " \t"
-FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "sqrt": math.sqrt,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "exp": math.exp,
-    "log": math.log,
-}
+FUNCTIONS = {function.__name__: function for function in (math.sqrt, math.sin, math.cos, math.tan, math.exp, math.log)}
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}
 NO_NAMES: Mapping[str, float] = {}
@@ -63,7 +56,7 @@ def evaluate_expression(text: str, names: Mapping[str, float] = NO_NAMES) -> flo
     """
     if len(text) > MAX_CHARACTERS:
         _refuse(text, f"has {len(text)} characters, at most {MAX_CHARACTERS} are allowed")
-    words = text.strip(BLANKS)
+    words = text.strip(" \t")
     _check_words(words, names)
     try:
         tree = ast.parse(words, mode="eval")
@@ -89,7 +82,8 @@ def _check_words(text: str, names: Mapping[str, float]) -> None:
     while position < len(text):
         match = _WORDS.match(text, position)
         if match is None:
-            _refuse(text, f"unexpected {text[position:].lstrip(BLANKS)[:1]!r}")
+            rest = text[position:].lstrip(" \t")
+            _refuse(text, f"unexpected {rest[:1]!r}")
         position = match.end()
         kind = match.lastgroup or ""
         word = match[kind]
@@ -116,13 +110,13 @@ def _check_words(text: str, names: Mapping[str, float]) -> None:
 
 
 def _unknown(word: str, names: Mapping[str, float]) -> str:
-    max_shown = 30  # names listed in a message
     import difflib
 
-    known = (*FUNCTIONS, *CONSTANTS, *names)
     likely = difflib.get_close_matches(word, names, n=1)
-    hint = f"did you mean {likely[0]}?" if likely else f"known are {', '.join(known[:max_shown])}"
-    return f"unknown name {word!r}, {hint}" + ", ..." * (len(known) > max_shown and not likely)
+    if likely:
+        return f"unknown name {word!r}, did you mean {likely[0]}?"
+    known = (*FUNCTIONS, *CONSTANTS, *names)
+    return f"unknown name {word!r}, known are {', '.join(known[:30])}" + ", ..." * (len(known) > 30)
 
 
 def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:
@@ -132,16 +126,13 @@ def _value(node: ast.expr, text: str, names: Mapping[str, float]) -> float:
             return _step(text, sign, function, _value(left, text, names), _value(right, text, names))
         case ast.Constant(value=int() | float() as number):
             return _step(text, "", float, number)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, text, names)
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _value(operand, text, names)
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=operand):
+            value = _value(operand, text, names)
+            return -value if isinstance(sign, ast.USub) else value
         case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
             return _step(text, name, FUNCTIONS[name], _value(argument, text, names))
-        case ast.Name(id=name) if name in CONSTANTS:
-            return CONSTANTS[name]
-        case ast.Name(id=name) if name in names:
-            return names[name]
+        case ast.Name(id=name) if name in CONSTANTS or name in names:
+            return CONSTANTS[name] if name in CONSTANTS else names[name]
         case ast.Name(id=name):
             _refuse(text, f"{name} needs a number in parentheses")
         case ast.Call(func=ast.Name(id=name)) if name in FUNCTIONS:
@@ -166,8 +157,8 @@ def _step(text: str, word: str, function: Callable[..., float], *operands: float
     else:
         if math.isfinite(result):
             return result
-    shown = [f"({x:g})" if x < 0 or word in FUNCTIONS else f"{x:g}" for x in operands]
-    _refuse(text, f"{word}{shown[0]} {reason}" if len(shown) == 1 else f"{shown[0]}{word}{shown[1]} {reason}")
+    *before, last = [f"({x:g})" if x < 0 or word in FUNCTIONS else f"{x:g}" for x in operands]
+    _refuse(text, f"{''.join(before)}{word}{last} {reason}")
 
 
 def _refuse(text: str, reason: str) -> NoReturn:

@@ -9,7 +9,6 @@ from typing import Any
 
 from gtb_cli.language.document import shown
 from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
-from gtb_cli.language.scanner import Path
 from gtb_cli.language.values import ANY_NUMBER, Values
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
@@ -22,9 +21,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
     """Read ``let``, if present; `spec_keys` are keys of the spec that a table [let] swallows by mistake."""
     names: dict[str, float] = {}
     values.names = names
-    if "let" not in table:
-        return names
-    let = table["let"]
+    let = table.get("let", names)
     if not isinstance(let, dict):
         values.faults.add(("let",), f"must be a table of numbers, got {shown(let)}")
         return names
@@ -32,14 +29,13 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
         values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
         return names
     for name, value in let.items():
-        path: Path = ("let", name)
         fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
-        if fault is not None:
-            values.faults.add(path, fault)
-            names.setdefault(name, 1.0)  # so that its users are not reported as well
-            continue
-        number = values.number(value, path, ANY_NUMBER)
-        names[name] = 1.0 if number is None else number
+        number = None
+        if fault is None:
+            number = values.number(value, ("let", name), ANY_NUMBER)
+        else:
+            values.faults.add(("let", name), fault)
+        names[name] = 1.0 if number is None else number  # so that its users are not reported as well
     return names
 
 
@@ -53,28 +49,26 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
         return "is the name of a function or constant"
     if name == COUNTER:
         return "is the number of a copy: choose another name"
-    if keyword.iskeyword(name):
-        return "is a word with another meaning in expressions"
-    return None
+    return "is a word with another meaning in expressions" if keyword.iskeyword(name) else None
 
 
 def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
-    """Say which later name a number needs, or to which circle it belongs."""
-    max_circle = 20  # names in a circle that is found
-    later = [word for word in _needed(let, name) if word in let and word not in known]
-    if not later:
+    """Say which later name a number needs, or to which circle, of up to 20 names, it belongs."""
+
+    def later(word: str) -> str | None:
+        value = let[word]
+        needed = names_in(value) if isinstance(value, str) else []
+        return next((other for other in needed if other in let and other not in known), None)
+
+    first = later(name)
+    if first is None:
         return None
-    chain = [name]
-    while len(chain) <= max_circle:
-        step = next((word for word in _needed(let, chain[-1]) if word in let and word not in known), None)
+    chain = [name, first]
+    while chain[-1] != name and len(chain) <= 20:
+        step = later(chain[-1])
         if step is None or step in chain[1:]:
             break
         chain.append(step)
-        if step == name:
-            return f"needs itself: {' -> '.join(chain)}"
-    return f"uses {later[0]}, which comes later: put {later[0]} first"
-
-
-def _needed(let: Mapping[str, object], name: str) -> list[str]:
-    value = let[name]
-    return names_in(value) if isinstance(value, str) else []
+    if chain[-1] == name:
+        return f"needs itself: {' -> '.join(chain)}"
+    return f"uses {first}, which comes later: put {first} first"

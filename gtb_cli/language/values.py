@@ -37,9 +37,8 @@ SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 
 class Budget:
     """The number of characters that further expressions of a spec may have, and whether an excess was reported."""
 
-    def __init__(self) -> None:
-        self.characters = MAX_EXPRESSIONS
-        self.is_said = False
+    characters = MAX_EXPRESSIONS
+    is_said = False
 
 
 class Values:

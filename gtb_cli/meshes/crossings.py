@@ -1,4 +1,4 @@
-"""Where a mesh passes through itself: pairs of triangles that cross and have no vertex in common."""
+"""Crossings of a mesh with itself: pairs of triangles that cross and have no vertex in common."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
-    """(p,) whether a side of one of two (p, 3, 3) triangles passes through the inside of the other."""
+    """(p,) true where a side of one of two (p, 3, 3) triangles passes through the inside of the other."""
     (heights, plane), (back, back_plane) = _heights(one, other), _heights(other, one)
     # A triangle degenerated to a line has no plane, but may still pierce another.
     reaches = [
@@ -114,7 +114,7 @@ def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, Float
 def _pierced(
     triangle: FloatArray, sides: FloatArray, heights: FloatArray, normal: FloatArray, depth: float
 ) -> BoolArray:
-    """(p,) whether a side of the other triangle, whose corners have these heights, meets the triangle's inside."""
+    """(p,) true where a side of the other triangle, whose corners have these heights, meets the triangle's inside."""
     result = np.zeros(len(triangle), dtype=bool)
     for k in range(3):
         below, above = heights[:, k - 1], heights[:, k]

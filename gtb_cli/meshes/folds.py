@@ -1,4 +1,4 @@
-"""Where a surface turns back on itself, between triangles side by side."""
+"""Folds: pairs of triangles side by side between which a surface turns back on itself."""
 
 from __future__ import annotations
 

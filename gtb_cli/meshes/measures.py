@@ -59,7 +59,7 @@ class Measures:
 
     @property
     def is_closed(self) -> bool:
-        """Whether there is no boundary."""
+        """True if there is no boundary."""
         return self.open_edges == 0
 
     def record(self) -> dict[str, Any]:

@@ -171,5 +171,5 @@ def _directions(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _pass_between(heights: FloatArray, depth: FloatArray) -> BoolArray:
-    """(m,) whether corners with (m, c) heights lie on both sides of a plane, farther from it than these depths."""
+    """(m,) true where corners with (m, c) heights lie on both sides of a plane, farther from it than these depths."""
     return np.asarray((heights.max(axis=1) > depth) & (heights.min(axis=1) < -depth))

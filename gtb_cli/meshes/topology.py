@@ -46,12 +46,12 @@ class Sides:
 
     @property
     def is_proper(self) -> BoolArray:
-        """(e,) whether an edge has two ends."""
+        """(e,) true where an edge has two ends."""
         return np.asarray(self.edges[:, 0] != self.edges[:, 1])
 
     @property
     def is_manifold(self) -> BoolArray:
-        """(e,) whether an edge has one side, or two that run in opposite directions."""
+        """(e,) true where an edge has one side, or two that run in opposite directions."""
         return np.asarray((self.uses == 1) | ((self.uses == 2) & (self.balance == 0)))
 
     @property
@@ -93,7 +93,7 @@ def adjacent(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def are_proper(cells: IntArray) -> BoolArray:
-    """(k,) whether all vertices of a cell differ."""
+    """(k,) true where all vertices of a cell differ."""
     start, end = cells.T[:2]
     if cells.shape[1] == 2:
         return np.asarray(start != end)
@@ -101,7 +101,7 @@ def are_proper(cells: IntArray) -> BoolArray:
 
 
 def are_used(cells: IntArray, count: int) -> BoolArray:
-    """(count,) whether a vertex belongs to a cell."""
+    """(count,) true where a vertex belongs to a cell."""
     used = np.zeros(count, dtype=bool)
     for corner in cells.T:
         used[corner] = True

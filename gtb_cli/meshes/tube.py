@@ -302,7 +302,7 @@ def _bands(behind: IntArray, ahead: IntArray) -> IntArray:
 
 
 def _folded(path: Path, sections: _Sections, steps: FloatArray) -> BoolArray:
-    """(s,) whether a (rings, sides, 3) step from ring to ring along each segment of the path leads backwards."""
+    """(s,) true where a (rings, sides, 3) step from ring to ring along each segment of the path leads backwards."""
     start = sections.at[: len(steps)]
     end = np.append(sections.at, 0)[1 : len(steps) + 1]
     chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]

@@ -72,7 +72,7 @@ class Content:
 
     @property
     def is_curve(self) -> bool:
-        """Whether the cells are segments."""
+        """True if the cells are segments."""
         return bool(self.cells.shape[1] == 2)
 
 

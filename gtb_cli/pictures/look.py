@@ -1,4 +1,4 @@
-"""How a picture looks, and the figure on which it is drawn."""
+"""The look of a picture, and the figure on which it is drawn."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    """How a picture looks.
+    """The look of a picture.
 
     Attributes
     ----------
@@ -88,9 +88,12 @@ class Look:
     resolution: int | None = None
 
     def numbers(self, count: int) -> bool:
-        """Tell whether this many points are numbered."""
-        max_numbered_points = 30  # points that are numbered by default
-        return count <= max_numbered_points if self.labels is None else self.labels
+        """Tell whether this many points are numbered: by default, up to 30 are."""
+        return count <= 30 if self.labels is None else self.labels
+
+    def draws_net(self, patches: int) -> bool:
+        """Tell whether the nets of this many patches are drawn."""
+        return patches == 1 if self.net is None else self.net
 
 
 def settings() -> AbstractContextManager[None]:
@@ -132,7 +135,7 @@ def settings() -> AbstractContextManager[None]:
         "pdf.compression": 9,
     }
     collecting = gc.isenabled()
-    gc.disable()  # imports leave little garbage, and searching for it takes a tenth of their time
+    gc.disable()  # imports leave little garbage
     try:
         import matplotlib.figure
     except ImportError:

@@ -29,35 +29,23 @@ HALO = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", 
 
 def draw_curves(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
     """Draw curves that lie in the plane, with control polygons and numbered points."""
-    with_net = len(curves) == 1 if look.net is None else look.net
-    for k, curve in enumerate(curves):
+    paths = [curve_path(curve)[:, :2] for curve in curves]
+    for k, path in enumerate(paths):
         colour, dashes = line_style(k)
-        path = curve_path(curve)
-        ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=1.8, zorder=3, label=names[k] if names else None)
-    places = np.concatenate([curve.control_points[:, :2] for curve in curves])
-    if with_net:
-        for curve in curves:
-            draw_polygon(ax, curve)
-        unique: dict[tuple[float, ...], list[float]] = {}
-        for curve in curves:
-            for i, place in enumerate(curve.control_points[:, :2].tolist()):
-                unique.setdefault((i, *place), place)
-        spots = np.array(list(unique.values()))
-        ax.plot(spots[:, 0], spots[:, 1], "o", ms=4.5, color="white", mec=NET, mew=0.9, zorder=4)
+        ax.plot(*path.T, dashes, color=colour, lw=1.8, zorder=3, label=names[k] if names else None)
+    if look.draws_net(len(curves)):
+        for curve in curves:  # the control polygon, or the net that the lifting induces
+            for pair in net_of(curve):
+                ax.plot(*curve.control_points[list(pair), :2].T, "-", color=NET, lw=0.9, alpha=0.75, zorder=2)
+        paths = [curve.control_points[:, :2] for curve in curves]
+        unique = dict.fromkeys((i, *place) for places in paths for i, place in enumerate(places.tolist()))
+        spots = np.array(list(unique))[:, 1:]
+        ax.plot(*spots.T, "o", ms=4.5, color="white", mec=NET, mew=0.9, zorder=4)
         if look.numbers(len(spots)):
-            label_all(ax, spots, [subscript("b", int(key[0])) for key in unique])
-    else:
-        places = np.concatenate([curve_path(curve)[:, :2] for curve in curves])
-    level(ax, places)
+            label_all(ax, spots, [subscript("b", key[0]) for key in unique])
+    level(ax, np.concatenate(paths))
     if names:
         ax.legend(frameon=False, fontsize=8, loc="best")
-
-
-def draw_polygon(ax: Axes, curve: Patch) -> None:
-    """Draw the control polygon of a plane curve, or the net that its lifting induces."""
-    for a, b in net_of(curve):
-        ends = curve.control_points[[a, b]]
-        ax.plot(ends[:, 0], ends[:, 1], "-", color=NET, lw=0.9, alpha=0.75, zorder=2)
 
 
 def level(ax: Axes, places: FloatArray) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of
 from gtb_cli.pictures.colours import FAINT, INK, SURFACE_COLOUR, rgb
 from gtb_cli.pictures.look import Camera
 from gtb_cli.pictures.planar import label_all
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives smooth outlines
-
-
-AMBIENT, GLOSS, SHINE = 0.5, 0.2, 28
-"""Least brightness, and strength and sharpness of the highlight."""
 
 
 @frozen
@@ -99,44 +95,109 @@ def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequen
     return [Scene(camera, low, high, window, surface) for surface in surfaces]
 
 
-def draw(ax: Axes, scene: Scene) -> Raster | None:
-    """Prepare axes for a scene, draw its surface, and return what is seen of it, for lines that it hides."""
-    max_image_pixels = 12_000_000  # pixels that are computed for one image
-    (left, bottom), (right, top) = scene.window.tolist()
-    ax.set_xlim(left, right)
-    ax.set_ylim(bottom, top)
-    ax.set_aspect("equal")
-    ax.set_axis_off()
-    if scene.surface is None:
-        return None
-    ax.apply_aspect()
-    box = ax.get_window_extent()
-    width, height = (max(round(length), 8) * SUPERSAMPLING for length in (box.width, box.height))
-    shrink = math.sqrt(min(max_image_pixels / (width * height), 1.0))
-    width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
-    pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
-    points = scene.seen(scene.surface.vertices)
-    placed = np.column_stack([(points[:, :2] - scene.window[0]) * pixels, points[:, 2]])
-    raster = rasterised(placed, scene.surface.faces, width, height)
-    ax.imshow(
-        _smoothed(_shaded(scene, raster)),
-        extent=(left, right, bottom, top),
-        origin="lower",
-        interpolation="antialiased",
-        zorder=1,
-        aspect="equal",
-    )
-    return raster
+class View:
+    """Axes on which a scene is drawn: its surface at once, then lines and points, which the surface hides."""
+
+    def __init__(self, ax: Axes, scene: Scene) -> None:
+        self.ax, self.scene = ax, scene
+        self._raster: Raster | None = None
+        (left, bottom), (right, top) = scene.window.tolist()
+        ax.set_xlim(left, right)
+        ax.set_ylim(bottom, top)
+        ax.set_aspect("equal")
+        ax.set_axis_off()
+        if scene.surface is None:
+            return
+        ax.apply_aspect()
+        box = ax.get_window_extent()
+        width, height = (max(round(length), 8) * SUPERSAMPLING for length in (box.width, box.height))
+        shrink = math.sqrt(min(12_000_000 / (width * height), 1.0))  # which bounds time and memory of one image
+        width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
+        pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
+        points = scene.seen(scene.surface.vertices)
+        placed = np.column_stack([(points[:, :2] - scene.window[0]) * pixels, points[:, 2]])
+        self._raster = rasterised(placed, scene.surface.faces, width, height)
+        image = _smoothed(_shaded(scene.surface, scene.camera, self._raster))
+        extent = (left, right, bottom, top)
+        ax.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1, aspect="equal")
+
+    def lines(
+        self,
+        paths: Sequence[FloatArray],
+        *,
+        colour: str = INK,
+        width: float = 1.0,
+        hidden: float = 0.0,
+        dashes: str = "-",
+        order: float = 3,
+    ) -> None:
+        """Draw paths, (m, 3) points each: where the surface hides them, `hidden` times as strong, or not at all at 0.
+
+        Short pieces of a path are visible or hidden as a whole.
+        """
+        from matplotlib.collections import LineCollection
+
+        visible: list[FloatArray] = []
+        behind: list[FloatArray] = []
+        for path in paths:
+            points = self.scene.seen(path)
+            if self._raster is not None:
+                points = _refined(points)
+            shown = self._is_shown(points)
+            cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
+            for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
+                (visible if shown[start] else behind).append(points[max(start - 1, 0) : stop, :2])
+        style: dict[str, Any] = {"colors": [colour], "linewidths": width, "capstyle": "round", "joinstyle": "round"}
+        if dashes != "-":
+            style["linestyles"] = dashes
+        self.ax.add_collection(LineCollection(visible, zorder=order, **style), autolim=False)
+        if hidden and behind:
+            self.ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
+
+    def _is_shown(self, points: FloatArray) -> BoolArray:
+        """(m,) true where no surface is before (m, 3) seen points; up to 0.004 of the scene's size behind counts."""
+        if self._raster is None:
+            return np.ones(len(points), dtype=bool)
+        (left, bottom), (right, top) = self.scene.window
+        height, width = self._raster.triangle.shape
+        column, row = ((points[:, :2] - [left, bottom]) / [right - left, top - bottom] * [width, height]).T.astype(int)
+        nearest = self._raster.farthest_around[row.clip(0, height - 1), column.clip(0, width - 1)]
+        return np.asarray(nearest <= points[:, 2] + 0.004)
+
+    def points(
+        self,
+        places: FloatArray,
+        labels: Sequence[str] = (),
+        *,
+        colour: str = "white",
+        edge: str = INK,
+        size: float = 4.5,
+    ) -> None:
+        """Draw (m, 3) points as dots, with a label beside each."""
+        seen = self.scene.seen(places)[:, :2]
+        self.ax.plot(*seen.T, "o", ms=size, color=colour, mec=edge, mew=0.8, zorder=5)
+        label_all(self.ax, seen, labels)
+
+    def triad(self) -> None:
+        """Draw the directions of the axes in the lower left corner."""
+        corner, length = np.array([22, 20]), 13
+        for name, along in zip("xyz", self.scene.camera.axes[:2].T * length, strict=True):
+            if math.hypot(*along) < 0.12 * length:
+                continue
+            arrow = {"arrowstyle": "-|>,head_width=0.12,head_length=0.25", "color": FAINT, "lw": 0.9, "shrinkA": 0}
+            style: dict[str, Any] = {"xycoords": "axes points", "annotation_clip": False}
+            tip = (corner + along).tolist()
+            self.ax.annotate("", tip, corner.tolist(), textcoords="axes points", arrowprops=arrow, **style)
+            place = (corner + 1.55 * along).tolist()
+            self.ax.annotate(name, place, fontsize=8, color="#666666", ha="center", va="center", **style)
 
 
-def _shaded(scene: Scene, raster: Raster) -> FloatArray:
+def _shaded(surface: Surface, camera: Camera, raster: Raster) -> FloatArray:
     """(height, width, 4) colours and opacity, colours times opacity."""
     # Unit vector towards the light: to the right, upwards, towards the eye
     light = np.array([-0.45, 0.55, 0.70]) / math.sqrt(0.45**2 + 0.55**2 + 0.70**2)
     map_brightness = 0.68  # least brightness, from 0 to 1, where colours mean numbers and must be recognised
     back_brightness = 0.78  # brightness of the side away from the normals, relative to the other
-    surface = scene.surface
-    assert surface is not None
     covered = raster.triangle >= 0
     if surface.scalars is not None:
         from matplotlib import colormaps
@@ -145,16 +206,16 @@ def _shaded(scene: Scene, raster: Raster) -> FloatArray:
     else:
         base = surface.colours[raster.triangle[covered]]
     if surface.normals is not None:
-        normals = (raster.values(surface.faces, surface.normals) / scene.camera.stretch) @ scene.camera.axes.T
+        normals = (raster.values(surface.faces, surface.normals) / camera.stretch) @ camera.axes.T
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         away = normals[:, 2] < 0
         normals = np.where(away[:, None], -normals, normals)
         halfway = light + np.array([0.0, 0.0, 1.0])
         halfway /= np.linalg.norm(halfway)
-        ambient = AMBIENT if surface.scalars is None else map_brightness
+        ambient = 0.5 if surface.scalars is None else map_brightness
         bright = ambient + (1 - ambient) * np.clip(normals @ light, 0, None)
         bright *= np.where(away, back_brightness, 1.0)
-        shine = GLOSS * np.clip(normals @ halfway, 0, None) ** SHINE * np.where(away, 0.3, 1.0)
+        shine = 0.2 * np.clip(normals @ halfway, 0, None) ** 28 * np.where(away, 0.3, 1.0)
         base = base * bright[:, None] + shine[:, None]
     image = np.zeros((*raster.triangle.shape, 4))
     image[covered, :3] = base.clip(0, 1)
@@ -171,41 +232,7 @@ def _smoothed(image: FloatArray) -> FloatArray:
     return np.asarray(np.rint(mean * 255).astype(np.uint8))
 
 
-def lines(
-    ax: Axes,
-    scene: Scene,
-    raster: Raster | None,
-    paths: Sequence[FloatArray],
-    *,
-    colour: str = INK,
-    width: float = 1.0,
-    hidden: float = 0.0,
-    dashes: str = "-",
-    order: float = 3,
-) -> None:
-    """Draw paths, (m, 3) points each: where the surface hides them, `hidden` times as strong, or not at all at 0."""
-    from matplotlib.collections import LineCollection
-
-    visible: list[FloatArray] = []
-    behind: list[FloatArray] = []
-    for path in paths:
-        points = scene.seen(path)
-        if raster is not None:
-            points = _pieces(points)
-        shown = _is_shown(scene, raster, points)
-        cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
-        for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
-            run = points[max(start - 1, 0) : stop, :2]
-            (visible if shown[start] else behind).append(run)
-    style: dict[str, Any] = {"colors": [colour], "linewidths": width, "capstyle": "round", "joinstyle": "round"}
-    if dashes != "-":
-        style["linestyles"] = dashes
-    ax.add_collection(LineCollection(visible, zorder=order, **style), autolim=False)
-    if hidden and behind:
-        ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
-
-
-def _pieces(points: FloatArray) -> FloatArray:
+def _refined(points: FloatArray) -> FloatArray:
     """Points of a path, with more between those that are far apart."""
     # Length, as a fraction of the scene's size, of the pieces of a line that are visible or hidden as a whole
     piece_length = 0.004
@@ -215,65 +242,6 @@ def _pieces(points: FloatArray) -> FloatArray:
     share = (np.arange(len(place)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[place]
     between = points[place] + share[:, None] * (points[place + 1] - points[place])
     return np.concatenate([between, points[-1:]])
-
-
-def _is_shown(scene: Scene, raster: Raster | None, points: FloatArray) -> Any:
-    """(m,) whether no surface is before each of (m, 3) seen points."""
-    # Depth, as a fraction of the scene's size, that a line may lie behind a surface and still count as on it
-    line_bias = 0.004
-    if raster is None:
-        return np.ones(len(points), dtype=bool)
-    height, width = raster.triangle.shape
-    share = (points[:, :2] - scene.window[0]) / (scene.window[1] - scene.window[0])
-    column = np.clip((share[:, 0] * width).astype(np.int64), 0, width - 1)
-    row = np.clip((share[:, 1] * height).astype(np.int64), 0, height - 1)
-    return raster.farthest_around[row, column] <= points[:, 2] + line_bias
-
-
-def points(
-    ax: Axes,
-    scene: Scene,
-    places: FloatArray,
-    labels: Sequence[str] = (),
-    *,
-    colour: str = "white",
-    edge: str = INK,
-    size: float = 4.5,
-) -> None:
-    """Draw (m, 3) points as dots, with a label beside each."""
-    seen = scene.seen(places)
-    ax.plot(
-        seen[:, 0], seen[:, 1], "o", markersize=size, color=colour, markeredgecolor=edge, markeredgewidth=0.8, zorder=5
-    )
-    label_all(ax, seen[:, :2], labels)
-
-
-def triad(ax: Axes, camera: Camera) -> None:
-    """Draw the directions of the axes in the lower left corner."""
-    corner, length = (22, 20), 13
-    for k, name in enumerate("xyz"):
-        x, y = (camera.axes[:2, k] * length).tolist()
-        if math.hypot(x, y) < 0.12 * length:
-            continue
-        ax.annotate(
-            "",
-            (corner[0] + x, corner[1] + y),
-            corner,
-            xycoords="axes points",
-            textcoords="axes points",
-            arrowprops={"arrowstyle": "-|>,head_width=0.12,head_length=0.25", "color": FAINT, "lw": 0.9, "shrinkA": 0},
-            annotation_clip=False,
-        )
-        ax.annotate(
-            name,
-            (corner[0] + 1.55 * x, corner[1] + 1.55 * y),
-            xycoords="axes points",
-            fontsize=8,
-            color="#666666",
-            ha="center",
-            va="center",
-            annotation_clip=False,
-        )
 
 
 def plain(count: int, colour: str = SURFACE_COLOUR) -> FloatArray:

@@ -15,7 +15,7 @@ from gtb_cli.pictures.colours import LINE_COLOURS, NET
 from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat
 from gtb_cli.pictures.planar import level
-from gtb_cli.pictures.scene import Surface, draw, lines, plain, points, scenes_of, triad
+from gtb_cli.pictures.scene import Surface, View, plain, scenes_of
 from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of, with_normals
 from gtb_cli.values import frozen
 
@@ -111,17 +111,18 @@ def _draw_space(
         surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film))
     scenes = scenes_of(look.camera, surfaces, [*(mesh.vertices for mesh in frames.meshes), net_points])
     for ax, scene, mesh in zip(axes, scenes, frames.meshes, strict=True):
-        raster = draw(ax, scene)
+        view = View(ax, scene)
         if curves:
-            lines(ax, scene, None, list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
+            view.lines(list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
         else:
-            lines(ax, scene, raster, list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
+            view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
         if len(net_points):
-            lines(ax, scene, raster, net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
-            points(ax, scene, net_points, edge=NET, size=2.6)
+            view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
+            view.points(net_points, edge=NET, size=2.6)
         if frames.film is not None and curves and ax is axes[-1]:
-            lines(ax, scene, None, list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
-    triad(axes[0], look.camera)
+            view.lines(list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
+        if ax is axes[0]:
+            view.triad()
 
 
 def _with_film(surface: Surface, film: Mesh) -> Surface:

@@ -16,8 +16,7 @@ from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_s
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_of
 from gtb_cli.pictures.planar import HALO, basis_values, note
-from gtb_cli.pictures.raster import Raster
-from gtb_cli.pictures.scene import Scene, Surface, draw, lines, plain, points, scene_of, scenes_of, triad
+from gtb_cli.pictures.scene import Surface, View, plain, scene_of, scenes_of
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
 from gtb_cli.theory.model import Model
@@ -43,31 +42,31 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     surface = surface_of(mesh, len(patches))
     if look.curvature is not None:
         surface = _by_curvature(ax, shape, mesh, surface, look)
-    with_net = len(patches) == 1 if look.net is None else look.net
+    with_net = look.draws_net(len(patches))
     scene = scene_of(look.camera, surface, [patch.control_points for patch in patches] if with_net else [])
-    raster = draw(ax, scene)
+    view = View(ax, scene)
     for patch in patches if look.isolines else ():
         paths = isoparametric_paths(patch, look.isolines)
-        lines(ax, scene, raster, paths, colour=parameter_lines, width=0.6)
+        view.lines(paths, colour=parameter_lines, width=0.6)
     shared, free = borders(shape)
-    lines(ax, scene, raster, shared, width=0.9)
+    view.lines(shared, width=0.9)
     if isinstance(shape, Model):
-        lines(ax, scene, raster, free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
+        view.lines(free, colour=OPEN, width=2.0, hidden=HIDDEN_STRENGTH, order=4)
     else:
-        lines(ax, scene, raster, free, width=1.2, hidden=HIDDEN_STRENGTH)
+        view.lines(free, width=1.2, hidden=HIDDEN_STRENGTH)
     if with_net:
-        draw_net(ax, scene, raster, patches, look)
-    triad(ax, look.camera)
+        draw_net(view, patches, look)
+    view.triad()
 
 
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     """Draw a mesh: its segments, or its triangles and open sides."""
     surface = None if mesh.is_curve else surface_of(with_normals(mesh), max(len(mesh.groups), 1))
     scene = scene_of(look.camera, surface, [mesh.vertices])
-    raster = draw(ax, scene)
+    view = View(ax, scene)
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
-    lines(ax, scene, raster, list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
-    triad(ax, look.camera)
+    view.lines(list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
+    view.triad()
 
 
 def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
@@ -96,64 +95,53 @@ def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
     return shared, [edge_path(shape.patches[k], edge) for k, edge in joints.open]
 
 
-def draw_net(ax: Axes, scene: Scene, raster: Raster | None, patches: Sequence[Patch], look: Look) -> None:
+def draw_net(view: View, patches: Sequence[Patch], look: Look) -> None:
     """Draw control points, numbered, and the lines between them."""
     for patch in patches:
-        lines(
-            ax,
-            scene,
-            raster,
-            list(patch.control_points[net_of(patch)]),
-            colour=NET,
-            width=0.9,
-            hidden=HIDDEN_STRENGTH,
-            order=4,
-        )
+        net = list(patch.control_points[net_of(patch)])
+        view.lines(net, colour=NET, width=0.9, hidden=HIDDEN_STRENGTH, order=4)
     spots = np.concatenate([patch.control_points for patch in patches])
     texts = [subscript("b", i) for patch in patches for i in range(len(patch.knots))]
     few = len(patches) == 1 and look.numbers(len(spots))
-    points(ax, scene, spots, texts if few or look.labels else (), edge=NET, size=4.5 if len(spots) < 100 else 2.5)
+    view.points(spots, texts if few or look.labels else (), edge=NET, size=4.5 if len(spots) < 100 else 2.5)
 
 
 def _by_curvature(ax: Axes, shape: Patch | Model, mesh: Mesh, surface: Surface, look: Look) -> Surface:
-    """Return a surface coloured by its curvature, and draw the scale beside it."""
+    """Return a surface coloured by its curvature, and draw the scale beside it.
+
+    Values beyond the ends of the scale have the colours of these.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
     name = f"{look.curvature}_curvature"
     values = with_attributes(shape, mesh, [name], "linear")[0].attributes[name]
     colour_map = look.colour_map or "PuOr"
     low, high = scale_of(values, colour_map)
-    draw_scale(ax, low, high, colour_map, f"{look.curvature}\ncurvature")
-    return replace(surface, scalars=((values - low) / (high - low)).clip(0, 1), colour_map=colour_map)
-
-
-def draw_scale(ax: Axes, low: float, high: float, colour_map: str, label: str) -> None:
-    """Draw the scale of a colour map at the right edge of axes; values beyond its ends have the colours of these."""
-    scale_inches = 0.9  # width in inches of the room beside a surface for the scale of its colours
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     figure = ax.get_figure()
     assert figure is not None
     x, y, width, height = ax.get_position().bounds
-    room = min(scale_inches * figure.dpi / figure.bbox.width, 0.5 * width)
+    room = min(0.9 * figure.dpi / figure.bbox.width, 0.5 * width)  # of 0.9 inches
     ax.set_position((x, y, width - room, height))
     place = figure.add_axes((x + width - 0.92 * room, y + 0.16 * height, 0.13 * room, 0.62 * height))
     bar = figure.colorbar(ScalarMappable(Normalize(low, high), colour_map), cax=place, extend="both")
-    place.set_title(label, fontsize=8, loc="left", pad=8)
+    place.set_title(f"{look.curvature}\ncurvature", fontsize=8, loc="left", pad=8)
     bar.outline.set_linewidth(0.5)
+    return replace(surface, scalars=((values - low) / (high - low)).clip(0, 1), colour_map=colour_map)
 
 
 def draw_space_curves(ax: Axes, curves: Sequence[Patch], look: Look) -> None:
     """Draw curves in space, with control polygons and numbered points."""
     paths = [curve_path(curve) for curve in curves]
-    with_net = len(curves) == 1 if look.net is None else look.net
+    with_net = look.draws_net(len(curves))
     scene = scene_of(look.camera, None, [*paths, *([curve.control_points for curve in curves] if with_net else [])])
-    draw(ax, scene)
+    view = View(ax, scene)
     for k, path in enumerate(paths):
         colour, dashes = line_style(k)
-        lines(ax, scene, None, [path], colour=colour, width=1.9, dashes=dashes, order=4)
+        view.lines([path], colour=colour, width=1.9, dashes=dashes, order=4)
     if with_net:
-        draw_net(ax, scene, None, curves, look)
-    triad(ax, look.camera)
+        draw_net(view, curves, look)
+    view.triad()
 
 
 def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
@@ -168,32 +156,28 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     fine = look.resolution or (PATCH_SEGMENTS if len(indices) <= 4 else GRAPH_SEGMENTS)
     mesh = tessellate(flat, fine, parametrization="toric", normals=False)
     assert mesh.parameters is not None
-    plane = (mesh.parameters - patch.domain.center) / patch.domain.size
-    corners = (patch.domain.vertices - patch.domain.center) / patch.domain.size
-    knots = (patch.knots - patch.domain.center) / patch.domain.size
+    rim = _rim(patch)
+    places = (mesh.parameters, patch.domain.vertices, patch.knots, rim)
+    plane, corners, knots, edge = ((place - patch.domain.center) / patch.domain.size for place in places)
     values = basis_values(patch, mesh.parameters, look.unnormalised)[:, list(indices)]
     colour_map = look.colour_map or "viridis"
     highest = np.where(values.max(axis=0) > 0, values.max(axis=0), 1.0)
-    rim = _rim(patch)
     surfaces = []
     for column in (values / highest).T:
-        vertices = np.column_stack([plane, GRAPH_HEIGHT * column])
-        missing = np.full_like(vertices, np.nan)
-        normals = vertex_normals(missing, vertices, mesh.faces)
-        surfaces.append(Surface(vertices, mesh.faces, normals, plain(len(mesh.faces)), column.clip(0, 1), colour_map))
+        graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces))
+        surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colour_map))
     floor = np.column_stack([corners, np.zeros(len(corners))])
     box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])
     names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
     rim_heights = GRAPH_HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
     scenes = scenes_of(look.camera, surfaces, [box])
     for ax, scene, index, above in zip(panels(figure, names), scenes, indices, rim_heights.T, strict=True):
-        raster = draw(ax, scene)
-        lines(ax, scene, raster, [np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
-        edge = np.column_stack([(rim - patch.domain.center) / patch.domain.size, above])
-        lines(ax, scene, raster, [edge], width=0.8, hidden=HIDDEN_STRENGTH)
+        view = View(ax, scene)
+        view.lines([np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
+        view.lines([np.column_stack([edge, above])], width=0.8, hidden=HIDDEN_STRENGTH)
         spots = np.column_stack([knots, np.zeros(len(knots))])
-        points(ax, scene, np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
-        points(ax, scene, spots[[index]], colour=INK, edge="white", size=4.2)
+        view.points(np.delete(spots, index, axis=0), edge=FAINT, size=2.6)
+        view.points(spots[[index]], colour=INK, edge="white", size=4.2)
 
 
 def _rim(patch: Patch) -> FloatArray:
@@ -220,22 +204,21 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
     scene = scene_of(look.camera, Surface(vertices, faces, None, np.concatenate([colours, colours])))
-    raster = draw(ax, scene)
+    view = View(ax, scene)
     for level, strength in ((lifted, 1.2), (ground, 0.9)):
         loops = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
-        lines(ax, scene, raster, loops, width=strength, hidden=HIDDEN_STRENGTH)
+        view.lines(loops, width=strength, hidden=HIDDEN_STRENGTH)
     posts = [np.stack([below, above]) for below, above in zip(ground, lifted, strict=True)]
-    lines(ax, scene, raster, posts, colour=FAINT, width=0.8, hidden=0.7)
-    absent = list(found.absent)
-    present = [i for i in range(len(flat)) if i not in found.absent]
-    numbered = look.numbers(len(flat))
+    view.lines(posts, colour=FAINT, width=0.8, hidden=0.7)
+    absent = np.isin(np.arange(len(flat)), found.absent)
     for level in (lifted, ground):
-        points(ax, scene, level[present], colour=INK, edge="white", size=5)
-        points(ax, scene, level[absent], edge=INK, size=5.5)
-    if numbered:
-        seen = scene.seen(np.concatenate([lifted, ground]))
-        texts = [f"λ={value:.4g}" for value in found.lifting.tolist()] + [subscript("a", i) for i in range(len(flat))]
-        for k, (place, text) in enumerate(zip(seen[:, :2].tolist(), texts, strict=True)):
-            above = k < len(flat)
-            va, colour = ("bottom", INK) if above else ("top", LINE_COLOURS[0])
-            note(ax, text, place, (0, 6 if above else -6), va=va, color=colour, bbox={**HALO, "alpha": 0.7})
+        view.points(level[~absent], colour=INK, edge="white", size=5)
+        view.points(level[absent], edge=INK, size=5.5)
+    if look.numbers(len(flat)):
+        heights_and_names = (
+            (lifted, [f"λ={value:.4g}" for value in found.lifting], {"va": "bottom", "color": INK}, 6),
+            (ground, [subscript("a", i) for i in range(len(flat))], {"va": "top", "color": LINE_COLOURS[0]}, -6),
+        )
+        for level, texts, style, up in heights_and_names:
+            for place, text in zip(scene.seen(level)[:, :2], texts, strict=True):
+                note(ax, text, place, (0, up), bbox={**HALO, "alpha": 0.7}, **style)

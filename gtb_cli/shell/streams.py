@@ -119,7 +119,7 @@ def refuse_overwriting(inputs: Iterable[str], outputs: Iterable[str]) -> None:
     existing = [(output, os.stat(output)) for output in outputs if os.path.isfile(output)]
     if not existing:
         return
-    from gtb_cli.language.sources import sources
+    from gtb_cli.language.includes import sources
 
     files = (file for path in inputs for file in ([path] if path == STANDARD else sources(path)))
     read = [status for file in files if (status := _status(file)) is not None]

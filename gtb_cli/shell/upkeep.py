@@ -13,7 +13,7 @@ from gtb_cli.errors import ExportError
 
 def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
     """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
-    from gtb_cli.language.sources import sources
+    from gtb_cli.language.includes import sources
 
     folder = os.path.dirname(path) or os.curdir
     files = sources(path, spec_format)  # type: ignore[arg-type]
@@ -63,7 +63,7 @@ def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
 
     A rule without prerequisites and recipe lets make go on after an included file has been deleted.
     """
-    from gtb_cli.language.sources import sources
+    from gtb_cli.language.includes import sources
 
     text, included = "", dict[str, None]()
     for output, spec in targets:
