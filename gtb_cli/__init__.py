@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gtb_cli.checks.check import check
     from gtb_cli.design.filling import fill
     from gtb_cli.design.fit import fit
+    from gtb_cli.distances.comparison import diff, distance
     from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, SpecError, ToleranceError
     from gtb_cli.fairing.fair import fair
     from gtb_cli.formats.export import write_mesh
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.pictures.notebook import frame as frame
     from gtb_cli.pictures.notebook import page, plot
-    from gtb_cli.tessellation.comparison import diff
     from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
@@ -47,6 +47,7 @@ __all__ = [
     "check",
     "degenerate",
     "diff",
+    "distance",
     "elevate",
     "fair",
     "fill",
@@ -80,7 +81,8 @@ _ROOMS = {
     "ToleranceError": "errors",
     "check": "checks.check",
     "degenerate": "theory.degeneration",
-    "diff": "tessellation.comparison",
+    "diff": "distances.comparison",
+    "distance": "distances.comparison",
     "elevate": "bezier.elevation",
     "fair": "fairing.fair",
     "fill": "design.filling",

@@ -20,7 +20,18 @@ REPOSITORY = PACKAGE.parent
 GROUND = "ground"
 WINGS = [
     *(GROUND, "knots", "moment", "theory", "bezier", "meshes", "language", "imports", "formats", "assembly"),
-    *("certificates", "tessellation", "sequences", "fairing", "design", "pictures", "checks", "shell", "commands"),
+    *(
+        "certificates",
+        "tessellation",
+        "distances",
+        "sequences",
+        "fairing",
+        "design",
+        "pictures",
+        "checks",
+        "shell",
+        "commands",
+    ),
     *("__init__", "__main__"),
 ]
 """The floors, from the ground up: each imports only those before it. Modules beside the folders are the ground, but for

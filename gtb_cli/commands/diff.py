@@ -26,8 +26,8 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import RESOLUTION
 
 if TYPE_CHECKING:
-    from gtb_cli.meshes.difference import Difference
-    from gtb_cli.tessellation.comparison import Side
+    from gtb_cli.distances.comparison import Operand
+    from gtb_cli.meshes.difference import Difference, Kind
     from gtb_cli.theory.parametrization import Parametrization
 
 DIFFERENT, TROUBLE = 1, 2
@@ -40,6 +40,13 @@ class Source(NamedTuple):
     path: str
     recipe: Recipe
     spec_format: str | None
+
+
+class Question(NamedTuple):
+    """What is asked about two inputs."""
+
+    tolerance: float | str | None
+    kind: Kind
 
 
 def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -57,6 +64,14 @@ def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | 
     help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
     "by default. 0 means what the numbers in the files can hold.",
 )
+@click.option(
+    "--as",
+    "kind",
+    type=click.Choice(["auto", "vertices", "surface"]),
+    default="auto",
+    help="Compare vertex by vertex if the faces are the same, else as surfaces (auto); only vertex by vertex; or only "
+    "as surfaces. Two specs are then compared themselves, whatever their parameters, and not their meshes.",
+)
 @resolution_option
 @click.option(
     "--mesh-tolerance",
@@ -72,6 +87,7 @@ def diff(
     a: str,
     b: str,
     tolerance: float | str | None,
+    kind: Kind,
     resolution: int | None,
     mesh_tolerance: float | str | None,
     parametrization: Parametrization,
@@ -87,7 +103,8 @@ def diff(
     Compare two meshes: OBJ, PLY, STL or GLB files, or specs, which are meshed with -n and the options below it.
 
     Meshes with the same faces are compared vertex by vertex, others as surfaces (or curves): the largest distance of
-    a point of either from the other. Normals and texture coordinates do not count; if faces are the same but face the
+    a point of either from the other. With --as surface, two specs are compared as what they describe, to three digits,
+    by a search that proves nothing. Normals and texture coordinates do not count; if faces are the same but face the
     opposite way, a warning says how many. In two folders, files of the same name are compared, and a missing or an
     extra file is a difference. The tolerance is never less than what the numbers in the files can hold; the size is
     the diagonal of the bounding box of the smaller mesh. The distance of surfaces is found to a tenth of the
@@ -103,29 +120,37 @@ def diff(
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
     if os.path.isdir(a) and os.path.isdir(b):
-        _diff_folders(a, b, Source("", recipe, spec_format), tolerance, as_json, output, console)
+        _diff_folders(a, b, Source("", recipe, spec_format), Question(tolerance, kind), as_json, output, console)
         return
     if os.path.isdir(a) and b != STANDARD:
         a = os.path.join(a, os.path.basename(b))
     elif os.path.isdir(b) and a != STANDARD:
         b = os.path.join(b, os.path.basename(a))
     names = shown_input(a), shown_input(b)
-    found = _compared(Source(a, recipe, spec_format), Source(b, recipe, spec_format), tolerance, console)
+    found = _compared(
+        Source(a, recipe, spec_format), Source(b, recipe, spec_format), Question(tolerance, kind), console
+    )
     write_text(output, json.dumps(record(found, names)) + "\n" if as_json else text_about(found, names))
     if not found.same:
         raise click.exceptions.Exit(DIFFERENT)
 
 
-def _compared(first: Source, second: Source, tolerance: float | str | None, console: Console) -> Difference:
-    """Read and compare two inputs, and warn if the answer does not quite fit the question."""
-    from gtb_cli.meshes.difference import difference
-    from gtb_cli.tessellation.comparison import made_with
+def _compared(first: Source, second: Source, question: Question, console: Console) -> Difference:
+    """Read and compare two inputs, and say where the answer does not quite fit the question."""
+    from gtb_cli.distances.comparison import compared, made_with
 
     a, b = _read(first), _read(second)
-    found = difference(a.known, b.known, tolerance)
+    found = compared(a, b, *question)
     names = shown_input(first.path), shown_input(second.path)
     say_limits(found, names, console)
-    if found.method == "surface" and found.same_kind and first.recipe.tolerance is None:
+    if question.kind == "auto" and not found.same and a.spec is not None and b.spec is not None:
+        other = compared(a, b, question.tolerance, "surface")
+        did = "vertex by vertex" if found.method == "vertices" else "as surfaces"
+        console.note(
+            f"{', '.join(names)}: their meshes were compared {did}; the surfaces themselves (--as surface) are "
+            f"{other.distance:.3g} apart"
+        )
+    if found.method == "surface" and question.kind == "auto" and found.same_kind and first.recipe.tolerance is None:
         made = made_with(a, b)
         if made not in (None, first.recipe.resolution):
             spec, mesh = names if a.spec is not None else names[::-1]
@@ -133,10 +158,10 @@ def _compared(first: Source, second: Source, tolerance: float | str | None, cons
     return found
 
 
-def _read(source: Source) -> Side:
+def _read(source: Source) -> Operand:
     """Read a mesh file, or make the mesh of a spec."""
+    from gtb_cli.distances.comparison import BEGINNING_BYTES, bytes_at_most, decoded
     from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
-    from gtb_cli.tessellation.comparison import BEGINNING_BYTES, bytes_at_most, decoded
 
     path, recipe, spec_format = source
     shown = shown_input(path)
@@ -156,7 +181,7 @@ def _read(source: Source) -> Side:
 
 
 def _diff_folders(
-    a: str, b: str, source: Source, tolerance: float | str | None, as_json: bool, output: str, console: Console
+    a: str, b: str, source: Source, question: Question, as_json: bool, output: str, console: Console
 ) -> None:
     found_pairs, errors = pairs(a, b)
     refuse_overwriting((path for pair in found_pairs for path in pair[1:] if path is not None), [output])
@@ -172,7 +197,7 @@ def _diff_folders(
                 if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe would wait for its writer
                     raise GtbError(f"{path}: is not a file")
             sides = source._replace(path=first), source._replace(path=second)
-            results.append((name, (first, second), _compared(*sides, tolerance, console)))
+            results.append((name, (first, second), _compared(*sides, question, console)))
         except GtbError as error:
             errors[name] = str(error)
     same = not missing and not extra and not errors and all(found.same for _, _, found in results)

@@ -1,4 +1,4 @@
-"""Whether two meshes are the same within a tolerance, and what differs where."""
+"""The verdict whether two meshes are the same within a tolerance, and what differs where."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.compare import MAX_CUTS, surface_distance
+from gtb_cli.meshes.hausdorff import MAX_CUTS, Farthest, mesh_distance
 from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
@@ -21,29 +21,9 @@ DEFAULT_TOLERANCE = 1e-9
 """Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
 control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth."""
 
-ALLOWED_ERROR = 0.1
-"""Largest error of a distance between surfaces, as a fraction of the tolerance."""
-
-MAX_REMEASUREMENTS = 3
-"""Number of times a distance is measured again, ten times more accurately, while the tolerance lies between it and its
-bound."""
-
-Method: TypeAlias = Literal["vertices", "surface"]
+Method: TypeAlias = Literal["vertices", "surface", "patches"]
+Kind: TypeAlias = Literal["auto", "vertices", "surface"]
 Point: TypeAlias = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Farthest:
-    """The point of a mesh that is farthest from another mesh.
-
-    Attributes
-    ----------
-    distance : float
-    at : tuple of 3 float
-    """
-
-    distance: float
-    at: Point
 
 
 @dataclass(frozen=True, repr=False)
@@ -52,8 +32,9 @@ class Difference:
 
     Attributes
     ----------
-    method : {"vertices", "surface"}
-        What was compared: vertices one by one, if the meshes have the same cells, or the surfaces (or curves).
+    method : {"vertices", "surface", "patches"}
+        What was compared: vertices one by one, if the meshes have the same cells; the surfaces (or curves) that the
+        meshes are; or those of the patches from which they would be made.
     distance, bound : float
         Largest distance found, and an upper bound of the true one; both are equal for vertices.
     tolerance : float
@@ -110,8 +91,8 @@ class Difference:
 
     @property
     def is_proved(self) -> bool:
-        """Whether equality, if found, is proved: no two points can be farther apart than the tolerance."""
-        return not self.same or self.bound <= self.tolerance
+        """Whether the answer is proved: a distance of meshes that there is, or that none can exceed the tolerance."""
+        return self.method != "patches" and (not self.same or self.bound <= self.tolerance)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -128,7 +109,12 @@ class Difference:
 
 
 def difference(
-    a: KnownMesh, b: KnownMesh, tolerance: float | str | None = None, *, effort: int = MAX_CUTS
+    a: KnownMesh,
+    b: KnownMesh,
+    tolerance: float | str | None = None,
+    kind: Kind = "auto",
+    *,
+    effort: int = MAX_CUTS,
 ) -> Difference:
     """Compare two meshes.
 
@@ -138,8 +124,15 @@ def difference(
     tolerance : float or str, optional
         In model units, or as a percentage ``"1%"`` of the diagonal of the smaller mesh's bounding box. The default is
         `DEFAULT_TOLERANCE` times this diagonal. The tolerance is never less than the resolution.
+    kind : {"auto", "vertices", "surface"}
+        Whether vertices are compared if the meshes have the same cells, or nothing but vertices or surfaces are.
     effort : int
-        See `surface_distance`.
+        See `mesh_distance`.
+
+    Raises
+    ------
+    DomainError
+        The tolerance is none; vertices are to be compared of meshes with other cells.
 
     Notes
     -----
@@ -150,20 +143,13 @@ def difference(
     tolerance.
     """
     diagonal = min(_diagonal(a.mesh), _diagonal(b.mesh))
-    steps = a.half_steps + b.half_steps
-    resolution = math.hypot(*steps.tolist())
-    asked = None
-    allowed = DEFAULT_TOLERANCE * diagonal
-    if tolerance is not None:
-        try:
-            asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
-        except ValueError:
-            asked = math.nan
-        if not asked >= 0:
-            raise DomainError(f"tolerance: must be a number from 0, or a percentage, got {tolerance!r}")
-        allowed = asked
-    allowed = max(allowed, resolution)
-    pairs = _pairs(a.mesh, b.mesh, allowed) or _pairs_in_any_order(a.mesh, b.mesh, allowed)
+    resolution = math.hypot(*(a.half_steps + b.half_steps).tolist())
+    asked, allowed = allowed_for(tolerance, diagonal, resolution)
+    pairs = None
+    if kind != "surface":
+        pairs = _pairs(a.mesh, b.mesh, allowed) or _pairs_in_any_order(a.mesh, b.mesh, allowed)
+        if pairs is None and kind == "vertices":
+            raise DomainError("the meshes have different faces, so that vertices cannot be compared one by one")
     made = partial(Difference, tolerance=allowed, asked=asked, resolution=resolution, diagonal=diagonal)
     if pairs is not None:
         vertices, others, turned = pairs
@@ -183,23 +169,44 @@ def difference(
             group=_group(a.mesh, vertex),
             turned=turned,
         )
-    error = ALLOWED_ERROR * allowed
-    found = surface_distance(a.mesh, b.mesh, error, effort=effort)
-    for _ in range(MAX_REMEASUREMENTS):
-        if not found.value <= allowed < found.bound <= found.value + 2 * error:
+    finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
+    remeasurements = 3  # while the tolerance lies between a distance and its bound
+    error = finer * allowed
+    found = mesh_distance(a.mesh, b.mesh, error, effort=effort)
+    for _ in range(remeasurements):
+        if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
             break  # decided, or the effort was spent
-        error *= ALLOWED_ERROR
-        found = surface_distance(a.mesh, b.mesh, error, effort=effort)
+        error *= finer
+        found = mesh_distance(a.mesh, b.mesh, error, effort=effort)
     return made(
         method="surface",
-        distance=found.value,
+        distance=found.distance,
         bound=found.bound,
-        forward=Farthest(found.forward, found.forward_at),
-        backward=Farthest(found.backward, found.backward_at),
+        forward=found.forward,
+        backward=found.backward,
         first=measure(a.mesh),
         second=measure(b.mesh),
         same_kind=a.mesh.is_curve == b.mesh.is_curve,
     )
+
+
+def allowed_for(tolerance: float | str | None, diagonal: float, resolution: float) -> tuple[float | None, float]:
+    """Return the tolerance asked for, in model units, and the one that holds; see `difference`.
+
+    Raises
+    ------
+    DomainError
+        It is no number from 0, and no percentage.
+    """
+    if tolerance is None:
+        return None, max(DEFAULT_TOLERANCE * diagonal, resolution)
+    try:
+        asked = float(tolerance.removesuffix("%")) / 100 * diagonal if isinstance(tolerance, str) else tolerance
+    except ValueError:
+        asked = math.nan
+    if not asked >= 0:
+        raise DomainError(f"tolerance: must be a number from 0, or a percentage, got {tolerance!r}")
+    return asked, max(asked, resolution)
 
 
 def _diagonal(mesh: Mesh) -> float:
@@ -261,7 +268,7 @@ def _pairs(a: Mesh, b: Mesh, allowed: float) -> _Pairs | None:
 
 
 def _pairs_in_any_order(a: Mesh, b: Mesh, tolerance: float) -> _Pairs | None:
-    """The same for any order of vertices, cells and corners, if matching vertices are within the tolerance."""
+    """Vertices that match within the tolerance if the cells are the same in any order; otherwise None."""
     if a.cells.shape != b.cells.shape:
         return None
     (first, cells), (second, other_cells) = (_welded(mesh) for mesh in (a, b))

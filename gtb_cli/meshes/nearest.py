@@ -1,4 +1,4 @@
-"""The exact nearest cell of a mesh for each of many points: a tree of boxes, walked for all points at once."""
+"""Distances of points from segments and triangles: pair by pair, and from the nearest of many."""
 
 from __future__ import annotations
 
@@ -7,24 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of
-from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross_of_columns
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-BRANCHES = 8
-"""Number of boxes in each box of the tree."""
+BLOCK_POINTS = 8192  # points that are measured together: their arrays stay in the processor's cache
 
-PAIR_BATCH = 1 << 18
-"""Number of pairs of a point and a box examined together; longer lists are halved, which bounds the memory."""
+BRANCHES = 8  # boxes in each box of the tree
 
-CANDIDATE_CELLS = 8
-"""Number of cells tried before a search."""
+PAIR_BATCH = 1 << 18  # pairs of a point and a box examined together; longer lists are halved, which bounds the memory
 
-MORTON_BITS = 20
-"""Bits of each coordinate in the key that orders cells and points so that neighbours stay together."""
+CANDIDATE_CELLS = 8  # tried before a search
 
 
 @frozen
@@ -163,8 +158,9 @@ def middles(corners: FloatArray) -> FloatArray:
 def spatial_order(points: FloatArray) -> IntArray:
     """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
     low, high = bounds_of(points)
+    bits = 20  # of each coordinate, which `_spread` takes
     extent = float((high - low).max()) or 1.0
-    grid = ((points - low) * ((2**MORTON_BITS - 1) / extent)).astype(np.uint64)
+    grid = ((points - low) * ((2**bits - 1) / extent)).astype(np.uint64)
     key = np.zeros(len(points), dtype=np.uint64)
     for axis in range(3):
         key |= _spread(grid[:, axis]) << np.uint64(axis)
@@ -186,3 +182,47 @@ def _spread(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[t
 
 def _ranges(count: int, length: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + length, count)) for begin in range(0, count, length)]
+
+
+def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m,) distances of (m, 3) points, each from its own segment from (m, 3) `a` to `b`; equal ends are a point."""
+    result = np.empty(len(points))
+    for start in range(0, len(points), BLOCK_POINTS):
+        rows = slice(start, start + BLOCK_POINTS)
+        p, origin, end = (np.ascontiguousarray(each[rows].T) for each in (points, a, b))
+        result[rows] = np.sqrt(_to_side(p - origin, end - origin))
+    return result
+
+
+def to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(m,) distances of (m, 3) points, each from its own triangle; triangles may be flat or a point."""
+    result = np.empty(len(points))
+    for start in range(0, len(points), BLOCK_POINTS):
+        rows = slice(start, start + BLOCK_POINTS)
+        result[rows] = _to_triangles(*(np.ascontiguousarray(each[rows].T) for each in (points, a, b, c)))
+    return result
+
+
+def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(m,) distances of points from triangles, all as (3, m) columns."""
+    ab, ac, relative = b - a, c - a, points - a
+    normal = cross_of_columns(ab, ac)
+    square = column_dot(normal, normal)
+    safe = np.where(square > 0, square, 1.0)
+    v = column_dot(relative, cross_of_columns(ac, normal)) / safe
+    w = column_dot(relative, cross_of_columns(normal, ab)) / safe
+    result = np.abs(column_dot(relative, normal)) / np.sqrt(safe)
+    other = np.flatnonzero((square <= 0) | (v < 0) | (w < 0) | (v + w > 1))
+    if len(other):
+        relative, ab, ac = (each.take(other, axis=1) for each in (relative, ab, ac))  # faster than [:, other]
+        sides = (_to_side(relative, ab), _to_side(relative, ac), _to_side(relative - ab, ac - ab))
+        result[other] = np.sqrt(np.minimum(np.minimum(sides[0], sides[1]), sides[2]))
+    return result
+
+
+def _to_side(relative: FloatArray, direction: FloatArray) -> FloatArray:
+    """(m,) squares of the distances of (3, m) points from the segments from the origin to `direction`."""
+    square = column_dot(direction, direction)
+    t = np.clip(column_dot(relative, direction) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+    apart = relative - t * direction
+    return column_dot(apart, apart)

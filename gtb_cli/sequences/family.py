@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import knot_tolerance
 from gtb_cli.knots.triangulation import cell_count, central_triangulation, triangulation
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.moment.solve import ACCEPTED_RESIDUAL
-from gtb_cli.moment.torus import BLOCK_NUMBERS
-from gtb_cli.sequences.continuation import Continuation, Places
 from gtb_cli.sequences.film import film_mesh
 from gtb_cli.tessellation.complex import Complex, alone, joined_complex
 from gtb_cli.tessellation.refinement import refine
@@ -32,49 +28,6 @@ from gtb_cli.theory.knot_limit import KnotLimit, move_knots
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
-LAYER_CELLS = 4.0
-"""Cells across the layer along the boundary in which a member differs from what it is inside."""
-
-CORNER_TOLERANCES = 4.0
-"""Multiple of `knot_tolerance` by which corners of a cell and of its domain's hull may differ and be the same knots."""
-
-MAX_FOLLOWED_VERTICES = 20_000
-"""Vertices up to which members are solved together; the points of more would fill arrays of their own anyway."""
-
-MAX_TOGETHER = 32
-"""Largest number of members that are solved together."""
-
-
-@frozen
-class Degeneration:
-    """The data from which the members of a degeneration are made.
-
-    Attributes
-    ----------
-    patch : Patch
-    gaps : (n, c) float
-        How far the lifting of each knot is below the plane of each cell, in the order of meshing.
-    logarithms : (k,) float
-        |log x| of all members but the limit.
-    faces : (c, f) int
-        Numbers of the faces of Δ that hold each face of each cell.
-    borders : (c, f) bool
-        Whether a face of a cell has a lower dimension than that face of Δ.
-    knots : Places
-        Those of knots inside Δ that are not corners of cells: near each other, such knots may make peaks of members.
-    """
-
-    patch: Patch
-    gaps: FloatArray
-    logarithms: FloatArray
-    faces: IntArray
-    borders: BoolArray
-    knots: Places
-
-    def places(self, mosaic: Complex) -> Places:
-        """Return the places in Δ of the vertices of a complex over the cells."""
-        return Places(mosaic.patch, mosaic.parameters, self.faces[mosaic.patch, mosaic.face])
-
 
 @frozen
 class Family:
@@ -85,25 +38,28 @@ class Family:
     samplers : tuple of Sampler
         One for each patch, the limit last. All take parameters with the patch of the limit in which they lie, and the
         face of that patch's domain.
+    members : tuple of Patch
+        The patches without the limit.
+    is_limit : tuple of bool
+        For each of them whether it is the limit, to rounding.
     joints : Joints or None
         How the patches of the limit are joined; None for a single one.
+    faces : (c, f) int or None
+        Numbers of the faces of Δ that hold each face of each patch of the limit; None if that is a single one.
     thickness : tuple of float
-        For each member the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
+        For each sampler the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
         from what it is inside; empty if there is none.
-    degeneration : Degeneration or None
-        None for other families.
     knot_limit : KnotLimit or None
-        Likewise.
-    steps : tuple of float
-        Those of a knot limit's members.
+        None for a degeneration.
     """
 
     samplers: tuple[Sampler, ...]
-    joints: Joints | None
+    members: tuple[Patch, ...]
+    is_limit: tuple[bool, ...]
+    joints: Joints | None = None
+    faces: IntArray | None = None
     thickness: tuple[float, ...] = ()
-    degeneration: Degeneration | None = None
     knot_limit: KnotLimit | None = None
-    steps: tuple[float, ...] = ()
 
     @property
     def limit(self) -> Sampler:
@@ -137,7 +93,20 @@ class Family:
         """Return a complex like `uniform`, but with cells near the boundary as small as a member needs."""
         if not self.thickness or not 0 < self.thickness[member] < 1 / resolution:
             return self.uniform(resolution)
-        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / LAYER_CELLS)
+        layer_cells = 4.0  # across the layer
+        return graded_complex(self.limit.patches[0].domain, resolution, self.thickness[member] / layer_cells)
+
+    def over_whole(self, mosaic: Complex) -> Complex:
+        """Return a complex over the patches of the limit as one over Δ."""
+        if self.faces is None:
+            return mosaic
+        return replace(
+            mosaic,
+            patch=np.zeros_like(mosaic.patch),
+            face=self.faces[mosaic.patch, mosaic.face],
+            cell_patch=np.zeros_like(mosaic.cell_patch),
+            own_corners=mosaic.corners,
+        )
 
     def refined(self, tolerance: float, max_cells: int) -> Complex:
         """Refine the coarsest complex until it is within a tolerance of every member.
@@ -161,9 +130,15 @@ class Family:
 
 def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     """Patches at some steps of a knot limit, and the merged one."""
-    samplers = [_linear(move_knots(limit.patch, limit.moves, step)) for step in steps]
+    members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
     thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
-    return Family((*samplers, _linear(limit.merged)), None, thickness, knot_limit=limit, steps=tuple(steps))
+    return Family(
+        tuple(_linear(patch) for patch in (*members, limit.merged)),
+        members,
+        (False,) * len(members),
+        thickness=thickness,
+        knot_limit=limit,
+    )
 
 
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
@@ -174,26 +149,23 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     DomainError
         The decomposition has a corner that is straight to rounding.
     """
+    least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
     order = _left_to_right(decomposition)
     limit = cells_of(patch, decomposition).patches
     cells = [limit[k] for k in order]
     joints = _joints(decomposition, order, cells)
     faces = _outer_faces(patch.domain, decomposition, order)
     gaps = [decomposition.gaps(k) for k in order]
-    members = []
+    least_gap = min((float(gap.min(where=gap > 0, initial=np.inf)) for gap in gaps), default=np.inf)
+    samplers, members = [], []
     for logarithm in logarithms:
         # An affine lifting changes no point; the gaps, 0 on the cell itself, keep all digits there.
-        whole = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
-        members.append(Sampler(cells, "linear", True, wholes=whole, faces=faces))
-    degeneration = Degeneration(
-        patch,
-        np.stack(gaps, axis=1),
-        np.array(logarithms, dtype=np.float64),
-        faces,
-        _borders(patch.domain, cells, faces),
-        _other_knots(patch.domain, decomposition, order),
-    )
-    return Family((*members, Sampler(cells, "linear", True)), joints, degeneration=degeneration)
+        wholes = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
+        samplers.append(Sampler(cells, "linear", True, wholes=wholes, faces=faces))
+        members.append(wholes[0])
+    is_limit = tuple(not logarithm * least_gap < least_exponent for logarithm in logarithms)
+    samplers.append(Sampler(cells, "linear", True))
+    return Family(tuple(samplers), tuple(members), is_limit, joints, faces)
 
 
 def _linear(patch: Patch) -> Sampler:
@@ -222,7 +194,7 @@ def _joints(decomposition: RegularDecomposition, order: Sequence[int], cells: Se
     for index, k in enumerate(order):
         polygon = decomposition.polygons[k]
         corners, found = decomposition.knots[list(polygon)], cells[index].domain.vertices
-        tolerance = CORNER_TOLERANCES * knot_tolerance(decomposition.knots)
+        tolerance = 4.0 * knot_tolerance(decomposition.knots)  # also of the corners of the domain's hull
         if found.shape != corners.shape or np.abs(found - corners).max() > tolerance:
             raise DomainError(
                 f"lifting: cell {k} has a corner that is straight to rounding: knots that are meant to lie on a line, "
@@ -253,68 +225,6 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
         for face, knots in enumerate(parts, start=1):
             table[cell, face] = shape.faces.smallest(knots).number
     return table
-
-
-def _other_knots(shape: Domain, decomposition: RegularDecomposition, order: Sequence[int]) -> Places:
-    """Return the places of knots inside Δ that are not corners of cells."""
-    corners = np.concatenate([np.array(polygon) for polygon in decomposition.polygons])
-    others = np.setdiff1d(np.flatnonzero(~shape.incidence.any(axis=1)), corners)
-    cell = np.argsort(order)[decomposition.locate(shape.knots[others])] if len(others) else others
-    return Places(cell, shape.knots[others], np.full(len(others), INTERIOR))
-
-
-def _borders(shape: Domain, cells: Sequence[Patch], faces: IntArray) -> BoolArray:
-    """Return (cells, faces) whether each face of each cell is smaller than the face of Δ that contains it."""
-    whole = np.array([face.dimension for face in shape.faces])[faces]
-    own = np.full(faces.shape, shape.dimension)
-    for row, cell in zip(own, cells, strict=True):
-        row[: len(cell.domain.faces)] = [face.dimension for face in cell.domain.faces]
-    return np.asarray(own < whole)
-
-
-@frozen
-class Vertices:
-    """The vertices of a complex on the members of a family.
-
-    Parameters
-    ----------
-    family : Family
-    mosaic : Complex
-    """
-
-    family: Family
-    mosaic: Complex
-
-    def __iter__(self) -> Iterator[list[FloatArray]]:
-        """(v, 3) points of some members at a time, in order, without the limit."""
-        members = self.family.samplers[:-1]
-        solved = self._continuation
-        count = MAX_TOGETHER
-        if solved is not None and self.family.degeneration is not None:
-            knots = len(self.family.degeneration.gaps)
-            count = min(max(BLOCK_NUMBERS // (knots * solved.count), 1), MAX_TOGETHER)
-        for first in range(0, len(members), count):
-            samplers = members[first : first + count]
-            if solved is None or self.family.degeneration is None:
-                yield from ([self.sampled(sampler)] for sampler in samplers)
-                continue
-            points, known = solved.at(self.family.degeneration.logarithms[first : first + count], ACCEPTED_RESIDUAL)
-            for place, found, sampler in zip(points, known, samplers, strict=True):
-                rows = np.flatnonzero(~found)
-                if len(rows):
-                    place[rows] = self.sampled(sampler, rows)
-            yield list(points)
-
-    def sampled(self, sampler: Sampler, rows: IntArray | slice = slice(None)) -> FloatArray:
-        """(m, 3) points of one member at some vertices, or all."""
-        return sampler.points(self.mosaic.patch[rows], self.mosaic.parameters[rows], self.mosaic.face[rows])
-
-    @cached_property
-    def _continuation(self) -> Continuation | None:
-        one = self.family.degeneration
-        if one is None or not len(one.logarithms) or len(self.mosaic.patch) > MAX_FOLLOWED_VERTICES:
-            return None
-        return Continuation(one.patch, one.gaps, one.places(self.mosaic), float(one.logarithms.max()))
 
 
 def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:

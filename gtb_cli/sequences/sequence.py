@@ -13,12 +13,11 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.sequences.family import Family, Vertices, approaching, degenerating
+from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sampler import Sampler
@@ -89,21 +88,11 @@ class MeshSequence:
         return self._family.film
 
     def __iter__(self) -> Iterator[Member]:
-        family, limit = self._family, self._family.limit
-        vertices = Vertices(family, self._mosaic)
-        # Measuring samples the limit, too, and what it learns there would change the last digits of its mesh.
-        last = self._mesh(limit, vertices.sampled(limit))
-        measurement = None if self._accuracy is None else Measurement(family, self._accuracy)
-        index = 0
-        for block in vertices:
-            members = range(index, index + len(block))
-            yield from self._measured(
-                [self._mesh(family.samplers[k], points) for k, points in zip(members, block, strict=True)],
-                members,
-                measurement,
-            )
-            index += len(block)
-        yield from self._measured([last], range(index, index + 1), measurement)
+        together = 32  # members that are made, and measured, before the first of them is handed out
+        measurement = None if self._accuracy is None else Measurement(self._family, self._accuracy)
+        for first in range(0, len(self), together):
+            members = range(first, min(first + together, len(self)))
+            yield from self._measured([self._mesh(self._family.samplers[k]) for k in members], members, measurement)
 
     def _measured(self, meshes: list[Mesh], members: range, measurement: Measurement | None) -> Iterator[Member]:
         """Yield members with their distances."""
@@ -113,10 +102,11 @@ class MeshSequence:
         for k, mesh, (plain, filmed, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
             yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, doubt)
 
-    def _mesh(self, sampler: Sampler, vertices: FloatArray) -> Mesh:
+    def _mesh(self, sampler: Sampler) -> Mesh:
         normals, cells = None, self._mosaic.cells
+        where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
+        vertices = sampler.points(*where)
         if self._normals and cells.shape[1] == 3:
-            where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
             normals = vertex_normals(sampler.normals(*where), vertices, cells)
         return Mesh(vertices, cells, parameters=self._mosaic.parameters, normals=normals, name=self.name)
 

@@ -9,9 +9,6 @@ from gtb_cli.shell.console import Console, printable
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
-TABLE_DIGITS = 9
-"""Digits of a number in a table, unless two different numbers would look the same."""
-
 
 def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
     """Warn if the answer does not quite fit the question."""
@@ -23,7 +20,7 @@ def say_limits(found: Difference, names: tuple[str, str], console: Console) -> N
         console.warn(f"{both}: {found.turned} faces are turned over")
     for remark in found.remarks:
         console.warn(f"{both}: {remark}")
-    if not found.is_proved:
+    if not found.is_proved and found.method != "patches":
         what = f"nothing farther apart than {found.distance:.3g} was found, but it is not proved"
         console.warn(f"{both}: {what}: between samples it could be {found.bound:.3g}")
 
@@ -64,13 +61,16 @@ def text_about(found: Difference, names: tuple[str, str]) -> str:
             return text
         where = f" of {found.group}" if found.group else ""
         return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
+    if found.method == "patches":
+        what = "surfaces" if found.same_kind else "a curve and a surface,"
+        text = f"{head}: {what} {found.distance:.3g} apart, themselves (by a search, not proved), tolerance "
+        return f"{text}{found.tolerance:.3g}\n{'' if found.same else _farthest(found)}"
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
     what = "surfaces" if found.same_kind else "a curve and a surface,"
     text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
-    for way, farthest in (("A from B", found.forward), ("B from A", found.backward)):
-        text += f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n"
+    text += _farthest(found)
     if found.first is None or found.second is None:
         return text
     rows = [measures.record() for measures in (found.first, found.second)]
@@ -80,9 +80,16 @@ def text_about(found: Difference, names: tuple[str, str]) -> str:
     return text
 
 
+def _farthest(found: Difference) -> str:
+    """Return a line for each way."""
+    ways = ("A from B", found.forward), ("B from A", found.backward)
+    return "".join(f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n" for way, farthest in ways)
+
+
 def _row(label: str, values: list[float | int | None]) -> str:
     """Return a line of a table; if its two numbers differ, it has a star and enough digits to show that."""
-    first, second = (_number(value, TABLE_DIGITS) for value in values)
+    digits = 9  # unless two different numbers would look the same
+    first, second = (_number(value, digits) for value in values)
     if values[0] == values[1]:
         return f"  {label:24}{first:>16}{second:>16}\n"
     if first == second:

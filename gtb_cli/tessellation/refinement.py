@@ -16,7 +16,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cro
 from gtb_cli.certificates.cells import Certificates
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.distance import to_segments
+from gtb_cli.meshes.nearest import to_segments
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat

@@ -13,7 +13,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.distance import to_segments, to_triangles
+from gtb_cli.meshes.nearest import to_segments, to_triangles
 from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision

@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gtb_cli.language.loading import load
-from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import to_triangles
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch

@@ -12,7 +12,7 @@ import pytest
 from gtb_cli.bezier.pieces import bezier_degree, bezier_pieces, split_curve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
-from gtb_cli.meshes.compare import surface_distance
+from gtb_cli.meshes.hausdorff import mesh_distance
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.model import Model
@@ -101,7 +101,7 @@ def test_the_meshes_agree_as_surfaces() -> None:
     patch = integer_pentagon()
     tolerance = 1e-3 * size(patch)
     first, second = (tessellate(shape, tolerance=tolerance) for shape in (patch, bezier_pieces(patch)))
-    distance = surface_distance(first, second, tolerance)
+    distance = mesh_distance(first, second, tolerance)
     assert distance.bound <= 3 * tolerance
 
 

@@ -12,8 +12,8 @@ from gtb_cli.certificates import cells
 from gtb_cli.certificates.enclosures import Coverings
 from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import to_segments, to_triangles
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model

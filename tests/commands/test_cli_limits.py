@@ -64,7 +64,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
 
 @pytest.mark.parametrize("command", [["degenerate", SURFACE, "-x5"], ["knot-limit", MOVING, "--merge", "3:1"]])
 def test_distances_are_left_out(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.sequences.measurement.surface_distance", None)
+    monkeypatch.setattr("gtb_cli.sequences.measurement.farthest", None)
     for name in (tmp_path / "folder", tmp_path / "one.glb"):
         result = gtb(*command, "-n", 2, "--no-distance", "-o", name)
         assert result.status == 0

@@ -22,7 +22,7 @@ from gtb_cli.meshes.known import known_exactly
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
-from tests.shell import CURVE, PENTAGON, gtb
+from tests.shell import CURVE, PENTAGON, SPECS, gtb
 from tests.specs import load
 from tests.tiny_meshes import model, surface
 
@@ -155,7 +155,7 @@ def plane(n: int) -> Mesh:
 
 
 def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):
-    monkeypatch.setattr("gtb_cli.meshes.difference.difference", partial(difference, effort=0))
+    monkeypatch.setattr("gtb_cli.distances.comparison.difference", partial(difference, effort=0))
     for n in (5, 7):
         write_mesh(plane(n), tmp_path / f"{n}.obj")
     result = gtb("diff", tmp_path / "5.obj", tmp_path / "7.obj", "-q")
@@ -379,3 +379,18 @@ def test_a_deep_folder_and_names_that_forge_lines(folders):
     assert result.text.splitlines()[-1] == "2 same, 0 different, 2 missing, 0 extra"
     assert len(result.text.splitlines()) == 3
     subprocess.run(["rm", "-r", one / "d"], check=True)  # pytest's own way is too deep
+
+
+def test_specs_of_one_surface_are_the_same_as_surfaces():
+    """Raising the degree moves no point of the surface, and all of the mesh: auto says both."""
+    spec = SPECS / "hexagon.toml"
+    raised = gtb("elevate", spec, status=0).out
+    result = gtb("diff", spec, "-", "--as", "surface", stdin=raised, status=0)
+    assert result.text.endswith("surfaces 0 apart, themselves (by a search, not proved), tolerance 1.09e-08\n")
+    found = json.loads(gtb("diff", spec, "-", "--as", "surface", "--json", stdin=raised, status=0).out)
+    assert (found["same"], found["method"], found["proved"]) == (True, "patches", False)
+    result = gtb("diff", spec, "-", stdin=raised, status=1)
+    assert "the same faces, vertices up to 0.486 apart" in result.text
+    assert "compared vertex by vertex; the surfaces themselves (--as surface) are 0 apart" in result.err
+    result = gtb("diff", spec, SPECS / "pentagon.toml", "--as", "vertices", status=2)
+    assert "have different faces" in result.err

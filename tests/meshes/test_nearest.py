@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from trimesh.triangles import closest_point
 
-from gtb_cli.meshes.distance import BLOCK_POINTS, to_segments, to_triangles
-from gtb_cli.meshes.nearest import NearestCells, cell_distances, middles
+from gtb_cli.meshes.nearest import BLOCK_POINTS, NearestCells, cell_distances, middles, to_segments, to_triangles
 from tests.tiny_meshes import surface
 
 ROUNDING = 1e-12

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from stl import mesh as stl
 
 from gtb_cli.errors import DomainError, ToleranceError
-from gtb_cli.meshes.distance import to_triangles
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import to_triangles
 from gtb_cli.meshes.tube import RING_SIDES, folded_segments, ring_size, tube
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe

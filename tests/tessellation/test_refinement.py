@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import ToleranceError
-from gtb_cli.meshes.distance import to_segments, to_triangles
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.meshes.nearest import NearestCells, to_segments, to_triangles
 from gtb_cli.moment import solve
 from gtb_cli.moment.solve import LogSum
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES

@@ -1,4 +1,4 @@
-"""How far apart two meshes are, as surfaces or curves."""
+"""The Hausdorff distance of two meshes, as the surfaces or curves that their cells fill."""
 
 from __future__ import annotations
 
@@ -14,78 +14,63 @@ from gtb_cli.meshes.nearest import NearestCells, spatial_order
 from gtb_cli.meshes.overlay import CellParts
 from gtb_cli.meshes.topology import are_used
 
-RELATIVE_ERROR = 1e-3
-"""Relative error of a distance at which the search for farther points ends."""
+RELATIVE_ERROR = 1e-3  # of a distance, at which the search for farther points ends
 
-IGNORED_GAIN = 1e-5
-"""A sample is measured exactly if it may exceed the largest distance found by this fraction."""
+DISTANCE_ROUNDING = 1e-14  # fraction of the meshes' size below which a distance is rounding
 
-DISTANCE_ROUNDING = 1e-14
-"""Fraction of the meshes' size below which a distance is rounding."""
+MAX_CUTS = 250_000  # pieces cut in each direction; the search then stops with the bound proved so far
 
-NEIGHBOUR_BLOCK = 64
-"""Number of vertices, consecutive in space, in a group; one is measured first to speed up the rest."""
+CONCURRENT_CELLS = 100_000  # cells from which on the two directions are measured at the same time
 
-FIRST_BATCH = 64
-"""Number of points in the first batch measured exactly, farthest estimate first; each further batch is four times as
-large."""
 
-CELL_BATCH = 1 << 16
-"""Number of cells that are bounded together, which bounds the memory."""
+@dataclass(frozen=True)
+class Farthest:
+    """The point that is farthest from something else.
 
-MOST_CELLS = 16
-"""Cells for each vertex, beyond which some may be repeated: surfaces have two for each, and curves one."""
+    Attributes
+    ----------
+    distance : float
+    at : tuple of 3 float
+    """
 
-MAX_CUTS = 250_000
-"""Largest number of pieces cut in each direction; the search then stops with the bound proved so far."""
-
-CELLS_PER_CUT = 4
-"""Number of uncut cells that cost as much as one cut; a large mesh leaves less for cuts."""
-
-MIN_CUT_SHARE = 0.16
-"""Fraction of `MAX_CUTS` that even the largest mesh may spend on cuts."""
-
-CUT_BATCH = 20_000
-"""Number of pieces that are cut together."""
-
-EXCESS_RATIO = 10
-"""Ratio of pieces to allowed cuts above which little can be proved: only the likely pieces are cut then, once."""
-
-CORNER_BATCH = 64
-"""Number of corners measured exactly in each round: those of the pieces with the largest bounds."""
-
-CONCURRENT_CELLS = 100_000
-"""Smallest number of cells for which the two directions are measured at the same time."""
+    distance: float
+    at: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Distance:
-    """Two-sided (Hausdorff) distance between two meshes. Made by `surface_distance`.
+    """Two-sided (Hausdorff) distance between two meshes, surfaces or curves; ``float(found)`` is its value.
 
     Attributes
     ----------
-    forward, backward : float
-        Largest distance found from a point of the first mesh to the second, and the other way, in model units. These
-        distances are attained, so they never exceed the true ones.
-    forward_at, backward_at : tuple of 3 float
-        Those points.
+    forward, backward : Farthest
+        The point of the first one that is farthest from the second, and the other way round, in model units.
     bound : float
-        No point of either mesh is farther from the other than this.
+        What the distance can be at most: proved, or estimated.
+    is_proved : bool
+        Whether the bound is proved, as it is between meshes; between surfaces, points are searched for.
     """
 
-    forward: float
-    backward: float
-    forward_at: tuple[float, float, float]
-    backward_at: tuple[float, float, float]
+    forward: Farthest
+    backward: Farthest
     bound: float
+    is_proved: bool
 
     @property
-    def value(self) -> float:
+    def distance(self) -> float:
         """The larger of the two directed distances."""
-        return max(self.forward, self.backward)
+        return max(self.forward.distance, self.backward.distance)
+
+    @property
+    def error(self) -> float:
+        """Largest error of the distance."""
+        return self.bound - self.distance
+
+    def __float__(self) -> float:
+        return self.distance
 
 
-def surface_distance(
+def mesh_distance(
     a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_CUTS, concurrent: int = CONCURRENT_CELLS
 ) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
@@ -114,7 +99,7 @@ def surface_distance(
     convex function; hence no point of a piece is farther from the other mesh than the farthest corner of the piece is
     from any one cell there. If this bound exceeds the distance found, the piece is cut where it leaves the region over
     the cell below it (`CellParts.cut`). In the end each piece lies over one cell, and its bound is attained. The search
-    ends when no more than `accuracy` can be gained, or the effort is spent. `Distance.bound` says what has been proved
+    ends when no more than `accuracy` can be gained, or the effort is spent. `Distance.bound` is what has been proved
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
     """
@@ -140,13 +125,9 @@ def surface_distance(
         x, y, z = (np.ldexp(point, exponent) + origin).tolist()
         return x, y, z
 
-    return Distance(
-        forward=float(np.ldexp(forward.found, exponent)),
-        backward=float(np.ldexp(backward.found, exponent)),
-        forward_at=place(forward.place),
-        backward_at=place(backward.place),
-        bound=float(np.ldexp(max(forward.bound, backward.bound), exponent)),
-    )
+    ways = [Farthest(float(np.ldexp(way.found, exponent)), place(way.place)) for way in (forward, backward)]
+    bound = float(np.ldexp(max(forward.bound, backward.bound), exponent))
+    return Distance(ways[0], ways[1], bound, is_proved=True)
 
 
 def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
@@ -154,7 +135,8 @@ def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
 
     The search would take each copy for a piece of its own, and damaged files have millions in the same place.
     """
-    if len(cells) <= MOST_CELLS * used or count ** cells.shape[1] > np.iinfo(np.int64).max:
+    most_cells = 16  # for each vertex; surfaces have two for each, and curves one
+    if len(cells) <= most_cells * used or count ** cells.shape[1] > np.iinfo(np.int64).max:
         return cells
     corners = np.sort(cells, axis=1).T
     keys = corners[0]
@@ -166,15 +148,15 @@ def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
 Direction: TypeAlias = tuple[FloatArray, IntArray, FloatArray]
 
 
-def _in_turn(directions: list[Direction], accuracy: float, effort: int) -> list[_Search]:
+def _in_turn(directions: list[Direction], accuracy: float, effort: int) -> list[_FarthestPoint]:
     return [_directed(*direction, accuracy, effort) for direction in directions]
 
 
-def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[_Search]:
-    """The same in two threads, since numpy and scipy release the interpreter's lock."""
+def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[_FarthestPoint]:
+    """Search in two threads, since numpy and scipy release the interpreter's lock."""
     import threading
 
-    results: list[_Search | BaseException] = []
+    results: list[_FarthestPoint | BaseException] = []
 
     def run() -> None:
         try:
@@ -192,30 +174,34 @@ def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[
     return [forward, results[0]]
 
 
-def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _Search:
+def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _FarthestPoint:
     """Search the given cells for the point farthest from the cells with the corners `other`."""
-    search = _Search(NearestCells(other), accuracy)
+    cell_batch, cut_batch = 1 << 16, 20_000  # cells bounded together, and pieces cut together: they bound the memory
+    cells_per_cut = 4  # that cost as much as a cut; a large mesh leaves less for cuts …
+    least_share = 0.16  # … but this part of the effort
+    excess = 10  # pieces for each allowed cut above which little can be proved: only likely ones are cut then, once
+    search = _FarthestPoint(NearestCells(other), accuracy)
     used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
     distances[used], nearest[used] = search.look_at_many(vertices[used])
     kept = []
-    for begin in range(0, len(cells), CELL_BATCH):
-        rows = cells[begin : begin + CELL_BATCH]
+    for begin in range(0, len(cells), cell_batch):
+        rows = cells[begin : begin + cell_batch]
         block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = joined(kept)
-    effort = max(effort - len(cells) // CELLS_PER_CUT, round(effort * MIN_CUT_SHARE))
+    effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
     by_sample = False
-    if len(pieces.bounds) > EXCESS_RATIO * effort:
-        effort, by_sample = min(CUT_BATCH, effort), True
+    if len(pieces.bounds) > excess * effort:
+        effort, by_sample = min(cut_batch, effort), True
     while True:
         search.try_corners(pieces)
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
         # Alternate between the pieces that may be farthest, so that the bound falls, and those that probably are.
-        number = min(CUT_BATCH, effort, len(pieces.bounds))
+        number = min(cut_batch, effort, len(pieces.bounds))
         order = np.argpartition(-(pieces.samples if by_sample else pieces.bounds), number - 1)
         by_sample = not by_sample
         effort -= number
@@ -225,7 +211,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     return search
 
 
-class _Search:
+class _FarthestPoint:
     """The farthest point found so far, and a bound for everything left out so far."""
 
     def __init__(self, tree: NearestCells, accuracy: float) -> None:
@@ -243,7 +229,8 @@ class _Search:
     @property
     def low(self) -> float:
         """The distance up to which points need not be measured exactly."""
-        return self.found * (1 + IGNORED_GAIN) + DISTANCE_ROUNDING
+        ignored_gain = 1e-5  # relative
+        return self.found * (1 + ignored_gain) + DISTANCE_ROUNDING
 
     def needed(self, pieces: CellParts) -> CellParts:
         """Leave out the pieces whose bounds are low enough, and remember the highest of these."""
@@ -270,8 +257,9 @@ class _Search:
 
     def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """Like `look_at`, for (m, 3) points in an order that keeps neighbours together."""
-        block = np.arange(len(points)) // NEIGHBOUR_BLOCK
-        first = np.arange(0, len(points), NEIGHBOUR_BLOCK)
+        together = 64  # consecutive points, one of which is measured first to speed up the rest
+        block = np.arange(len(points)) // together
+        first = np.arange(0, len(points), together)
         distances, cells = self.look_at(points[first])
         away = np.linalg.norm(points - points[first][block], axis=1)
         radius = np.maximum.reduceat(away, first)
@@ -295,7 +283,7 @@ class _Search:
             distances[chosen[better]], cells[chosen[better]] = others[better], those[better]
         order = self._open(np.arange(len(points)), distances)
         order = order[np.argsort(-distances[order], kind="stable")]
-        begin, length = 0, FIRST_BATCH
+        begin, length = 0, 64  # points in the first batch measured exactly, farthest estimate first
         while begin < len(order):
             chosen = self._open(order[begin : begin + length], distances)
             if not len(chosen):
@@ -322,6 +310,7 @@ class _Search:
 
     def try_corners(self, pieces: CellParts) -> None:
         """Measure the worst corners of the pieces with the largest bounds."""
+        number = 64  # in each round
         if len(pieces.bounds):
-            worst = np.argsort(-pieces.bounds, kind="stable")[:CORNER_BATCH]
+            worst = np.argsort(-pieces.bounds, kind="stable")[:number]
             self.look_at(pieces.corners[worst, pieces.worst[worst]])

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes import compare
-from gtb_cli.meshes.compare import RELATIVE_ERROR, surface_distance
+from gtb_cli.meshes import hausdorff
+from gtb_cli.meshes.hausdorff import RELATIVE_ERROR, mesh_distance
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
@@ -61,44 +61,48 @@ def test_parallel_planes(scale, shift):
     one, two = flat(3), moved(flat(7), 0, 0, 0.25)
     height = 0.25 / math.hypot(1, 0.3)  # in the middle; at the boundary, the farthest points are off the plane
     one, two = (Mesh((mesh.vertices + shift) * scale, mesh.cells) for mesh in (one, two))
-    found = surface_distance(one, two)
+    found = mesh_distance(one, two)
     at_edge = 0.25  # at the upper edge the plane ends: the nearest point of the lower one is on its own edge
-    assert height * scale <= found.value <= at_edge * scale * (1 + 1e-6)
-    assert found.value <= found.bound <= found.value * (1 + RELATIVE_ERROR) + shift * scale * 1e-12
+    assert height * scale <= found.distance <= at_edge * scale * (1 + 1e-6)
+    assert found.distance <= found.bound <= found.distance * (1 + RELATIVE_ERROR) + shift * scale * 1e-12
 
 
 def test_a_point_above_a_plane():
     roof = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [1, 1, 1]])
     square = Mesh(roof[:4], np.array([[0, 1, 2], [0, 2, 3]]))
     pyramid = Mesh(roof, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
-    found = surface_distance(pyramid, square)
-    assert found.forward == pytest.approx(1)
-    assert found.forward_at == pytest.approx((1, 1, 1))
-    assert found.backward == pytest.approx(math.sqrt(0.5))  # the middle of the square, from a face of 45 degrees
-    assert found.backward_at == pytest.approx((1, 1, 0), abs=1e-3)
-    assert found.value == found.forward
+    found = mesh_distance(pyramid, square)
+    assert found.forward.distance == pytest.approx(1)
+    assert found.forward.at == pytest.approx((1, 1, 1))
+    assert found.backward.distance == pytest.approx(
+        math.sqrt(0.5)
+    )  # the middle of the square, from a face of 45 degrees
+    assert found.backward.at == pytest.approx((1, 1, 0), abs=1e-3)
+    assert found.distance == found.forward.distance
 
 
 def test_the_farthest_point_may_be_inside_a_face():
     # From the middle of a big face it is farthest to a small mesh around its corners.
     big = Mesh(np.array([[0.0, 0, 0], [6, 0, 0], [0, 6, 0]]), np.array([[0, 1, 2]]))
     corners = Mesh(big.vertices[np.array([0, 0, 1, 1, 2, 2])], np.array([[0, 1, 1], [2, 3, 3], [4, 5, 5]]))
-    found = surface_distance(big, corners)
-    assert found.forward == pytest.approx(3 * math.sqrt(2), rel=2 * RELATIVE_ERROR)  # the middle of the long side
-    assert found.backward == 0
+    found = mesh_distance(big, corners)
+    assert found.forward.distance == pytest.approx(
+        3 * math.sqrt(2), rel=2 * RELATIVE_ERROR
+    )  # the middle of the long side
+    assert found.backward.distance == 0
 
 
 @pytest.mark.parametrize(("m", "n"), [(3, 3), (10, 7), (5, 20), (1, 13)])
 def test_other_faces_of_the_same_surface_are_not_a_difference_and_that_is_proved(m, n):
-    found = surface_distance(flat(m), flat(n))
+    found = mesh_distance(flat(m), flat(n))
     assert found.bound <= ROUNDING
 
 
 def test_faces_in_another_order():
     mesh = surface(20)
     order = np.random.default_rng(1).permutation(len(mesh.cells))
-    assert surface_distance(mesh, Mesh(mesh.vertices, mesh.cells[order])).bound <= ROUNDING
-    assert surface_distance(mesh, Mesh(mesh.vertices, mesh.cells[order, ::-1])).bound <= ROUNDING
+    assert mesh_distance(mesh, Mesh(mesh.vertices, mesh.cells[order])).bound <= ROUNDING
+    assert mesh_distance(mesh, Mesh(mesh.vertices, mesh.cells[order, ::-1])).bound <= ROUNDING
 
 
 @cache
@@ -127,64 +131,63 @@ PAIRS = mostly_long(
 @pytest.mark.parametrize("name", PAIRS)
 def test_distance_as_by_dense_sampling(name):
     a, b = pairs()[name]
-    found = surface_distance(a, b)
+    found = mesh_distance(a, b)
     expected, error = sampled_distance(a, b)
-    assert abs(found.value - expected) <= error
-    assert found.value <= found.bound <= found.value * (1 + RELATIVE_ERROR) + ROUNDING
+    assert abs(found.distance - expected) <= error
+    assert found.distance <= found.bound <= found.distance * (1 + RELATIVE_ERROR) + ROUNDING
 
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_distance_is_the_same_both_ways_round(name):
     a, b = pairs()[name]
-    found, other = surface_distance(a, b), surface_distance(b, a)
+    found, other = mesh_distance(a, b), mesh_distance(b, a)
     assert (found.forward, found.backward) == (other.backward, other.forward)
-    assert (found.forward_at, found.backward_at) == (other.backward_at, other.forward_at)
 
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_an_accuracy_is_kept_and_saves_work(name):
     a, b = pairs()[name]
-    exact = surface_distance(a, b)
-    accuracy = 0.2 * exact.value
-    found = surface_distance(a, b, accuracy)
-    assert exact.value - accuracy <= found.value <= exact.bound
-    assert exact.value <= found.bound <= found.value + accuracy * (1 + 1e-9)
+    exact = mesh_distance(a, b)
+    accuracy = 0.2 * exact.distance
+    found = mesh_distance(a, b, accuracy)
+    assert exact.distance - accuracy <= found.distance <= exact.bound
+    assert exact.distance <= found.bound <= found.distance + accuracy * (1 + 1e-9)
 
 
 def test_without_effort_the_bound_is_still_one():
     a, b = pairs()["pentagon"]
-    exact = surface_distance(a, b)
-    found = surface_distance(a, b, effort=0)
-    assert found.value <= exact.value <= found.bound
+    exact = mesh_distance(a, b)
+    found = mesh_distance(a, b, effort=0)
+    assert found.distance <= exact.distance <= found.bound
 
 
 def test_large_meshes_take_both_directions_at_once_with_the_same_result(monkeypatch):
     a, b = pairs()["pentagon"]
-    expected = surface_distance(a, b)
-    assert surface_distance(a, b, concurrent=0) == expected
+    expected = mesh_distance(a, b)
+    assert mesh_distance(a, b, concurrent=0) == expected
 
     def broken(*arguments):
         raise MemoryError
 
-    monkeypatch.setattr(compare, "_directed", broken)
+    monkeypatch.setattr(hausdorff, "_directed", broken)
     with pytest.raises(MemoryError):
-        surface_distance(a, b, concurrent=0)
+        mesh_distance(a, b, concurrent=0)
 
 
 @pytest.mark.parametrize("exponent", [-290, 290])
 def test_extreme_sizes(exponent):
     a, b = surface(3), moved(surface(4), 0, 0, 0.5)
-    expected = surface_distance(a, b).value
+    expected = mesh_distance(a, b).distance
     scale = 10.0**exponent
-    found = surface_distance(Mesh(a.vertices * scale, a.cells), Mesh(b.vertices * scale, b.cells))
-    assert found.value == pytest.approx(expected * scale, rel=1e-9)
+    found = mesh_distance(Mesh(a.vertices * scale, a.cells), Mesh(b.vertices * scale, b.cells))
+    assert found.distance == pytest.approx(expected * scale, rel=1e-9)
 
 
 def test_chord_errors_fall_with_the_square_of_the_resolution():
     patch = load(SPECS / "bicubic.toml")
     assert isinstance(patch, Patch)
     fine = tessellate(patch, 32, parametrization="toric")
-    errors = [surface_distance(tessellate(patch, n, parametrization="toric"), fine).value for n in (3, 6, 12)]
+    errors = [mesh_distance(tessellate(patch, n, parametrization="toric"), fine).distance for n in (3, 6, 12)]
     rates = [math.log2(a / b) for a, b in pairwise(errors)]
     assert min(rates) > 1.7
 
@@ -192,18 +195,18 @@ def test_chord_errors_fall_with_the_square_of_the_resolution():
 @pytest.mark.parametrize("mesh", [flat(3), curve()])
 def test_cells_that_are_repeated_are_searched_once(mesh, monkeypatch):
     searched = []
-    nearest = compare.NearestCells
-    monkeypatch.setattr(compare, "NearestCells", lambda corners: searched.append(len(corners)) or nearest(corners))
+    nearest = hausdorff.NearestCells
+    monkeypatch.setattr(hausdorff, "NearestCells", lambda corners: searched.append(len(corners)) or nearest(corners))
     many = Mesh(mesh.vertices, np.concatenate([mesh.cells, np.roll(mesh.cells, 1, axis=1)] * 50))
     other = moved(mesh, 0, 0, 0.1)
-    assert surface_distance(many, other) == surface_distance(mesh, other)
+    assert mesh_distance(many, other) == mesh_distance(mesh, other)
     assert searched == [len(mesh.cells)] * 4
 
 
 def test_what_has_no_distance():
     empty = Mesh(np.zeros((1, 3)), np.empty((0, 3), dtype=int))
     with pytest.raises(DomainError, match="has no cells"):
-        surface_distance(surface(), empty)
+        mesh_distance(surface(), empty)
     with pytest.raises(DomainError, match="must be finite"):
-        surface_distance(surface(), Mesh(surface().vertices + np.inf, surface().cells))
-    assert surface_distance(curve(), curve()).bound == 0
+        mesh_distance(surface(), Mesh(surface().vertices + np.inf, surface().cells))
+    assert mesh_distance(curve(), curve()).bound == 0

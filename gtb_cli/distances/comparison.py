@@ -1,0 +1,225 @@
+"""Two things that are meshes, or become meshes, compared: files of meshes, specs, patches and models."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.distances.shapes import shape_distance
+from gtb_cli.errors import DomainError, GtbError
+from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
+from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
+from gtb_cli.language.document import spec_format_of
+from gtb_cli.language.loading import parse
+from gtb_cli.language.scanner import Format
+from gtb_cli.meshes.difference import Difference, Kind, allowed_for, difference
+from gtb_cli.meshes.hausdorff import Distance, mesh_distance
+from gtb_cli.meshes.known import KnownMesh, known_exactly, rounding
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.shape import Shape, shape_of
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+from gtb_cli.values import frozen
+from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
+
+BEGINNING_BYTES = 1 << 16
+"""Bytes by which a mesh is told from a spec."""
+
+Comparable: TypeAlias = Mesh | Shape
+
+
+@frozen
+class Operand:
+    """One of the two things that are compared.
+
+    Attributes
+    ----------
+    origin : KnownMesh, Patch or Model
+    recipe : Recipe
+        How to mesh what is not a mesh.
+    name : str
+        That of its file, for errors.
+    """
+
+    origin: KnownMesh | Patch | Model
+    recipe: Recipe
+    name: str = ""
+
+    @property
+    def spec(self) -> Patch | Model | None:
+        """The patch or model that it is, if it is not a mesh."""
+        return None if isinstance(self.origin, KnownMesh) else self.origin
+
+    @cached_property
+    def known(self) -> KnownMesh:
+        """The mesh that it is or becomes."""
+        if isinstance(self.origin, KnownMesh):
+            return self.origin
+        try:
+            return known_exactly(self.recipe.mesh(self.origin)[0])
+        except GtbError as error:
+            if not self.name:
+                raise
+            raise type(error)("\n".join(f"{self.name}: {line}" for line in str(error).split("\n"))) from error
+
+
+def diff(
+    a: Comparable,
+    b: Comparable,
+    tolerance: float | str | None = None,
+    *,
+    recipe: Recipe | None = None,
+    kind: Kind = "auto",
+) -> Difference:
+    """Compare two meshes, as ``gtb diff`` does.
+
+    Parameters
+    ----------
+    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
+    tolerance : float or str, optional
+        Largest distance that counts as none, in model units, or as ``"1%"`` of the size; 0 is what the numbers in files
+        can hold. Default: 1e-9 of the size.
+    recipe : Recipe, optional
+        How to mesh what is not a mesh.
+    kind : {"auto", "vertices", "surface"}
+        Whether vertices are compared if the faces are the same; nothing but vertices; or surfaces. Two patches or
+        models are then compared themselves, and not as meshes.
+
+    Returns
+    -------
+    Difference
+        ``found.same``, ``found.distance``, where, and how.
+
+    Raises
+    ------
+    GtbError
+        A file cannot be read, or something cannot be compared.
+    """
+    recipe = recipe or Recipe()
+    return compared(_operand(a, recipe), _operand(b, recipe), tolerance, kind)
+
+
+def distance(a: Comparable, b: Comparable) -> Distance:
+    """Measure the two-sided (Hausdorff) distance between two surfaces or curves, whatever their parameters.
+
+    Parameters
+    ----------
+    a, b : Mesh, Patch, Model, several patches, or path of a mesh file or of a spec
+
+    Returns
+    -------
+    Distance
+        ``found.distance``, also ``float(found)``; ``found.error``, and whether it is proved: ``found.is_proved``.
+
+    Raises
+    ------
+    GtbError
+        A file cannot be read, a mesh has no cells, or something is neither a mesh nor a patch.
+
+    Notes
+    -----
+    Between meshes, the distance is proved up to its error. Between patches, models and curves it is found on themselves
+    by a search to three digits, which is not proved: a nearest point may be missed. Beside a mesh, a patch is meshed
+    with an error of at most a thousandth of its size, seen at samples only.
+    """
+    fine = 1e-3  # of the size: the mesh of a patch that is compared with a mesh
+    one, other = (_operand(each, Recipe(tolerance=f"{100 * fine}%")) for each in (a, b))
+    if one.spec is not None and other.spec is not None:
+        return shape_distance(one.spec, other.spec)
+    found = mesh_distance(one.known.mesh, other.known.mesh)
+    specs = [each for each in (one, other) if each.spec is not None]
+    if not specs:
+        return found
+    size = float(np.linalg.norm(np.ptp(specs[0].known.mesh.bounds, axis=0)))
+    return replace(found, bound=found.bound + fine * size, is_proved=False)
+
+
+def compared(a: Operand, b: Operand, tolerance: float | str | None = None, kind: Kind = "auto") -> Difference:
+    """Compare two operands; see `diff`."""
+    if kind != "surface" or a.spec is None or b.spec is None:
+        return difference(a.known, b.known, tolerance, kind)
+    found = shape_distance(a.spec, b.spec)
+    bounds = [_bounds(spec) for spec in (a.spec, b.spec)]
+    resolution = float(np.linalg.norm(np.sum([rounding(each) for each in bounds], axis=0)))
+    diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
+    asked, allowed = allowed_for(tolerance, diagonal, resolution)
+    return Difference(
+        method="patches",
+        distance=found.distance,
+        bound=found.bound,
+        tolerance=allowed,
+        asked=asked,
+        resolution=resolution,
+        diagonal=diagonal,
+        forward=found.forward,
+        backward=found.backward,
+        same_kind=_dimension(a.spec) == _dimension(b.spec),
+    )
+
+
+def _bounds(spec: Patch | Model) -> FloatArray:
+    """(2, 3) bounds of the control points."""
+    return np.asarray(bounds_of(np.concatenate([patch.control_points for patch in spec.patches])))
+
+
+def _dimension(spec: Patch | Model) -> int:
+    return spec.patches[0].dimension
+
+
+def _operand(what: Comparable, recipe: Recipe) -> Operand:
+    if isinstance(what, Mesh):
+        return Operand(known_exactly(what), recipe)
+    if not isinstance(what, str | os.PathLike):
+        return Operand(shape_of(what), recipe)
+    name = os.fspath(what)
+    try:
+        with open(name, "rb") as file:
+            start = file.read(BEGINNING_BYTES)
+            data = start + file.read(bytes_at_most(name, start) + 1 - len(start))
+    except OSError as error:
+        raise GtbError(f"{name}: {error.strerror or error}") from None
+    return decoded(data, name, recipe)
+
+
+def bytes_at_most(name: str, start: bytes) -> int:
+    """How many bytes are read of a file with this name and beginning."""
+    return MAX_SPEC_BYTES if suffix_of(name) in SPEC_FORMATS else size_limit(start, MAX_SPEC_BYTES)
+
+
+def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None = None) -> Operand:
+    """Read a mesh or a spec: what the content says, else the suffix of the name.
+
+    Raises
+    ------
+    GtbError
+        It is neither, or is damaged; the message has the name.
+    """
+    suffix = suffix_of(name)
+    kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
+    if kind is not None:
+        return Operand(decode_mesh(data, name, kind), recipe, name)
+    if b"\0" in data[:BEGINNING_BYTES] and not spec_format:
+        raise GtbError(f"{name}: is neither a mesh nor a spec")
+    return Operand(parse(data, name, spec_format or spec_format_of(name)), recipe, name)
+
+
+def made_with(a: Operand, b: Operand) -> int | None:
+    """The resolution with which the spec of one side has as many cells as the mesh of the other; None if none has."""
+    if (a.spec is None) == (b.spec is None):
+        return None
+    spec, wanted = (a.spec, len(b.known.mesh.cells)) if a.spec is not None else (b.spec, len(a.known.mesh.cells))
+    assert spec is not None
+    low, high = 1, 4096  # segments of an edge
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if Recipe(middle).faces(spec) >= wanted else (middle + 1, high)
+    try:
+        return low if Recipe(low).faces(spec) == wanted else None
+    except DomainError:
+        return None

@@ -1,0 +1,314 @@
+"""The search for the points of surfaces that are farthest from other surfaces.
+
+It starts from the points that each surface comes with: the corners of cells, where the farthest one mostly is, and
+enough others. The points nearest to them are found by Newton's method; then the farthest ones move over their own
+surface as long as their distances grow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, groups, joined, rows_of
+from gtb_cli.distances.projection import ROUNDING, projected
+from gtb_cli.distances.surface import Places, Strata, Surface
+
+CLOSE_SHARE = 0.9
+"""Fraction of the largest distance from which on a point of the start may lead to a farther one."""
+
+FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
+"""Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all."""
+
+NEAR_REGIONS = 2
+"""Nearest regions, with a start in each."""
+
+
+class Candidates(NamedTuple):
+    """Points from which the search starts.
+
+    Attributes
+    ----------
+    way : (m,) int
+        Numbers of the ways from one surface to another.
+    point : (m,) int
+        Numbers of points among those of all surfaces.
+    distance : (m,) float
+        Upper bound of the distance from the other surface.
+    nearest : (m,) int
+        The nearest one of the other surface's points.
+    """
+
+    way: IntArray
+    point: IntArray
+    distance: FloatArray
+    nearest: IntArray
+
+
+class Peaks(NamedTuple):
+    """Points that are farther from the other surface than those around them: (m,) ways, places and distances."""
+
+    way: IntArray
+    stratum: IntArray
+    s: FloatArray
+    distance: FloatArray
+
+
+class Search:
+    """The search among some surfaces of about size 1.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+    ways : sequence of (int, int)
+        From which surface to which distances are looked for.
+    count : int
+        Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for.
+    accuracy : float
+        Relative error of the distances.
+    """
+
+    def __init__(
+        self, surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float
+    ) -> None:
+        self.surfaces, self.accuracy = surfaces, accuracy
+        self.source, self.target = np.array(ways).T
+        self.count = count
+        self.first = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
+        columns = np.cumsum([0, *(surface.strata.log_weights.shape[1] for surface in surfaces)])
+        self.strata = Strata.joined([surface.strata for surface in surfaces])
+        self.points = np.concatenate([surface.points for surface in surfaces])
+        self.places = Places(
+            np.concatenate([s.places.stratum + column for s, column in zip(surfaces, columns, strict=False)]),
+            np.concatenate([surface.places.s for surface in surfaces]),
+        )
+        self.regions = [_regions(surface.region) for surface in surfaces]
+        beside = [_pairs(surface.cells + first) for surface, first in zip(surfaces, self.first, strict=False)]
+        self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
+
+    def farthest(self) -> tuple[FloatArray, FloatArray]:
+        """(k,) the distances of `count` ways or pairs of ways, and (k, 3) points that are so far."""
+        found, at = np.zeros(self.count), np.zeros((self.count, 3))
+        peaks = self.peaks(self.verified(self.bounded(self.candidates())))
+        top = joined([peaks, self.climbed(peaks)])
+        order = np.argsort(top.distance, kind="stable")
+        pair, positions = top.way[order] % self.count, self.positions(Places(top.stratum, top.s))[order]
+        found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
+        return np.where(found > ROUNDING, found, 0.0), at
+
+    def positions(self, places: Places) -> FloatArray:
+        """(m, 3) points."""
+        return self.strata.chosen(places.stratum).points(places.s.T).T
+
+    def candidates(self) -> Candidates:
+        """All points, at the distances of the nearest points of the other surface."""
+        rows = []
+        for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
+            squares, nearest = _nearest(self.surfaces[one].points, self.surfaces[other].points)
+            points = self.first[one] + np.arange(len(squares))
+            rows.append(Candidates(np.full(len(points), way), points, np.sqrt(squares), self.first[other] + nearest))
+        return joined(rows)
+
+    def bounded(self, candidates: Candidates) -> Candidates:
+        """Lower the bounds of those that may be farthest, by the distances found from one start."""
+        bounds = candidates.distance.copy()
+
+        def lower(rows: IntArray) -> None:
+            way, point, bound, nearest = rows_of(candidates, rows)
+            stratum, s = rows_of(self.places, nearest)
+            found, _ = projected(self.strata, self.points[point], stratum, s, self.accuracy, np.zeros(len(way)))
+            bounds[rows] = np.minimum(bound, found)
+
+        likely = _highest(candidates.way, bounds, 8)  # rule out most others
+        lower(likely)
+        pair = candidates.way % self.count
+        least = self.largest(pair[likely], bounds[likely])
+        lower(np.flatnonzero(bounds > CLOSE_SHARE * least[pair]))
+        return candidates._replace(distance=bounds)
+
+    def verified(self, candidates: Candidates) -> Candidates:
+        """Those that are about as far as the farthest, with their distances, searched for from many starts.
+
+        The farthest of these are searched for once more, from most starts, until they stay the farthest.
+        """
+        number, few = 2, 4  # candidates of each way that are verified at first, then twice as many; and once more
+        rounds = 1 + 1000 // len(self.strata.log_weights)  # so much patience with distances that are not yet certain
+        way, point, bounds, _ = candidates
+        pair, effort = way % self.count, np.zeros(len(way), dtype=np.int64)
+        while True:
+            low = self.largest(pair, np.where(effort > 0, bounds, 0.0))
+            close = bounds > np.maximum(CLOSE_SHARE * low[pair], ROUNDING)
+            rows, starts = np.flatnonzero(close & (effort == 0)), MANY_STARTS
+            if not len(rows):
+                top = np.flatnonzero(close & (bounds == low[pair]))
+                if (effort[top] == MOST_STARTS).all() or not rounds:
+                    return rows_of(candidates._replace(distance=bounds), effort > 0)
+                rows, starts, number = np.flatnonzero(close & (effort < MOST_STARTS)), MOST_STARTS, few
+                rounds -= 1
+            rows = rows[_highest(way[rows], bounds[rows], number)]
+            enough = np.zeros(len(rows)) if starts == MOST_STARTS else CLOSE_SHARE * low[pair[rows]]
+            found, _ = self.distances(self.points[point[rows]], way[rows], enough, starts)
+            bounds[rows], effort[rows] = np.minimum(bounds[rows], found), starts
+            number *= 2
+
+    def largest(self, pair: IntArray, heights: FloatArray) -> FloatArray:
+        """(k,) the largest of (m,) heights of each pair."""
+        low = np.zeros(self.count)
+        np.maximum.at(low, pair, heights)
+        return low
+
+    def peaks(self, candidates: Candidates) -> Peaks:
+        """The few farthest ones that are farther than their neighbours."""
+        same_height = 1e-9  # relative difference of distances of one place in two strata
+        few = 4
+        heights = np.zeros((len(self.source), len(self.points)))
+        heights[candidates.way, candidates.point] = candidates.distance
+        low = np.tile(heights.reshape(-1, self.count, len(self.points)).max(axis=(0, 2)), len(heights) // self.count)
+        high = heights[candidates.way[:, None], self.neighbours[candidates.point]].max(axis=1, initial=0.0)
+        chosen = candidates.distance >= np.maximum(high, CLOSE_SHARE * low[candidates.way])
+        way, point, distance, _ = rows_of(candidates, chosen)
+        order = np.lexsort((-distance, way))
+        way, point, distance = way[order], point[order], distance[order]
+        again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])
+        way, point, distance = way[~again], point[~again], distance[~again]
+        rows = _highest(way, distance, few)
+        return Peaks(way[rows], *rows_of(self.places, point[rows]), distance[rows])
+
+    def climbed(self, peaks: Peaks) -> Peaks:
+        """The peaks that are reached by moving over the own surface as long as distances grow."""
+        trials, longest_reach = 24, 4.0
+        shrink, growth = 0.6, 2.0  # of the reach, after a turn without and with a gain
+        worthy_gain = 0.02 * self.accuracy  # a smaller one counts as none: towards a corner, gains never end
+        way, stratum, s, distance = peaks.way, peaks.stratum, peaks.s.copy(), peaks.distance.copy()
+        reach = np.ones(len(way))
+        _, nearest = self.distances(self.positions(Places(stratum, s)), way, np.zeros(len(way)), MANY_STARTS)
+        turn = 0
+        while len(going := np.flatnonzero(reach > np.sqrt(self.accuracy))):
+            trial = s[going, None] + reach[going, None, None] * _disc(trials, turn)
+            places = Places(np.repeat(stratum[going], trials), trial.reshape(-1, 2))
+            rows = np.repeat(going, trials)
+            enough = (1 - 2 * self.accuracy) * distance[rows]
+            found, _ = self.distances(self.positions(places), way[rows], enough, FEW_STARTS, rows_of(nearest, rows))
+            heights = found.reshape(-1, trials)
+            best, height = heights.argmax(axis=1), heights.max(axis=1)
+            likely = np.flatnonzero(height > distance[going])
+            chosen = rows_of(places, trials * likely + best[likely])
+            height[likely], there = self.distances(
+                self.positions(chosen), way[going[likely]], distance[going[likely]], MANY_STARTS
+            )
+            better = height > (1 + worthy_gain) * distance[going]
+            kept = better[likely]
+            up = going[likely[kept]]
+            distance[up], s[up] = height[likely[kept]], chosen.s[kept]
+            nearest.stratum[up], nearest.s[up] = there.stratum[kept], there.s[kept]
+            # A point in the corner of a cell stays there.
+            stays = np.abs(heights - distance[going, None]).max(axis=1) <= self.accuracy * distance[going]
+            reach[going] *= np.where(better, growth, np.where(stays, 0.0, shrink))
+            np.minimum(reach, longest_reach, out=reach)
+            turn += 1
+        found, _ = self.distances(self.positions(Places(stratum, s)), way, np.zeros(len(way)), MOST_STARTS)
+        return Peaks(way, stratum, s, np.minimum(distance, found))
+
+    def distances(
+        self, points: FloatArray, way: IntArray, enough: FloatArray, starts: int, guess: Places | None = None
+    ) -> tuple[FloatArray, Places]:
+        """(m,) distances of (m, 3) points from the surfaces to which their ways lead, and their nearest points there.
+
+        These are searched for from a guess, if there is one, from so many of the other surface's points, and from some
+        more; where a distance is at most `enough` (m,), the search ends.
+        """
+        found = np.full(len(points), np.inf)
+        nearest = Places(np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2)))
+
+        def search(rows: IntArray, stratum: IntArray, s: FloatArray) -> None:
+            """Search from (r, w) places for each of r points."""
+            again = np.repeat(rows, stratum.shape[1])
+            distance, s = projected(
+                self.strata, points[again], stratum.ravel(), s.reshape(-1, 2), self.accuracy, enough[again]
+            )
+            best = np.arange(len(rows)) * stratum.shape[1] + distance.reshape(stratum.shape).argmin(axis=1)
+            better = distance[best] < found[rows]
+            rows, best = rows[better], best[better]
+            found[rows], nearest.stratum[rows], nearest.s[rows] = distance[best], stratum.ravel()[best], s[best]
+
+        if guess is not None:
+            search(np.arange(len(points)), guess.stratum[:, None], guess.s[:, None])
+        far = np.flatnonzero(found > enough)
+        starts = min(starts, *(len(surface.points) for surface in self.surfaces))
+        near = np.empty((len(far), starts + NEAR_REGIONS), dtype=np.int64)
+        for index, rows in groups(self.target[way[far]]):
+            near[rows] = self.first[index] + self.starts(points[far[rows]], index, starts)
+        search(far, *rows_of(self.places, near))
+        return found, nearest
+
+    def starts(self, points: FloatArray, index: int, number: int) -> IntArray:
+        """(m, w) points of a surface near (m, 3) points: the nearest ones, and the nearest in the nearest regions."""
+        regions = self.regions[index]
+        result = []
+        for block in np.array_split(points, 1 + len(points) * len(self.surfaces[index].points) // 2_000_000):
+            squares = _squares_between(block, self.surfaces[index].points)
+            inner = squares[:, regions]
+            chosen = np.argpartition(inner.min(axis=2), NEAR_REGIONS - 1, axis=1)[:, :NEAR_REGIONS]
+            inside = regions[chosen, np.take_along_axis(inner.argmin(axis=2), chosen, axis=1)]
+            nearest = np.argpartition(squares, [0, number - 1], axis=1)[:, :number]
+            result.append(np.column_stack([nearest[:, :1], inside, nearest[:, 1:]]))
+        return np.concatenate(result)
+
+
+def _disc(count: int, turn: int) -> FloatArray:
+    """(t, 2) points spread evenly over the unit disc, along a spiral that starts elsewhere in each turn.
+
+    Distances have ridges, where two points are equally near; only a few directions lead upwards along a ridge.
+    """
+    golden_angle = np.pi * (3 - np.sqrt(5))
+    k = np.arange(count)
+    radius, angle = np.sqrt((k + 0.5) / count), golden_angle * k + turn
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _highest(way: IntArray, heights: FloatArray, number: int) -> IntArray:
+    """Rows of the highest ones of each way, so many at most, in order."""
+    order = np.lexsort((-heights, way))
+    ways = way[order]
+    return order[np.arange(len(way)) - np.searchsorted(ways, ways) < number]
+
+
+def _pairs(cells: IntArray) -> IntArray:
+    """(q, 2) points that share a cell, in both orders."""
+    corners = range(cells.shape[1])
+    return np.concatenate([cells[:, [i, j]] for i in corners for j in corners if i != j])
+
+
+def _regions(region: IntArray) -> IntArray:
+    """(g, w) points in each region that has some; the first one fills up the row."""
+    inside = np.flatnonzero(region >= 0)
+    _, first, number = np.unique(region[inside], return_index=True, return_inverse=True)
+    return _table(np.column_stack([number, inside]), inside[first])
+
+
+def _table(pairs: IntArray, filling: IntArray) -> IntArray:
+    """(k, w): in row i the j of all pairs (i, j), then `filling`."""
+    pairs = pairs[np.argsort(pairs[:, 0], kind="stable")]
+    number = np.bincount(pairs[:, 0], minlength=len(filling))
+    table = np.repeat(filling[:, None], max(int(number.max(initial=0)), 1), axis=1)
+    table[pairs[:, 0], np.arange(len(pairs)) - np.repeat(np.cumsum(number) - number, number)] = pairs[:, 1]
+    return table
+
+
+def _nearest(a: FloatArray, b: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(m,) squared distances of (m, 3) points from the nearest of (n, 3) points, and which these are."""
+    squares, nearest = np.empty(len(a)), np.empty(len(a), dtype=np.int64)
+    step = 1 + 2_000_000 // len(b)
+    for start in range(0, len(a), step):
+        rows = slice(start, start + step)
+        between = _squares_between(a[rows], b)
+        squares[rows], nearest[rows] = between.min(axis=1), between.argmin(axis=1)
+    return squares, nearest
+
+
+def _squares_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(m, n) squared distances of (m, 3) points from (n, 3) points, up to rounding."""
+    columns = np.column_stack([-2 * b, np.ones(len(b)), np.einsum("ij,ij->i", b, b)])
+    return np.asarray(np.maximum(np.column_stack([a, np.einsum("ij,ij->i", a, a), np.ones(len(a))]) @ columns.T, 0.0))

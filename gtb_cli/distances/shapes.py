@@ -1,0 +1,76 @@
+"""Distances between patches, models and curves themselves, and not between meshes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.distances.search import Search
+from gtb_cli.distances.surface import Surface, surface_of
+from gtb_cli.errors import ToleranceError
+from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.meshes.hausdorff import Distance, Farthest
+from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.tessellation.refinement import refine
+from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+RELATIVE_ERROR = 5e-4
+"""Relative error of a distance between surfaces: three digits are right."""
+
+ROUNDING = 1e-12
+"""Distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart."""
+
+
+def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
+    """Measure how far two surfaces, or curves, are from each other at most, whatever their parameters.
+
+    Notes
+    -----
+    The distance is found by a search that starts from points all over both, so it is not proved. It is too large if a
+    nearest point was missed, and too small if the farthest one is on a peak between starting points.
+    """
+    surfaces = [whole_surface(shape) for shape in (a, b)]
+    found, at = farthest(surfaces, [(0, 1), (1, 0)], 2)
+    ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
+    scale = max(float(np.abs(surface.points).max()) for surface in surfaces)
+    bound = (1 + RELATIVE_ERROR) * max(way.distance for way in ways) + ROUNDING * scale
+    return Distance(ways[0], ways[1], bound, is_proved=False)
+
+
+def farthest(
+    surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
+) -> tuple[FloatArray, FloatArray]:
+    """(k,) distances and (k, 3) points as found by `Search`, in model units."""
+    low, high = bounds_of(np.concatenate([bounds_of(surface.points) for surface in surfaces]))
+    origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
+    found, at = Search([surface.moved(origin, exponent) for surface in surfaces], ways, count, accuracy).farthest()
+    return np.ldexp(found, exponent), np.ldexp(at, exponent) + origin
+
+
+def whole_surface(shape: Patch | Model) -> Surface:
+    """A patch or model with points all over it."""
+    rough_cells, least = 512, 4  # in all, and along each edge
+    joints = shape.joints if isinstance(shape, Model) else None
+    resolution = cells_along_edges(shape.patches, rough_cells, least)
+    return surface_of(shape.patches, layered(joined_complex(shape.patches, joints, resolution), shape.patches))
+
+
+def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:
+    """The complex refined where a surface is still far from its mesh, as in thin layers along edges."""
+    share, most_cells, samples = 0.02, 5000, 2000  # of the size, and in all
+    sampler = Sampler(patches, "linear", False)
+    size = max(float(np.ptp(patch.control_points, axis=0).max()) for patch in patches)
+    try:
+        return refine(mosaic, sampler, share * size, most_cells, samples)[0]
+    except ToleranceError:
+        return mosaic
+
+
+def cells_along_edges(patches: Sequence[Patch], cells: int, least: int) -> int:
+    """The number of cells along each edge with which there are roughly so many in all, and at least `least`."""
+    share = cells / sum(cell_count(patch.domain, 1) for patch in patches)
+    return max(least, int(share if patches[0].dimension == 1 else np.sqrt(share)))

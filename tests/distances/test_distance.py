@@ -1,0 +1,110 @@
+"""`distance`: of surfaces that are known to be the same, or so far apart, and beside dense samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from gtb_cli import DomainError, Model, Patch, diff, distance, elevate, load, tessellate, write_mesh
+from gtb_cli.distances.shapes import RELATIVE_ERROR
+from tests.marks import mostly_long
+from tests.patches import NAMES, bumps, named, pentagon
+from tests.shell import SPECS
+
+SAMPLED = 1e-3
+"""Error of a distance between samples 1 % of the size apart: they are off the surface by its curvature only."""
+
+
+@pytest.mark.parametrize("name", mostly_long(NAMES, 6))
+def test_a_patch_is_where_its_other_descriptions_are(name):
+    """Raised in degree, with weights that are e^<a, s> times the others, and in any order of the knots."""
+    patch = named(name)
+    tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
+    others = [patch.replace(log_weights=tilted), patch.part(np.arange(len(patch.knots))[::-1])]
+    if len(patch.knots) < 60:  # raised, these are 605, between which nearest points are missed
+        others.append(elevate(patch))
+    for other in others:
+        found = distance(patch, other)
+        assert found.distance <= found.error
+        assert not found.is_proved
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_the_distance_of_a_flat_patch_from_a_copy_above_it(scale):
+    patch = pentagon()
+    flat = patch.replace(control_points=scale * (patch.control_points * [1, 1, 0] + [3, 5, 7]))
+    found = distance(flat, flat.replace(control_points=flat.control_points + np.array([0, 0, 0.3 * scale])))
+    for way in (found.forward, found.backward, found):
+        assert way.distance == pytest.approx(0.3 * scale, rel=RELATIVE_ERROR)
+    assert float(found) == found.distance
+    assert found.forward.at[2] == pytest.approx(7 * scale)
+
+
+def samples(shape) -> np.ndarray:
+    return tessellate(shape, 150, normals=False).vertices
+
+
+def random_patch(seed: int, sides: int) -> Patch:
+    rng = np.random.default_rng(seed)
+    angles = 2 * math.pi * np.arange(sides) / sides
+    knots = np.concatenate([np.column_stack([np.cos(angles), np.sin(angles)]), rng.uniform(-0.4, 0.4, (4, 2))])
+    return Patch(knots, bumps(knots) + 0.3 * rng.normal(size=(len(knots), 3)), np.exp(rng.normal(size=len(knots))))
+
+
+@pytest.mark.parametrize("seed", mostly_long(range(12), 4))
+def test_two_surfaces_beside_their_samples(seed):
+    a, b = random_patch(seed, 3 + seed % 4), random_patch(100 + seed, 4 + seed % 3)
+    found = distance(a, b)
+    size = np.linalg.norm(np.ptp(a.control_points, axis=0))
+    for way, one, other in ((found.forward, a, b), (found.backward, b, a)):
+        there = cKDTree(samples(other))
+        assert way.distance == pytest.approx(there.query(samples(one))[0].max(), abs=SAMPLED * size)
+        assert there.query(way.at)[0] == pytest.approx(way.distance, abs=SAMPLED * size)
+
+
+def test_models_and_curves():
+    box = load(SPECS / "box-corner.toml")
+    parts = Model(tuple(elevate(patch) for patch in box.patches))
+    assert distance(box, parts).distance <= distance(box, parts).error
+    curve = load(SPECS / "example-3.1.toml")
+    assert distance(curve, elevate(curve)).distance <= 1e-12
+    ends = distance(curve, curve.replace(control_points=curve.control_points * [1, 0, 0]))
+    assert ends.distance == pytest.approx(tessellate(curve, 4000).bounds[1, 1], rel=RELATIVE_ERROR)
+
+
+def test_meshes_files_and_patches(tmp_path):
+    patch = pentagon()
+    mesh = tessellate(patch, 12)
+    write_mesh(mesh, tmp_path / "mesh.obj")
+    exact = distance(patch, patch)
+    assert (exact.distance, exact.is_proved) == (0, False)
+    proved = distance(mesh, tessellate(patch, 13))
+    assert proved.is_proved
+    assert proved.error <= RELATIVE_ERROR * 2 * proved.distance
+    assert distance(tmp_path / "mesh.obj", mesh).distance < 1e-8
+    fine = distance(tessellate(patch, 100), mesh).distance
+    mixed = distance(mesh, patch)
+    assert abs(mixed.distance - fine) <= mixed.error
+    assert not mixed.is_proved
+    with pytest.raises(DomainError, match="shape: expected"):
+        distance(3, mesh)
+
+
+def test_what_diff_compares():
+    patch = load(SPECS / "hexagon.toml")
+    raised = elevate(patch)
+    found = diff(patch, raised, kind="surface")
+    assert (found.same, found.method, found.is_proved, found.distance) == (True, "patches", False, 0.0)
+    assert found.bound < 1e-11
+    assert diff(patch, raised).method == "vertices"
+    assert diff(patch, raised).distance == pytest.approx(0.486, abs=1e-3)
+    assert not diff(patch, load(SPECS / "example-3.1.toml"), "1000%", kind="surface").same
+    meshes = tessellate(patch, 3), tessellate(patch, 3)
+    assert [diff(*meshes, kind=kind).method for kind in ("auto", "vertices", "surface")] == [
+        *("vertices", "vertices", "surface")
+    ]
+    with pytest.raises(DomainError, match="different faces"):
+        diff(meshes[0], tessellate(patch, 4), kind="vertices")
