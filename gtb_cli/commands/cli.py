@@ -16,8 +16,8 @@ from gtb_cli.vocabulary import COMPLETION_VARIABLE
 
 AS_JSON = "gtb_cli.as_json"  # key in the context of `gtb`: whether --json is among its own options
 
+# Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
-"""Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error."""
 
 # Each command's name, the place from which it is imported when it is called, and its summary in one line
 COMMANDS = {

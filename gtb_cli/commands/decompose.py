@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,7 +15,6 @@ from gtb_cli.tessellation.recipe import Recipe
 
 if TYPE_CHECKING:
     from gtb_cli.knots.decomposition import RegularDecomposition
-    from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.patch import Patch
 
 
@@ -66,7 +64,9 @@ def decompose(
             parts = [_decomposition(loaded, lifting, net)]
             found = _data(parts[0])
         if net:
-            mesh = _net(loaded.patches, parts, loaded.name)
+            from gtb_cli.pictures.nets import mesh_of_nets
+
+            mesh = mesh_of_nets(loaded.patches, parts, loaded.name)
             return MeshOptions(Recipe()).write(output, kind, mesh, console)
     write_text(output, json.dumps(found) + "\n" if as_json else "\n".join(map(_text, parts)))
 
@@ -82,22 +82,6 @@ def _decomposition(patch: Patch, lifting: tuple[float, ...] | None, net: bool) -
     if net and lifting is None and patch.lifting is None and has_usual_net:
         return regular_decomposition(patch.knots, bowl(patch.domain))
     return regular_decomposition(patch.knots, lifting_of(patch, lifting))
-
-
-def _net(patches: Sequence[Patch], parts: Sequence[RegularDecomposition], name: str | None) -> Mesh:
-    """Return the control points and the lines between them, with a group for each patch of a model."""
-    import numpy as np
-
-    from gtb_cli.knots.decomposition import control_net
-    from gtb_cli.meshes.mesh import Mesh
-
-    first = np.cumsum([0] + [len(patch.knots) for patch in patches])
-    lines = [np.array(control_net(part)) + start for part, start in zip(parts, first, strict=False)]
-    ends = np.cumsum([0] + [len(part) for part in lines]).tolist()
-    names = [patch.name or f"patch{index}" for index, patch in enumerate(patches)]
-    groups = tuple(zip(names, ends, ends[1:], strict=False)) if len(patches) > 1 else ()
-    points = np.concatenate([patch.control_points for patch in patches])
-    return Mesh(points, np.concatenate(lines), groups=groups, name=name or "net")
 
 
 def _data(found: RegularDecomposition) -> dict[str, Any]:

@@ -28,12 +28,12 @@ FIGURE_FORMATS = ("png", "svg", "pdf")
 
 PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
 
+# Smallest and largest width and height of a figure, and its largest number of pixels
 SIDE_INCHES, MAX_PIXELS = (0.5, 40.0), 60_000_000
-"""Smallest and largest width and height of a figure, and its largest number of pixels."""
 
 
+# Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves
 PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
-"""Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves."""
 
 
 class Variation(NamedTuple):

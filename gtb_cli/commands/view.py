@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
 
 
+# Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them
 PAGE_X, PAGE_STEPS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0), (0.0, 0.3, 0.6, 0.8, 0.9, 0.97)
-"""Default parameters x of a degeneration and steps of a knot limit; the slider interpolates linearly between them."""
 
 
 @click.command

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from gtb_cli.sequences.sequence import MeshSequence
+    from gtb_cli.theory.patch import Patch
+
 
 @frozen
 class Frames:
@@ -59,6 +62,22 @@ class Frames:
     def titles(self) -> list[str]:
         """The title of each panel."""
         return [*(f"{self.key} = {value:.6g}" for value in self.values[:-1]), "limit"]
+
+
+def frames_of(sequence: MeshSequence, patch: Patch, net: Sequence[tuple[int, int]]) -> Frames:
+    """Return the meshes of a sequence, with a net: pairs of indices of a patch's control points."""
+    used = sorted({i for pair in net for i in pair})
+    place = {i: k for k, i in enumerate(used)}
+    return Frames(
+        sequence.key,
+        sequence.values,
+        sequence.meshes,
+        sequence.distances,
+        sequence.film_distances,
+        patch.control_points[used],
+        tuple((place[a], place[b]) for a, b in net),
+        sequence.film,
+    )
 
 
 def figure_of_frames(frames: Frames, look: Look) -> Figure:

@@ -1,1 +1,1 @@
-"""What commands share: streams, messages, options, processes, manifests; no mathematics and no geometry."""
+"""The parts that commands share: streams, messages, options, processes, manifests; no mathematics and no geometry."""

@@ -63,7 +63,7 @@ def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
 
 
 def _parts(name: str) -> Iterator[str]:
-    """A path and those of the folders above it."""
+    """Yield a path and those of the folders above it."""
     while name:
         yield name
         name = os.path.dirname(name)
@@ -116,7 +116,7 @@ def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Whether an entry must be read as a folder; a link in a circle without the suffix of a file may be one."""
+    """Tell whether an entry must be read as a folder; a link in a circle without the suffix of a file may be one."""
     try:
         return entry.is_dir()
     except OSError:

@@ -115,10 +115,10 @@ class LimitRequest:
             The options mix the two kinds of limits.
         """
         from gtb_cli.pictures.nets import net_of
-        from gtb_cli.pictures.sequences import Frames
+        from gtb_cli.pictures.sequences import frames_of
         from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
 
-        limit = patch = single(shape)
+        patch = single(shape)
         if self.moves and (self.xs or self.lifting is not None):
             raise click.UsageError("--merge is a knot limit, and -x and --lifting are for degenerations")
         if self.steps is not None and not self.moves:
@@ -128,23 +128,10 @@ class LimitRequest:
 
             limit = knot_limit(patch, self.moves).merged
             found = knot_sequence(patch, self.moves, self.steps or steps, resolution, distances=distances)
-            net = net_of(limit)
-        else:
-            heights = heights_of(patch, self.lifting)
-            found = degeneration_sequence(patch, self.xs or xs, heights, resolution, distances=distances)
-            net = net_of(patch, heights if found.values[-1] else -heights)
-        used = sorted({i for pair in net for i in pair})
-        place = {i: k for k, i in enumerate(used)}
-        return Frames(
-            found.key,
-            found.values,
-            found.meshes,
-            found.distances,
-            found.film_distances,
-            limit.control_points[used],
-            tuple((place[a], place[b]) for a, b in net),
-            found.film,
-        )
+            return frames_of(found, limit, net_of(limit))
+        heights = heights_of(patch, self.lifting)
+        found = degeneration_sequence(patch, self.xs or xs, heights, resolution, distances=distances)
+        return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 
 
 def refuse_limit(limit: LimitRequest, path: str) -> None:

@@ -1,4 +1,4 @@
-"""What the mesh options of a command mean for files: formats, names and messages."""
+"""The mesh options of a command, as formats, bytes and messages of files."""
 
 from __future__ import annotations
 

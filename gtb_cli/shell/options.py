@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 
 Function: TypeAlias = Callable[..., object]
 
-MAX_THREADS = 256
-"""Largest number of threads."""
-
-MAX_RESOLUTION = 10**8
-"""Largest number of segments along an edge: its square is still a 64-bit integer."""
-
 
 def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
     """Read a positive number as a float; leave a percentage as it is."""
@@ -182,7 +176,7 @@ def _limit_threads(ctx: click.Context, param: click.Parameter, value: int) -> No
 
 threads_option = click.option(
     "--threads",
-    type=WholeNumber(0, MAX_THREADS),
+    type=WholeNumber(0, 256),
     metavar="N",
     default=0,
     expose_value=False,
@@ -194,7 +188,7 @@ threads_option = click.option(
 resolution_option = click.option(
     "-n",
     "--resolution",
-    type=WholeNumber(1, MAX_RESOLUTION),
+    type=WholeNumber(1, 10**8),  # the square of which is still a 64-bit integer
     metavar="N",
     help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
 )

@@ -1,4 +1,4 @@
-"""What `gtb degenerate` and `gtb knot-limit` share: writing a sequence as a folder of meshes, or as one animation."""
+"""Options of `gtb degenerate` and `gtb knot-limit`, which write a folder of meshes or one animation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 
 @dataclass(frozen=True)
 class SequenceOutput:
-    """What the options of a sequence ask for: its meshes, a spec on standard output, or both.
+    """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both.
 
     Attributes
     ----------

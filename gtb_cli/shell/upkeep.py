@@ -1,4 +1,4 @@
-"""What has to be made again: files that a manifest shows to be up to date, and dependencies for make."""
+"""Files that a manifest shows to be up to date, and dependencies for make."""
 
 from __future__ import annotations
 

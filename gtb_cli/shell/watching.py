@@ -20,7 +20,7 @@ HOST = "127.0.0.1"
 
 
 class Watch:
-    """What the files show now: made anew when a file has changed; after an error, the last good state.
+    """The content of files as it is now: made anew when a file has changed; after an error, the last good one.
 
     Parameters
     ----------
