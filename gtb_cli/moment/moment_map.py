@@ -127,10 +127,9 @@ class MomentMap:
 
 
 def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> FloatArray:
-    """Solve from a start, then from tamer weights and from 0: far from the origin, layers of knots that rounding has
-    put off their edge are much too thin to start from.
-    """
+    """Solve from a start, then from tamer weights and at last from 0."""
     s, missing = short_steps(total, p, start, target)
+    # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
     for starts in (tame_starts, lambda total, p, start: np.zeros_like(start)):
         if not len(missing):
             return s

@@ -120,32 +120,92 @@ def assert_planes(decomposition):
         assert (decomposition.gaps(k)[list(cell)] == 0).all()
 
 
-@pytest.mark.parametrize(
-    ("lifting", "cells", "absent"),
-    [
-        ((2, 1, 5, 9 - 4 * sqrt(2), 1), ((0, 2), (2, 3, 4)), (1,)),
-        ((0, 2.5, 3, 2.5, 0), ((0, 1), (1, 2), (2, 3), (3, 4)), ()),
-        ((1, 3, 1, 0, 1), ((0, 1), (1, 4)), (2, 3)),
+ANGLES = 2 * pi * np.arange(5) / 5
+RING = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+SIDES = [tuple(sorted((k, (k + 1) % 5, k + 5, (k + 1) % 5 + 5))) for k in range(5)]
+TRIANGLE = [[0, 0], [1, 0], [0.5, 1]]
+ROUNDED = 0.1 + 0.2  # 0.30000000000000004
+WHOLE = tuple(range(9))
+
+# Knots and lifting, then cells; knots in none are absent.
+EXAMPLES = {
+    "example 3.4": (CURVE, [2, 1, 5, 9 - 4 * sqrt(2), 1], ((0, 2), (2, 3, 4))),
+    "concave curve": (CURVE, [0, 2.5, 3, 2.5, 0], ((0, 1), (1, 2), (2, 3), (3, 4))),
+    "two low knots": (CURVE, [1, 3, 1, 0, 1], ((0, 1), (1, 4))),
+    "affine on a curve": (CURVE, 0.3 * CURVE - 0.1, ((0, 1, 2, 3, 4),)),
+    "example 4.4": (PENTAGON, PENTAGON_LIFTING, PENTAGON_CELLS),
+    "constant": (GRID, np.zeros(9), (WHOLE,)),
+    "constant that is rounded": (GRID, np.full(9, 0.1), (WHOLE,)),
+    "affine": (GRID, GRID @ [1, 2], (WHOLE,)),
+    "affine to rounding": (GRID, GRID @ [0.1, 0.7] + 1 / 3, (WHOLE,)),
+    "steep": (GRID, GRID @ [1e6, -1e5], (WHOLE,)),
+    "roof": (GRID, -0.1 * np.abs(GRID[:, 0] - 1), ((0, 1, 2, 3, 4, 5), (3, 4, 5, 6, 7, 8))),
+    "pyramid": (GRID, -0.7 * np.abs(GRID - 1).max(axis=1), ((0, 1, 2, 4), (0, 3, 4, 6), (2, 4, 5, 8), (4, 6, 7, 8))),
+    "quadrilaterals": (GRID, -0.3 * (GRID**2).sum(axis=1), ((0, 1, 3, 4), (1, 2, 4, 5), (3, 4, 6, 7), (4, 5, 7, 8))),
+    "pentagonal face with a knot inside": (
+        np.concatenate([RING, 2 * RING, [[0.1, 0.05], [0.2, -0.1]]]),
+        np.concatenate([np.full(5, 0.7), np.zeros(5), [0.7, 0.6]]), tuple(sorted([(0, 1, 2, 3, 4, 10), *SIDES])),
+    ),
+    "repeated knots count where they are highest": (
+        [[0, 0], [1, 0], [0, 1], [1, 0], [0, 1], [1, 0], [1, 1]], [0.1, 0.2, 0.3, 0.2, 0.1, 0.1, 0],
+        ((0, 1, 2, 3), (1, 2, 3, 6)),
+    ),
+    "repeated knots of a curve": ([0, 0.5, 0.5, 0.5, 1, 0], [0, 1, 0.9, 1, 0, -1], ((0, 1, 3), (1, 3, 4))),
+    "copies of a corner apart by rounding": (
+        [[0, 0], [0.3, 0], [ROUNDED, 0], [0, 1], [ROUNDED, 1], [0.3, 1]], [0, 1, 0, 0, 1, 1], ((0, 1, 3, 4, 5),),
+    ),
+    "low knots beside the hull by rounding": (
+        [*TRIANGLE, [0.3, 1e-17], [0.6, -1e-17], [0.25, 0.5]], [0.1, 0.1, 0.1, -3, -5, -1], ((0, 1, 2),),
+    ),
+    **{
+        f"high knot {offset} beside the hull": (
+            [*TRIANGLE, [0.3, offset]], [0.1, 0.1, 0.1, 3], ((0, 2, 3), (1, 2, 3)),
+        )
+        for offset in (1e-17, 0.0, -1e-17)
+    },
+    # Integers are taken at their word: one is a billionth too low, the other 2^-30.
+    "integers": ([[0, 0], [10**9, 0], [0, 10**9], [1, 1]], [0, 0, 0, -1], ((0, 1, 2),)),
+    "integers of a curve": ([0, 1, 2**30], [0, 1, 2**30 + 1], ((0, 2),)),
+    # Property (g): the polyline, or the fan, over one knot.
+    **{f"knot {k} of a curve to infinity": (CURVE, lifting_of_knot(5, k), ((0, k), (k, 4))) for k in (1, 2, 3)},
+    "knot 3 to infinity": (
+        PENTAGON, lifting_of_knot(8, 3), ((0, 1, 3), (0, 2, 3, 5), (1, 3, 4), (3, 4, 7), (3, 5, 6, 7)),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_examples(name):
+    knots, lifting, cells = EXAMPLES[name]
+    decomposition = regular_decomposition(knots, lifting)
+    assert decomposition.cells == cells
+    assert set(decomposition.absent) == set(range(len(lifting))) - {i for cell in cells for i in cell}
+    assert_planes(decomposition)
+    if decomposition.dimension == 2:
+        assert_tiles(decomposition)
+
+
+POLYGONS = {
+    "example 4.4": ((3, 1, 0, 2), (4, 1, 3), (6, 3, 2), (5, 6, 2), (6, 7, 4, 3)),
+    "affine": ((0, 6, 8, 2),),
+    "repeated knots count where they are highest": ((0, 1, 2), (1, 6, 2)),
+}
+NETS = {
+    "example 4.4": [
+        (0, 1), (0, 2), (1, 3), (1, 4), (2, 3), (2, 5), (2, 6), (3, 4), (3, 6), (4, 7), (5, 6), (6, 7),
     ],
-)
-def test_example_3_4(lifting, cells, absent):
-    decomposition = regular_decomposition(CURVE, lifting)
-    assert (decomposition.cells, decomposition.absent) == (cells, absent)
-    assert_planes(decomposition)
+    "affine": [(0, 1), (0, 3), (1, 2), (2, 5), (3, 6), (5, 8), (6, 7), (7, 8)],  # the border, at each of its knots
+    "affine on a curve": [(0, 1), (1, 2), (2, 3), (3, 4)],
+    "repeated knots count where they are highest": [(0, 1), (0, 2), (1, 2), (1, 6), (2, 6)],
+    "repeated knots of a curve": [(0, 1), (1, 4)],
+}  # fmt: skip
 
 
-def test_example_4_4():
-    decomposition = regular_decomposition(PENTAGON, PENTAGON_LIFTING)
-    assert decomposition.cells == PENTAGON_CELLS
-    assert decomposition.absent == ()
-    assert decomposition.polygons == ((3, 1, 0, 2), (4, 1, 3), (6, 3, 2), (5, 6, 2), (6, 7, 4, 3))
-    assert_tiles(decomposition)
-    assert_planes(decomposition)
-
-
-def test_example_4_4_control_net():
-    net = control_net(regular_decomposition(PENTAGON, PENTAGON_LIFTING))
-    assert net == [(0, 1), (0, 2), (1, 3), (1, 4), (2, 3), (2, 5), (2, 6), (3, 4), (3, 6), (4, 7), (5, 6), (6, 7)]
+@pytest.mark.parametrize("name", NETS)
+def test_polygons_and_control_nets(name):
+    decomposition = regular_decomposition(*EXAMPLES[name][:2])
+    assert control_net(decomposition) == NETS[name]
+    assert name not in POLYGONS or decomposition.polygons == POLYGONS[name]
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
@@ -171,83 +231,6 @@ def test_permuted_knots_give_permuted_cells(order):
     decomposition = regular_decomposition(PENTAGON[list(order)], PENTAGON_LIFTING[list(order)])
     assert sorted(tuple(sorted(order[i] for i in cell)) for cell in decomposition.cells) == list(PENTAGON_CELLS)
     assert list(decomposition.cells) == sorted(decomposition.cells)
-
-
-@pytest.mark.parametrize(
-    "lifting", [np.zeros(9), np.full(9, 0.1), GRID @ [1, 2], GRID @ [0.1, 0.7] + 1 / 3, GRID @ [1e6, -1e5]]
-)
-def test_affine_lifting_of_nine_knots_is_one_cell(lifting):
-    decomposition = regular_decomposition(GRID, lifting)
-    assert decomposition.cells == (tuple(range(9)),)
-    assert decomposition.polygons == ((0, 6, 8, 2),)
-    ring = [(0, 1), (0, 3), (1, 2), (2, 5), (3, 6), (5, 8), (6, 7), (7, 8)]
-    assert control_net(decomposition) == ring  # the border, at each of its knots; not the knot inside
-
-
-def test_affine_lifting_of_a_curve_is_one_cell():
-    decomposition = regular_decomposition(CURVE, 0.3 * CURVE - 0.1)
-    assert decomposition.cells == ((0, 1, 2, 3, 4),)
-    assert control_net(decomposition) == [(0, 1), (1, 2), (2, 3), (3, 4)]
-
-
-def test_coplanar_groups_of_a_grid():
-    roof = regular_decomposition(GRID, -0.1 * np.abs(GRID[:, 0] - 1))
-    assert roof.cells == ((0, 1, 2, 3, 4, 5), (3, 4, 5, 6, 7, 8))
-    pyramid = regular_decomposition(GRID, -0.7 * np.abs(GRID - 1).max(axis=1))
-    assert pyramid.cells == ((0, 1, 2, 4), (0, 3, 4, 6), (2, 4, 5, 8), (4, 6, 7, 8))
-    quads = regular_decomposition(GRID, -0.3 * (GRID**2).sum(axis=1))
-    assert quads.cells == ((0, 1, 3, 4), (1, 2, 4, 5), (3, 4, 6, 7), (4, 5, 7, 8))
-    assert_tiles(quads)
-
-
-def test_pentagonal_face_with_a_knot_inside_is_one_cell():
-    angles = 2 * pi * np.arange(5) / 5
-    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    knots = np.concatenate([ring, 2 * ring, [[0.1, 0.05], [0.2, -0.1]]])
-    lifting = np.concatenate([np.full(5, 0.7), np.zeros(5), [0.7, 0.6]])
-    decomposition = regular_decomposition(knots, lifting)
-    sides = [tuple(sorted((k, (k + 1) % 5, k + 5, (k + 1) % 5 + 5))) for k in range(5)]
-    assert decomposition.cells == tuple(sorted([(0, 1, 2, 3, 4, 10), *sides]))
-    assert decomposition.absent == (11,)
-    assert_tiles(decomposition)
-
-
-def test_repeated_knots_count_where_they_are_highest():
-    knots = [[0, 0], [1, 0], [0, 1], [1, 0], [0, 1], [1, 0], [1, 1]]
-    decomposition = regular_decomposition(knots, [0.1, 0.2, 0.3, 0.2, 0.1, 0.1, 0])
-    assert decomposition.cells == ((0, 1, 2, 3), (1, 2, 3, 6))
-    assert decomposition.absent == (4, 5)
-    assert decomposition.polygons == ((0, 1, 2), (1, 6, 2))
-    assert control_net(decomposition) == [(0, 1), (0, 2), (1, 2), (1, 6), (2, 6)]
-
-
-def test_repeated_knots_of_a_curve():
-    decomposition = regular_decomposition([0, 0.5, 0.5, 0.5, 1, 0], [0, 1, 0.9, 1, 0, -1])
-    assert decomposition.cells == ((0, 1, 3), (1, 3, 4))
-    assert decomposition.absent == (2, 5)
-    assert control_net(decomposition) == [(0, 1), (1, 4)]
-
-
-def test_corner_copies_apart_by_rounding_are_one_place():
-    nearly = 0.1 + 0.2  # 0.30000000000000004
-    knots = [[0, 0], [0.3, 0], [nearly, 0], [0, 1], [nearly, 1], [0.3, 1]]
-    decomposition = regular_decomposition(knots, [0, 1, 0, 0, 1, 1])
-    assert decomposition.cells == ((0, 1, 3, 4, 5),)
-    assert decomposition.absent == (2,)
-
-
-def test_low_knot_beside_the_hull_by_rounding_is_absent():
-    inside = np.array([[0, 0], [1, 0], [0.5, 1], [0.3, 1e-17], [0.6, -1e-17], [0.25, 0.5]])
-    decomposition = regular_decomposition(inside, [0.1, 0.1, 0.1, -3, -5, -1])
-    assert decomposition.cells == ((0, 1, 2),)
-    assert decomposition.absent == (3, 4, 5)
-
-
-def test_high_knot_beside_the_hull_by_rounding_splits_its_edge():
-    for offset in (1e-17, 0.0, -1e-17):
-        decomposition = regular_decomposition([[0, 0], [1, 0], [0.5, 1], [0.3, offset]], [0.1, 0.1, 0.1, 3])
-        assert decomposition.cells == ((0, 2, 3), (1, 2, 3))
-        assert_tiles(decomposition)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
@@ -287,13 +270,6 @@ def test_lifting_that_lost_digits_on_the_way_is_not_split():
     quads = regular_decomposition(GRID, lifting).cells
     assert regular_decomposition(GRID, (lifting + 300) - 300).cells == quads
     assert regular_decomposition(GRID, (lifting - 300) + 300).cells == quads
-
-
-def test_integers_are_taken_at_their_word():
-    knots = np.array([[0, 0], [10**9, 0], [0, 10**9], [1, 1]])
-    assert regular_decomposition(knots, [0, 0, 0, -1]).absent == (3,)
-    tiny = regular_decomposition([0, 1, 2**30], [0, 1, 2**30 + 1])  # the middle one is 2^-30 too low
-    assert tiny.absent == (1,)
 
 
 @pytest.mark.parametrize("d", [1, 2])
@@ -388,14 +364,6 @@ def test_locate_on_a_curve_whose_knots_are_not_sorted():
     assert decomposition.cells == ((0, 1), (1, 2))  # right, left
     assert decomposition.polygons == ((1, 0), (2, 1))
     assert decomposition.locate([0.2, 0.5, 0.7, 1 + 1e-16]).tolist() == [1, 0, 0, 0]
-
-
-def test_one_weight_to_infinity_is_the_polyline_over_its_knot():
-    for k in range(1, 4):  # property (g)
-        assert regular_decomposition(CURVE, lifting_of_knot(5, k)).cells == ((0, k), (k, 4))
-    decomposition = regular_decomposition(PENTAGON, lifting_of_knot(8, 3))
-    assert decomposition.cells == ((0, 1, 3), (0, 2, 3, 5), (1, 3, 4), (3, 4, 7), (3, 5, 6, 7))
-    assert lifting_of_knot(4, 2).tolist() == [0, 0, 1, 0]
 
 
 @pytest.mark.parametrize("k", [-1, 8])

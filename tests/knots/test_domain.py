@@ -38,13 +38,7 @@ def test_corners_run_counter_clockwise_from_the_lowest_then_leftmost():
     expected = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
     for order in permutations(SQUARE):
         assert corners(list(order)) == expected
-
-
-def test_a_corner_below_the_leftmost_comes_first():
     assert corners([[0, 1], [1, 0], [2, 3]]) == [[1, 0], [2, 3], [0, 1]]
-
-
-def test_of_two_lowest_corners_the_left_one_comes_first():
     assert corners([[5, 1], [2, 0], [4, 0], [0, 3]])[:2] == [[2, 0], [4, 0]]
 
 
