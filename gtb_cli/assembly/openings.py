@@ -8,8 +8,8 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
-from gtb_cli.theory.joints import SORTING_DIRECTION, Joints, diagonal_of, touching, within
-from gtb_cli.theory.model import Model
+from gtb_cli.theory.joints import SORTING_DIRECTION, Joints, touching, within
+from gtb_cli.theory.model import Model, diagonal_of
 from gtb_cli.theory.patch import Patch
 
 MAX_SHOWN = 8  # numbers of an edge, edges of a ring, or nearly closed seams that a message shows

@@ -1,4 +1,4 @@
-"""What a patch is: its kind, its domain and how far its parametrisation is from linear."""
+"""Descriptions of patches: kind, domain, and the distance of the parametrisation from a linear one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Kind: TypeAlias = Literal[
 
 @frozen
 class Description:
-    """What a patch is. Made by `description`.
+    """Description of a patch. Made by `description`.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ def description(patch: Patch) -> Description:
 
     Notes
     -----
-    This takes a few milliseconds. Every patch has linear precision in the linear parametrisation; the error is that of
+    Every patch has linear precision in the linear parametrisation; the error is that of
     the toric one, and is 0 up to rounding for Bézier patches whose products c_i ω_i are binomial.
 
     References

@@ -1,4 +1,4 @@
-"""How the patches of a model fit together."""
+"""Properties of a model: its joints, open edges and orientation."""
 
 from __future__ import annotations
 

@@ -27,7 +27,9 @@ def classical_bezier(probe: Probe) -> Outcome:
     s = probe.torus[:, ::stride]
     values = np.ones((s.shape[1], len(domain.knots)))
     for direction in lattice:
-        values *= bernstein(direction.degree, _barycentric(direction.steps @ s))[(slice(None), *direction.places.T[1:])]
+        values *= de_casteljau(direction.degree, _barycentric(direction.steps @ s))[
+            (slice(None), *direction.places.T[1:])
+        ]
     with np.errstate(divide="ignore"):
         logs = np.log(values) + probe.patch.log_products - np.log(binomials)
     values = np.exp(logs - logs.max(axis=1, keepdims=True))
@@ -44,7 +46,7 @@ def classical_bezier(probe: Probe) -> Outcome:
     return within_rounding(value, bound, f"largest distance from the Bézier {kind} of degree {numbers}, of the extent")
 
 
-def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
+def de_casteljau(degree: int, barycentric: FloatArray) -> FloatArray:
     """Evaluate the Bernstein polynomials of a segment (e = 2) or triangle (e = 3).
 
     Parameters

@@ -12,7 +12,7 @@ Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a check found.
+    """Outcome of a check.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Report:
 
     @property
     def holds(self) -> bool:
-        """Whether no property fails."""
+        """True if no property fails."""
         return all(finding.status != "fails" for finding in self.findings)
 
 
@@ -128,5 +128,5 @@ class ModelReport:
 
     @property
     def holds(self) -> bool:
-        """Whether no property of a patch or joint fails."""
+        """True if no property of a patch or joint fails."""
         return all(finding.status != "fails" for finding in self.findings)

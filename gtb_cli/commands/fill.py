@@ -62,7 +62,7 @@ def fill(
 
     Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed.
     """
-    from gtb_cli.design.fill import fill as filled
+    from gtb_cli.design.fill import fill_loop
     from gtb_cli.design.holes import fill_hole
     from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
     from gtb_cli.language.document import MAX_BYTES, spec_format_of
@@ -80,7 +80,7 @@ def fill(
         elif hole is not None:
             raise click.UsageError("--hole names an edge of a model of surfaces, and this is a loop of curves")
         else:
-            filling = filled(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=stem_of(loop))
+            filling = fill_loop(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=stem_of(loop))
     write_text(output, dump(filling.model or filling.patch))
     _report(filling, console)
 

@@ -33,7 +33,7 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     geomdl (.json). A message names what a patch cannot hold, such as trimming and units. Boundaries of holes (.gbp,
     .lop) are filled as gtb fill does.
     """
-    from gtb_cli.design.fill import fill
+    from gtb_cli.design.fill import fill_loop
     from gtb_cli.design.loops import SUFFIXES, loop_from_text
     from gtb_cli.imports.readers import import_file
     from gtb_cli.language.document import MAX_BYTES
@@ -44,7 +44,7 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         sides = loop_from_text(data, source)
         with about(source):
-            filling = fill(sides, name=stem_of(file))
+            filling = fill_loop(sides, name=stem_of(file))
             text = dump(filling.patch)
         remarks = (
             *filling.remarks,

@@ -43,7 +43,7 @@ from gtb_cli.values import frozen
 
 @frozen
 class Filling:
-    """A patch that fills a hole. Made by `fill`.
+    """A patch that fills a hole. Made by `fill_loop` and `gtb_cli.design.holes.fill_hole`.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Filling:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
 
 
-def fill(
+def fill_loop(
     sides: Sequence[HoleSide],
     *,
     inner: str = "fair",
@@ -277,7 +277,7 @@ def _shares_at(patch: Patch, p: FloatArray) -> FloatArray:
 
 
 def _turns_over(patch: Patch, start: FloatArray, end: FloatArray) -> bool:
-    """Whether normals on the way between two places in Δ turn by more than a right angle in one small step."""
+    """Tell whether normals on the way between two places in Δ turn by more than a right angle in one small step."""
     fold_steps = 128  # a surface that only turns fast turns by less than a right angle in one of them
     t = _shares_at(patch, start + np.linspace(0, 1, fold_steps + 1)[:, None] * (end - start))
     normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ patch.control_points for axis in patch.knots.T))

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import finite
-from gtb_cli.design.fill import Filling
-from gtb_cli.design.fill import fill as fill_sides
+from gtb_cli.design.fill import Filling, fill_loop
 from gtb_cli.design.holes import fill_hole
 from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
 from gtb_cli.design.sides import HoleSide, curve_side
@@ -65,7 +64,7 @@ def fill(
         return fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
     if hole is not None:
         raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-    return fill_sides(found, inner=inner, fullness=fullness, raises=raises, name=name)
+    return fill_loop(found, inner=inner, fullness=fullness, raises=raises, name=name)
 
 
 def read_loop(path: str | os.PathLike[str]) -> list[HoleSide] | Model:

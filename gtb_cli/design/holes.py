@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.fill import Filling, fill
+from gtb_cli.design.fill import Filling, fill_loop
 from gtb_cli.design.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -120,23 +120,8 @@ def fill_hole(
 ) -> Filling:
     """Fill an open ring of a model with one patch that touches its neighbours' tangent planes.
 
-    Parameters
-    ----------
-    model : Model
-        A model of surfaces.
-    hole : str, optional
-        The name of an edge of the ring, such as ``wall-0 edge 2``; not needed if there is one ring.
-    inner, fullness
-        See `gtb_cli.design.fill.fill`.
-    raises : int, optional
-        Smallest number of times that the degree of the edges is raised; see `gtb_cli.design.fill.fill`.
-    name : str
-        Name of the patch.
-
-    Returns
-    -------
-    Filling
-        Its `model` has the patch; the others stay as they are.
+    Parameters are those of `gtb_cli.design.filling.fill`. The `model` of the filling has the patch; the others stay as
+    they are.
 
     Raises
     ------
@@ -147,7 +132,7 @@ def fill_hole(
     taken = {patch.name for patch in model.patches}
     names = (name, *(f"{name}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill(sides, inner=inner, fullness=fullness, raises=raises, name=unique)
+    filling = fill_loop(sides, inner=inner, fullness=fullness, raises=raises, name=unique)
     whole = model.replace(patches=(*model.patches, filling.patch))
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(model)]:

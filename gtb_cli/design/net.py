@@ -50,7 +50,7 @@ def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Se
     edge_weights : sequence of (m + 1,) float
         Products c ω of each edge's knots, 1 at the corners.
     row_weights : sequence of (m,) float
-        The same for the row of each edge, up to a factor.
+        Products of the knots of each edge's row, up to a factor.
     """
     corners = polygon(lengths)
     degrees = np.array([len(weights) - 1 for weights in edge_weights])

@@ -10,7 +10,7 @@ from gtb_cli.arrays import BoolArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.layers import LAYER_TOLERANCE
+from gtb_cli.knots.layers import layers
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.theory.patch import Patch
@@ -92,9 +92,8 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
 
 def kept_knots(domain: Domain, keep: Keep) -> BoolArray:
     """Return (n,) whether a knot is on an edge or, for tangents, in the layer nearest to an edge."""
-    kept = domain.incidence.any(axis=1)
+    kept = np.asarray(domain.incidence.any(axis=1))
     if keep == "tangents":
         for heights in domain.heights.T:
-            first = heights[heights > 0].min()
-            kept = kept | (heights <= first + LAYER_TOLERANCE * heights.max())
-    return np.asarray(kept)
+            kept[next(layers(heights))] = True
+    return kept

@@ -72,7 +72,7 @@ class ModelReader:
             return None
         if weld is None:
             return model
-        from gtb_cli.theory.joints import diagonal_of
+        from gtb_cli.theory.model import diagonal_of
 
         distance, is_percentage = weld
         return replace(model, weld=distance * diagonal_of(model.patches) / 100 if is_percentage else distance)

@@ -298,7 +298,7 @@ def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
     model = _model(spec)
     if model is None or weld is None:
         return spec
-    from gtb_cli.theory.joints import diagonal_of
+    from gtb_cli.theory.model import diagonal_of
 
     return model.replace(weld=percentage(weld) / 100 * diagonal_of(model.patches) if isinstance(weld, str) else weld)
 

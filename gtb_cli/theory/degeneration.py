@@ -31,7 +31,7 @@ def degenerate(patch: Patch, x: float, lifting: ArrayLike | None = None) -> Patc
     Returns
     -------
     Patch
-        The same patch with new weights, given as logarithms if some are beyond the range of floats.
+        A copy with new weights, given as logarithms if some are beyond the range of floats.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def regular_control_surface(patch: Patch, lifting: ArrayLike | None = None) -> M
     Returns
     -------
     Model
-        The same as from `cells_of`, which takes a known decomposition.
+        A patch for each cell, in the order of the cells; `cells_of` takes a known decomposition.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
 
 @frozen
 class Curve:
-    """The data that determine an edge's curve: knots on [0, 1], normalised log weights, points."""
+    """Data that determine an edge's curve: knots on [0, 1], normalised log weights, points."""
 
     knots: FloatArray
     log_weights: FloatArray
@@ -48,11 +48,11 @@ class Curve:
         return float(np.ptp(self.points, axis=0).max())
 
     def reversed(self) -> Curve:
-        """The same curve in the opposite direction."""
+        """Return the curve in the opposite direction."""
         return Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
 
     def same_as(self, other: Curve, tolerance: float) -> bool:
-        """Whether the data are the same, with points within a distance."""
+        """Return whether the data are equal, with points within a distance."""
         return (
             len(self.knots) == len(other.knots)
             and bool(np.abs(self.points - other.points).max() <= tolerance)
@@ -75,9 +75,9 @@ class Curve:
     ) -> tuple[FloatArray, FloatArray]:
         """(m,) fractions between (m,) bounds at which the curve is nearest to (m, 3) points, and its points there.
 
-        By Newton's method for points on the curve, that is without second derivatives, from (m,) starts; the foot of
-        the perpendicular narrows the bounds, which are halved where a step leaves them. Steps are taken in torus
-        coordinates, as if log(t / (1 − t)) were affine in these, which it is near the ends.
+        Unlike the moment map's solver, this projects points of space: by the Gauss-Newton method, from (m,) starts,
+        within bounds that each projection narrows and that are halved where a step leaves them. Steps are taken in
+        torus coordinates, as if log(t / (1 − t)) were affine in these, which it is near the ends.
         """
         roundings, most_steps = 16, 100  # of the largest coordinate, or of a fraction; halving alone needs 53 steps
         s = self._moments.inverse(np.clip(start, EPS, 1 - EPS)[:, None])
@@ -179,7 +179,7 @@ def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray
 
 
 def correspondence(one: Curve, other: Curve, turned: bool, reach: float) -> tuple[float, FloatArray] | None:
-    """Where a curve, whatever its parameters, runs beside another one with about the same ends, or the same `turned`.
+    """Match a curve, whatever its parameters, with another one that has about the same ends, or has them `turned`.
 
     Returns the largest distance, and fractions of the other one at `EDGE_SAMPLES` equal fractions of this one; None if
     they are farther apart than `reach`, or one of them runs to and fro beside the other.

@@ -76,7 +76,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Joints:
-    """How the patches of a model are joined.
+    """Joints, and other edges, of a model.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Joints:
         Open edges nearer than a hundredth of the smaller one's size, with the largest distance of their curves, in
         model units.
     flipped : tuple of bool
-        Whether the orientation of each patch must be reversed to agree with its neighbours.
+        True for patches whose orientation must be reversed to agree with their neighbours'.
     one_sided : tuple of Joint
         Joints at which orientations disagree for every choice of `flipped`.
     """
@@ -107,14 +107,8 @@ class Joints:
 
     @property
     def closed(self) -> bool:
-        """Whether exactly two patches share every edge, consistently oriented: the model bounds a volume."""
+        """True if exactly two patches share every edge, consistently oriented: the model bounds a volume."""
         return not (self.open or self.crowded or self.one_sided)
-
-
-def diagonal_of(patches: Sequence[Patch]) -> float:
-    """Diagonal of the bounding box of all control points, in model units."""
-    points = np.concatenate([patch.control_points for patch in patches])
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
@@ -84,3 +86,9 @@ class Model:
 
     plot = plot
     _repr_html_ = frame
+
+
+def diagonal_of(patches: Sequence[Patch]) -> float:
+    """Diagonal of the bounding box of all control points, in model units."""
+    points = np.concatenate([patch.control_points for patch in patches])
+    return float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -12,7 +12,7 @@ import pytest
 
 from gtb_cli.checks.check import check, check_model, check_patch
 from gtb_cli.checks.description import description, descriptions
-from gtb_cli.checks.lattice import bernstein
+from gtb_cli.checks.lattice import de_casteljau
 from gtb_cli.checks.probe import Probe, evenly
 from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Outcome
@@ -407,11 +407,11 @@ def test_a_broken_law_is_measured_at_its_size():
 def test_bernstein_polynomials(degree):
     """Against binomials; the triangle's against multinomials, by exponents of the second and third share."""
     t = np.array([0.0, 0.125, 0.5, 1.0])
-    values = bernstein(degree, np.stack([1 - t, t]))
+    values = de_casteljau(degree, np.stack([1 - t, t]))
     for i in range(degree + 1):
         np.testing.assert_allclose(values[:, i], math.comb(degree, i) * t**i * (1 - t) ** (degree - i), rtol=1e-14)
     a, b = np.array([0.25, 0.0, 0.5]), np.array([0.25, 1.0, 0.5])
-    values = bernstein(degree, np.stack([1 - a - b, a, b]))
+    values = de_casteljau(degree, np.stack([1 - a - b, a, b]))
     for i in range(degree + 1):
         for j in range(degree + 1 - i):
             k = degree - i - j

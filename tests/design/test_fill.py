@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.fill import Filling, _folds, fill
+from gtb_cli.design.fill import Filling, _folds, fill_loop
 from gtb_cli.design.holes import fill_hole, rings
 from gtb_cli.design.loops import loop_from_text, loop_or_model
 from gtb_cli.design.sides import HoleSide, bezier_form, curve_side, points_and_tangents, raised, stations
@@ -98,7 +98,7 @@ SEEDS = {n: range(10) for n in (5, 3, 4, 6, 7, 8, 9)} | {10: range(3), 11: (0, 1
 def test_random_loops_are_filled(n, seed):
     """Planes of some turn by 180 degrees along one side: the patch follows them, and says where it turns sharply."""
     sides = random_sides(n, seed)
-    filling = fill(sides)
+    filling = fill_loop(sides)
     assert_fills(filling, sides)
     said = any("its tangent planes turn by 1" in remark for remark in filling.remarks)
     assert said == bool(filling.sharp_turns)
@@ -119,7 +119,7 @@ def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
     """Control points of the pentagon's boundary crowd at corners: a mesh of the patch is not folded there."""
     pentagon = load(SPECS / "pentagon.toml")
     sides = [curve_side(pentagon.boundary(edge), None, f"edge {edge}") for edge in range(5)]
-    filling = fill(sides)
+    filling = fill_loop(sides)
     assert filling.raises == (0, 1, 1, 1, 0)
     assert (filling.folds, filling.sharp_turns) == (0, 0)
 
@@ -127,24 +127,24 @@ def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
 @pytest.mark.parametrize("n", mostly_long([12, 16], quick=0))
 def test_many_sides_with_quiet_planes_are_filled(n):
     sides = random_sides(n, 0, (1, 3), noise=0.01)
-    assert_fills(fill(sides), sides)
+    assert_fills(fill_loop(sides), sides)
 
 
 @pytest.mark.parametrize("n", mostly_long([3, 4, 6, 9], quick=1))
 def test_rational_loops_are_filled(n):
     sides = random_sides(n, 1, (2, 4), rational=True)
-    assert_fills(fill(sides), sides)
+    assert_fills(fill_loop(sides), sides)
 
 
 @pytest.mark.parametrize("degree", mostly_long([1, 10], quick=1))
 def test_high_and_low_degrees(degree):
     sides = random_sides(4, 2, (degree, degree))
-    assert_fills(fill(sides), sides)
+    assert_fills(fill_loop(sides), sides)
 
 
 def test_at_corners_the_normal_is_that_of_the_sides():
     sides = random_sides(3, 3, (2, 3))
-    filling = fill(sides)
+    filling = fill_loop(sides)
     patch = filling.patch
     normals = patch.normals(patch.domain.vertices)
     for k, side in enumerate(filling.sides):
@@ -158,7 +158,7 @@ def test_at_corners_the_normal_is_that_of_the_sides():
 def test_corners_where_ribbons_disagree_are_said(tmp_path):
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
-    filling = fill([turned, *sides[1:]])
+    filling = fill_loop([turned, *sides[1:]])
     assert filling.angle < PLANES
     assert filling.corner_angles[0] > 5
     assert filling.corner_angles[1] > 5
@@ -173,14 +173,14 @@ def test_any_size_and_place(scale, shift):
         weights = side.curve[:, 3:]
         curve = np.column_stack([side.curve[:, :3] * scale + shift * weights, weights])
         moved.append(HoleSide(side.name, curve, side.across * scale))
-    one, other = fill(plain).patch, fill(moved).patch
+    one, other = fill_loop(plain).patch, fill_loop(moved).patch
     np.testing.assert_allclose((other.control_points - shift) / scale, one.control_points, atol=1e-6 if shift else 1e-9)
 
 
 def test_the_order_and_direction_of_sides_do_not_matter():
     sides = random_sides(4, 6, (2, 2))
     mixed = [sides[0], sides[2].reversed(), sides[3], sides[1].reversed()]
-    one, other = fill(sides), fill(mixed)
+    one, other = fill_loop(sides), fill_loop(mixed)
     assert any("other end" in remark for remark in other.remarks)
     np.testing.assert_allclose(one.patch.control_points, other.patch.control_points, atol=1e-9)
 
@@ -189,11 +189,11 @@ def test_the_order_and_direction_of_sides_do_not_matter():
 def test_sides_without_ribbons_are_met():
     sides = random_sides(5, 7)
     bare = [HoleSide(side.name, side.curve) for side in sides]
-    filling = fill(bare)
+    filling = fill_loop(bare)
     assert math.isnan(filling.angle)
-    mixed = fill([bare[0], *sides[1:]])
+    mixed = fill_loop([bare[0], *sides[1:]])
     assert mixed.angle < PLANES
-    assert filling.energy < mixed.energy < fill(sides, raises=mixed.raises[0]).energy * (1 + 1e-9)
+    assert filling.energy < mixed.energy < fill_loop(sides, raises=mixed.raises[0]).energy * (1 + 1e-9)
 
 
 def test_a_sphere_is_filled_nearly_as_a_sphere():
@@ -203,7 +203,7 @@ def test_a_sphere_is_filled_nearly_as_a_sphere():
         HoleSide(f"arc {k}", np.column_stack([ARC[:, :3] @ turn, ARC[:, 3]]), np.tile(np.eye(3)[(k + 2) % 3], (96, 1)))
         for k, turn in enumerate(turns)
     ]
-    filling = fill(sides, raises=2)
+    filling = fill_loop(sides, raises=2)
     assert filling.angle < PLANES
     u = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ filling.patch.domain.vertices
     radii = np.linalg.norm(filling.patch.evaluate(u), axis=1)
@@ -213,7 +213,7 @@ def test_a_sphere_is_filled_nearly_as_a_sphere():
 @long
 def test_flat_has_less_dirichlet_energy_and_fair_less_of_a_plate():
     sides = random_sides(4, 8)
-    fair, flat = fill(sides).patch, fill(sides, inner="flat").patch
+    fair, flat = fill_loop(sides).patch, fill_loop(sides, inner="flat").patch
     assert energy(flat, "dirichlet") < energy(fair, "dirichlet")
     assert energy(fair, "thin-plate") < energy(flat, "thin-plate")
 
@@ -221,9 +221,9 @@ def test_flat_has_less_dirichlet_energy_and_fair_less_of_a_plate():
 @long
 def test_fullness_goes_on_along_the_planes():
     sides = random_sides(4, 8)
-    full = fill(sides, fullness=1.5)
+    full = fill_loop(sides, fullness=1.5)
     assert full.angle < PLANES
-    assert full.energy > fill(sides).energy
+    assert full.energy > fill_loop(sides).energy
 
 
 @pytest.mark.parametrize(
@@ -242,27 +242,27 @@ def test_fullness_goes_on_along_the_planes():
 )
 def test_what_is_not_a_loop(sides, message):
     with pytest.raises(DomainError, match=message):
-        fill(sides)
+        fill_loop(sides)
 
 
 def test_a_parallel_ribbon_spans_no_plane():
     sides = random_sides(3, 0)
     _, tangents = points_and_tangents(sides[0].curve, stations())
     with pytest.raises(DomainError, match="parallel to the curve"):
-        fill([HoleSide("side 0", sides[0].curve, tangents), *sides[1:]])
+        fill_loop([HoleSide("side 0", sides[0].curve, tangents), *sides[1:]])
 
 
 @pytest.mark.parametrize("options", [{"inner": "x"}, {"fullness": 0}, {"fullness": math.nan}, {"raises": -1}])
 def test_options_that_make_no_sense(options):
     with pytest.raises(DomainError, match=f"{next(iter(options))}:"):
-        fill(random_sides(3, 0), **options)
+        fill_loop(random_sides(3, 0), **options)
 
 
 def test_a_side_that_is_a_point_is_left_out():
     sides = random_sides(4, 9)
     corner = sides[2].ends[0]
     point = HoleSide("tip", homogeneous(np.tile(corner, (4, 1))))
-    filling = fill([*sides[:2], point, *sides[2:]])
+    filling = fill_loop([*sides[:2], point, *sides[2:]])
     assert filling.remarks[0] == "tip is a point and is left out"
     assert_fills(filling, sides)
 
@@ -301,7 +301,7 @@ def test_a_curve_with_gaps_between_its_knots_is_a_bezier_curve():
 
 def test_the_cup_is_filled():
     sides = loop_from_text(CUP.read_bytes(), str(CUP))
-    filling = fill(sides)
+    filling = fill_loop(sides)
     assert_fills(filling, sides)
     assert filling.energy < 2.5e4
 
@@ -310,7 +310,7 @@ def test_a_loop_of_bsplines_is_filled():
     path = HERE / "pocket3sided.lop"
     sides = loop_from_text(path.read_bytes(), str(path))
     assert [side.name for side in sides][:2] == ["side 0 piece 0", "side 0 piece 1"]
-    filling = fill(sides)
+    filling = fill_loop(sides)
     assert filling.folds == 0
     for k, side in enumerate(filling.sides):
         np.testing.assert_allclose(filling.patch.control_points[k], side.ends[0], rtol=1e-12)
