@@ -31,9 +31,9 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
     from trimesh import Trimesh
     from trimesh.exchange.stl import export_stl
 
-    # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths
+    # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths; powers of two are exact.
     exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max() or 1.0)[1])
-    exponent = 0 if 0 <= exponent < 200 else exponent
+    exponent = 0 if -10 < exponent < 200 else exponent
     facets = Trimesh(np.ldexp(vertices, -exponent), triangles, process=False, validate=False)
     if ascii:
         return _text(vertices, triangles, facets.face_normals, name)
