@@ -25,7 +25,6 @@ from gtb_cli.values import frozen
 if TYPE_CHECKING:
     from gtb_cli.moment.lattices import VertexLattices
 
-START_RESIDUAL = 1e-10  # suffices for points that only serve as starts of others
 
 
 @frozen
@@ -113,7 +112,7 @@ class LinearParametrization:
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
             places = chart.columns(points)
-            return chart.solved(places, start, START_RESIDUAL) - chart.moments.starts(places)
+            return chart.solved(places, start, 1e-10) - chart.moments.starts(places)
 
         try:
             return _Even(p, faces, inner, lattice, lattice.lines(solve), chart)

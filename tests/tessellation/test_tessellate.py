@@ -244,3 +244,17 @@ def test_patches_with_one_basis_are_located_together(monkeypatch):
     alone = tessellate(first, 6).vertices
     ours = mesh.vertices[np.unique(mesh.faces[mesh.groups[7][1] : mesh.groups[7][2]])] - 7 * step
     assert np.abs(ours[:, None] - alone).max(axis=2).min(axis=1).max() < 1e-12
+
+
+@pytest.mark.parametrize("options", [{"resolution": 6}, {"tolerance": 0.02}])
+def test_patches_with_equal_knots_are_sampled_with_their_own_weights(options):
+    """All points of the row are those of its patches, which are solved together."""
+    first = Patch(SQUARE, [[x, y, x * y] for x, y in SQUARE], [1, 2, 1, 1, 3, 1, 1, 2, 1])
+    weights = np.where((np.array(SQUARE) == 1).all(axis=1), np.array([[1.0], [3.0], [40.0]]), first.weights)
+    row = Model(tuple(first.replace(weights=w, control_points=np.add(first.control_points, [2.0 * k, 0, 0]))
+                      for k, w in enumerate(weights)))  # fmt: skip
+    mesh = tessellate(row, **options)
+    for index, patch in enumerate(row.patches):
+        own = mesh.origin.patch == index
+        there = patch.evaluate(mesh.parameters[own], "linear")
+        assert np.abs(there - mesh.vertices[own]).max() < 1e-12
