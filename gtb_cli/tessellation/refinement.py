@@ -119,7 +119,8 @@ class _Refinement:
         """Sample the middle of the edges that were not sampled yet."""
         edges = self.mesh.edges
         new = np.flatnonzero(np.isnan(edges.error))
-        edges.middle[new], edges.bend[new] = self.samples.middles(new)
+        points, distances, guesses = self.samples.along(new, np.array([0.5]), 0.0)
+        edges.middle[new], edges.bend[new], edges.guess[new] = points[:, 0], distances[:, 0], guesses[:, 0]
         inside = self.flat.take(edges.patch[new]) & (edges.face[new] == INTERIOR)
         edges.error[new] = np.where(inside, 0.0, edges.bend[new])
 
@@ -130,9 +131,7 @@ class _Refinement:
         chosen, touched = np.flatnonzero(marked), np.flatnonzero(mesh.has_mark(marked))
         # Each split side adds one cell.
         self.refuse_hopeless(chosen, len(mesh) + int(np.count_nonzero(marked.take(mesh.cells.sides[touched]))))
-        changed = mesh.split(chosen, touched)
-        self.samples.follow(chosen)
-        return changed
+        return mesh.split(chosen, touched)
 
     def refuse_hopeless(self, chosen: IntArray, count: int) -> None:
         """Raise `ToleranceError` if splitting some edges, into `count` cells, cannot help, or leads to too many."""
@@ -282,7 +281,7 @@ class _Refinement:
         length = max(1, block_samples // len(weights))
         for begin in range(0, len(rows), length):
             block = slice(begin, begin + length)
-            distance = self.samples.inside(rows[block], weights, self.nearby)
+            distance = self.samples.inside(rows[block], weights, self.nearby).distances
             fails[block] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(expected_of @ self.heights(rows[block])).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
@@ -294,12 +293,12 @@ class _Refinement:
         if not len(rows):
             return np.empty((0, len(fractions), 3))
         edges = self.mesh.edges
-        samples, distance = self.samples.along(rows, fractions, self.nearby)
+        points, distance, _ = self.samples.along(rows, fractions, self.nearby)
         # At its quarters a parabola is three quarters as far from its chord as in the middle.
         off = np.abs(distance[:, np.isin(fractions, (0.25, 0.75))] - 0.75 * edges.bend[rows, None]).max(axis=1)
         edges.roughness[rows] = np.fmax(edges.roughness[rows], off)
         edges.error[rows] = np.maximum(edges.error[rows], distance.max(axis=1))
-        return samples
+        return points
 
     def slides(self, rows: IntArray, quarter: FloatArray) -> BoolArray:
         """Mark edges, (e,), along which quarters or middles of their curves are far from their own."""

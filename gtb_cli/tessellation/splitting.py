@@ -20,12 +20,15 @@ class Vertices(NamedTuple):
     parameters : (v, d) float
         In the domain of that patch.
     points : (v, 3) float
+    guess : (v, 2) float
+        For points of a surface beside it, see `gtb_cli.tessellation.sampling`.
     """
 
     patch: IntArray
     parameters: FloatArray
     face: IntArray
     points: FloatArray
+    guess: FloatArray
 
 
 class Edges(NamedTuple):
@@ -39,6 +42,8 @@ class Edges(NamedTuple):
     parameters : (e, 2, d) float
     middle : (e, 3) float
         The middle of the edge's curve.
+    guess : (e, 2) float
+        That of the vertex there, if the edge is split.
     bend, error : (e,) float
         Distances of the middle, and of the farthest sample of the curve, from the edge. The error is 0 for edges that
         were split.
@@ -51,6 +56,7 @@ class Edges(NamedTuple):
     parameters: FloatArray
     face: IntArray
     middle: FloatArray
+    guess: FloatArray
     bend: FloatArray
     error: FloatArray
     roughness: FloatArray
@@ -69,8 +75,8 @@ class Edges(NamedTuple):
 
 def unknown_edges(ends: IntArray, patch: IntArray, parameters: FloatArray, face: IntArray) -> Edges:
     """Make edges of which nothing is known but where they are."""
-    middle, unknown = np.full((len(ends), 3), np.nan), np.full((3, len(ends)), np.nan)
-    return Edges(ends, patch, parameters, face, middle, *unknown)
+    middle, guess, unknown = (np.full(shape, np.nan) for shape in ((len(ends), 3), (len(ends), 2), (3, len(ends))))
+    return Edges(ends, patch, parameters, face, middle, guess, *unknown)
 
 
 class Cells(NamedTuple):

@@ -31,7 +31,7 @@ class Subdivision:
     """
 
     def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
-        self.vertices = Vertices(start.patch, start.parameters, start.face, points)
+        self.vertices = Vertices(start.patch, start.parameters, start.face, points, np.full((len(points), 2), np.nan))
         self.collapsed = start.collapsed
         self.domains = [patch.domain for patch in patches]
         self.kinds = kinds_of(self.domains)
@@ -114,7 +114,7 @@ class Subdivision:
         child[chosen] = count + np.arange(2 * len(chosen)).reshape(2, -1).T
         if len(self.collapsed):
             self._collapse(old, vertex[chosen])
-        self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle)])
+        self.vertices = joined([self.vertices, Vertices(old.patch, old.middles, old.face, old.middle, old.guess)])
         halves = [
             unknown_edges(
                 np.stack([old.ends[:, end], vertex[chosen]], axis=1),
@@ -173,7 +173,7 @@ class Subdivision:
         """The complex, its cells ordered by patch, then as they were made."""
         order = np.argsort(self.cells.patch, kind="stable")
         cells = rows_of(self.cells, order)
-        patch, parameters, face, _ = self.vertices
+        patch, parameters, face, *_ = self.vertices
         return Complex(patch, parameters, face, cells.cells, cells.patch, cells.corners, self.collapsed)
 
 
