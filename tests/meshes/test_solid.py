@@ -318,51 +318,6 @@ def test_a_surface_can_be_printed(tmp_path, thickness):
     assert read.get_mass_properties()[0] == pytest.approx(expected, rel=1e-4)  # 32-bit
 
 
-def test_folds_are_warned_of():
-    mesh = meshed(Path(PENTAGON), 16)
-    count = len(folded_faces(mesh, 1.0))
-    assert count > 0
-    result = gtb("mesh", PENTAGON, "-n", 16, "--thickness", 1)
-    assert result.err.startswith(
-        f"gtb: warning: with a thickness of 1 the offset folds: {count} of 1280 faces, the first near ("
-    )
-    assert gtb("mesh", PENTAGON, "-n", 16, "--thickness", 1, "-q").err == ""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((CURVE, "--thickness", 1), "expected a surface; a curve takes a radius instead"),
-        ((PENTAGON, "--thickness", 0), "'0' is zero"),
-        ((PENTAGON, "--thickness", "thick"), "unknown name 'thick'"),
-        ((PENTAGON, "--thickness", 1, "-n", 800), "makes 6408000 faces, more than 5000000"),
-    ],
-)
-def test_a_thickness_that_makes_no_sense(arguments, message):
-    result = gtb("mesh", *arguments)
-    assert result.status == 2
-    assert result.out == b""
-    assert message in result.err
-
-
-def test_attributes_of_the_command(tmp_path):
-    path = tmp_path / "x.ply"
-    options = ["--attribute", "gaussian_curvature", "--attribute", "u"]
-    result = gtb("mesh", PENTAGON, "-n", 4, *options, "-o", path, "--ascii")
-    assert result.status == 0
-    # All of the boundary of the pentagon: 5 edges of 4 segments.
-    assert "warning: " + str(path) + ": the curvature has no finite limit at 20 of 51 vertices" in result.err
-    header = path.read_text(encoding="ascii").splitlines()[:12]
-    assert [line.split()[-1] for line in header if "double" in line] == [*"xyz", "gaussian_curvature", "u", "quality"]
-    assert "PLY can" in gtb("mesh", PENTAGON, *options, "-f", "obj").err
-    refused = gtb("mesh", PENTAGON, "--attribute", "colour")
-    assert refused.status == 2
-    assert "gaussian_curvature" in refused.err
-    both = gtb("mesh", CURVE, "--attribute", "u", "--radius", 0.1, "-f", "ply")
-    assert both.status == 0
-    assert b"property float quality" in both.out
-
-
 @pytest.mark.parametrize("tolerance", mostly_long([0.01, 0.002], 0))
 def test_a_sphere_of_eight_patches_is_as_thick_at_its_poles(tolerance):
     """Slivers there stand upright, alone at their vertex in some patches: walls of 0.069 and 0.088 came of it."""

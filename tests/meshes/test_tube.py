@@ -504,37 +504,6 @@ def test_a_curve_becomes_stl(tmp_path):
     assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05)), rel=1e-4)
 
 
-def test_the_radius_may_be_an_expression_and_the_bend_is_warned_of():
-    one, other = (gtb("mesh", CURVE, "--radius", radius) for radius in ("sqrt(2)/10", math.sqrt(2) / 10))
-    assert one.status == 0
-    assert one.out == other.out
-    assert one.err == ""
-    result = gtb("mesh", CURVE, "--radius", 1.5)
-    assert result.err.startswith(
-        "gtb: warning: a radius of 1.5 is more than that of the curve's bends: 32 of 32 segments"
-    )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((PENTAGON, "--radius", 1), "expected a curve; a surface takes a thickness instead"),
-        ((CURVE, "--radius", 0), "'0' is zero"),
-        ((CURVE, "--radius", -1), "--radius: must be positive, got -1"),
-        ((CURVE, "--radius", "wide"), "unknown name 'wide'"),
-        ((CURVE, "--radius", 1, "--thickness", 1), "--radius: excludes thickness"),
-        ((CURVE, "--radius", 1, "--uv"), "a tube, which has no parameters for --uv"),
-        ((CURVE, "--radius", 1, "--tolerance", 1e-7), "faces around each segment"),
-        ((CURVE, "--radius", 1, "-n", 1000000), "more than 5000000"),
-    ],
-)
-def test_a_radius_that_makes_no_sense(arguments, message):
-    result = gtb("mesh", *arguments)
-    assert result.status == 2
-    assert result.out == b""
-    assert message in result.err
-
-
 def test_the_same_tube_has_the_same_bytes():
     assert len({gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out for _ in range(3)}) == 1
     binary = stl.Mesh.from_file("x.stl", fh=BytesIO(gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out))

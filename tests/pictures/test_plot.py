@@ -171,67 +171,6 @@ def test_anywhere_and_of_any_size_it_is_the_same_picture(tmp_path):
         assert (np.abs(image - images[0]).max(axis=2) > 8).mean() < 0.002
 
 
-REFUSED = {
-    "a curve where a surface is needed": (["example-3.1.toml", "--what", "surface"], "is a curve, and has no picture"),
-    "a surface where a curve is needed": (["pentagon.toml", "--what", "curve"], "is a surface, and has no picture"),
-    "a model where a patch is needed": (["teapot.toml", "--what", "basis"], "is a model of 32 patches"),
-    "the lifting of a knot for a model": (
-        ["teapot.toml", "--what", "decomposition", "--lifting", "knot:1"],
-        "teapot.toml: expected a single patch, this is a model of 32",
-    ),
-    "no lifting": (["example-3.1.toml", "--what", "decomposition"], "has no lifting"),
-    "no lifting for a sequence": (["example-3.1.toml", "--what", "sequence"], "has no lifting"),
-    "an index that is not there": (["example-3.1.toml", "--what", "basis", "--index", "5"], "index: expected 0 … 4"),
-    "variants of a surface": (["pentagon.toml", "--what", "basis", "--vary", "weights[0]=1,2"], "expected a curve"),
-    "variants of a knot that is not there": (["example-3.1.toml", "--vary", "knots[7]=1"], "and an index below 5"),
-    "variants with a wrong weight": (["example-3.1.toml", "--vary", "weights[0]=1,-1"], "must be positive"),
-    "an x for a curve": (["example-3.1.toml", "--what", "curve", "-x", "2"], "-x is for --what sequence"),
-    "a suffix": (["pentagon.toml", "-o", "figure.gif"], "cannot tell the format of figure.gif"),
-    "no folder to write to": (["example-3.1.toml", "-o", "nowhere/x.png"], "the folder nowhere does not exist"),
-    "a size": (["pentagon.toml", "--size", "3"], "expected width,height in inches"),
-    "a camera": (["pentagon.toml", "--camera", "0,91"], "expected azimuth,elevation"),
-    "too many pixels": (["pentagon.toml", "--size", "40,40", "--dpi", "1200"], "is more than 60M pixels"),
-    "both kinds of sequence": (["example-3.4.toml", "--what", "sequence", "--merge", "1:2", "-x", "3"], "--merge is a"),
-    "no spec": (["nothing.toml"], "nothing.toml: No such file"),
-    "knots off the hull": (["example-3.1.toml", "--merge", "0:1"], "hull"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_drawn_is_refused(case, tmp_path, monkeypatch):
-    (spec, *options), message = REFUSED[case]
-    monkeypatch.chdir(tmp_path)
-    output = [] if "-o" in options else ["-o", "figure.png"]
-    result = gtb("plot", SPECS / spec, *options, *output)
-    assert (result.status, list(tmp_path.iterdir())) == (2, [])
-    assert message in result.err
-    assert result.err.count("\n") == 1
-
-
-def test_options_of_a_limit_are_not_for_a_folder(tmp_path):
-    result = gtb("plot", tmp_path, "--merge", "1:2", "-o", tmp_path / "x.png")
-    assert (result.status, list(tmp_path.iterdir())) == (2, [])
-    assert "--merge is for specs" in result.err
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [("{", "is not a list of meshes"), ("[]", "is not a list"), ('{"meshes": [{"x": 1}]}', "is not a list")],
-)
-def test_a_wrong_record_is_refused(text, message, tmp_path):
-    (tmp_path / "sequence.json").write_text(text, encoding="utf-8")
-    result = gtb("plot", tmp_path, "-f", "svg")
-    assert result.status == 2
-    assert message in result.err
-
-
-def test_a_record_names_files_of_its_folder_only(tmp_path):
-    entry = '{"meshes": [{"x": 1, "file": "../x.obj", "distance_to_limit": 0}]}'
-    (tmp_path / "sequence.json").write_text(entry, encoding="utf-8")
-    result = gtb("plot", tmp_path, "-f", "svg", status=2)
-    assert "'../x.obj' is not the name of a file in its folder" in result.err
-
-
 def test_without_matplotlib_the_way_out_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     result = gtb("plot", SPECS / "pentagon.toml", "-o", tmp_path / "x.png")

@@ -121,28 +121,6 @@ def test_options_of_a_limit_make_a_sequence_with_exact_normals():
     assert len(floats(data["frames"][0]["net"])) == 7
 
 
-REFUSED = {
-    "x of a mesh": (["x.obj", "-x", "2"], "-x is for specs, and x.obj is not a spec"),
-    "x of a model": (["teapot.toml", "-x", "2"], "expected a single patch, this is a model of 32"),
-    "x without a lifting": (["bicubic.toml", "-x", "2"], "has no lifting"),
-    "steps of nothing": (["bicubic.toml", "--steps", "0.5"], "--steps is for a knot limit, with --merge"),
-    "two sequences": (["example-4.4.toml", "example-4.2.toml", "--lifting", "knot:3"], "on a page of its own"),
-    "curves and surfaces": (["pentagon.toml", "example-3.1.toml"], "curves and surfaces are not shown on one page"),
-    "too fine": (["bicubic.toml", "-n", "1000"], "2000000 faces, and a page has room for"),
-    "no file": (["nothing.toml"], "No such file"),
-    "a watched output": (["bicubic.toml", "--watch"], "it takes neither -o"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_shown_is_refused(case, tmp_path):
-    paths, message = REFUSED[case]
-    paths = [SPECS / path if path.endswith(".toml") else path for path in paths]
-    result = gtb("view", *paths, "-o", tmp_path / "page.html")
-    assert (result.status, list(tmp_path.iterdir())) == (2, [])
-    assert message in result.err
-
-
 def test_python_draws_and_shows_itself():
     patch = gtb_cli.load(SPECS / "bicubic.toml")
     model = gtb_cli.load(SPECS / "box-corner.toml")
