@@ -103,20 +103,6 @@ def test_the_same_bytes_in_another_process(tmp_path):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
-def test_without_x_there_is_the_limit_alone(tmp_path):
-    for extra in ([], ["-x", "inf"]):
-        assert gtb("degenerate", LINE, *extra, "-o", tmp_path, "-q").err == ""
-        assert listing(tmp_path) == ["example-3.4-limit.obj", "sequence.json"]
-
-
-def test_a_sweep(tmp_path):
-    arguments = ["--from", "1", "--to", "1e6", "--count", "4", "-x", "5", "-n", "2", "--no-distance"]
-    assert gtb("degenerate", LINE, *arguments, "-o", tmp_path).status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    assert [entry["x"] for entry in record["meshes"]] == [1, 5, 100, 10000, 10**6, "inf"]
-    assert record["meshes"][4]["file"] == "example-3.4-x1e6.obj"
-
-
 def test_a_sweep_has_short_numbers(tmp_path):
     """Rounded to the digits that names have, so that these tell all."""
     assert (
@@ -136,21 +122,6 @@ def test_a_sweep_has_short_numbers(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("x", "name"),
-    [
-        ("0.25", "0.25"),
-        ("1e-30", "1e-30"),
-        ("123456789", "123456789"),
-        ("sqrt(2)", "1.4142135623730951"),
-        ("7e5", "700000"),
-    ],
-)
-def test_names_tell_every_x(tmp_path, x, name):
-    assert gtb("degenerate", LINE, "-x", x, "-n", "1", "-o", tmp_path).status == 0
-    assert (tmp_path / f"example-3.4-x{name}.obj").exists()
-
-
 def test_the_lower_hull(tmp_path):
     assert gtb("degenerate", LINE, "-x", "0.5", "-x", "0", "-n", "2", "-o", tmp_path).status == 0
     record = json.loads((tmp_path / "sequence.json").read_text())
@@ -159,14 +130,6 @@ def test_the_lower_hull(tmp_path):
     points = np.array([line.split()[1:] for line in lines(tmp_path / "example-3.4-limit.obj", "v")], dtype=float)
     expected = [[0, 0, 0], [0.2, 0.65, 0], [0.4, 1.3, 0], [2.2, 0.65, 0], [4, 0, 0]]
     np.testing.assert_allclose(points, expected, atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("lifting", "segments"), [("knot:3", 2), ("0,2.5,3,2.5,0", 4), ("2, 1, 5, 9 - 4*sqrt(2), 1", 2)]
-)
-def test_liftings(tmp_path, lifting, segments):
-    assert gtb("degenerate", PLAIN, "--lifting", lifting, "-n", "1", "-o", tmp_path).status == 0
-    assert len(lines(tmp_path / "example-3.1-limit.obj", "l")) == segments
 
 
 @pytest.mark.parametrize("format", mostly_long(["ply", "stl", "glb"]))
@@ -210,33 +173,6 @@ def test_a_sequence_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     assert listing(tmp_path) == ["old"]
     assert listing(tmp_path / "old") == ["sequence.json"]
     assert (tmp_path / "old" / "sequence.json").read_text() == "old"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "x"),
-    [
-        (["-x5", "-x2", "-x", "10/2", "-xinf", "-x5.0"], [2, 5, "inf"]),  # put in order, each once
-        (["-x", "1"], [1, "inf"]),  # the patch itself, towards the upper hull unless 0 is asked for
-        (["-x", "1", "-x0"], [1, 0]),
-        (["-x0"], [0]),
-        (["-x1e-300", "-x0.5", "-x0.1"], [0.5, 0.1, 1e-300, 0]),
-        (["--from", "1e6", "--to", "1", "--count", "3"], [1, 1000, 10**6, "inf"]),  # towards the limit anyhow
-        (["--from", "sqrt(4)", "--to", "2*4", "--count", "2", "-x", "2"], [2, 8, "inf"]),
-    ],
-)
-def test_which_x_there_are(tmp_path, arguments, x):
-    assert gtb("degenerate", LINE, *arguments, "-n1", "-o", tmp_path, "-q").status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    assert [entry["x"] for entry in record["meshes"]] == x
-    distances = [entry["distance_to_limit"] for entry in record["meshes"]]
-    assert distances == sorted(distances, reverse=True)
-
-
-def test_an_affine_lifting_changes_nothing(tmp_path):
-    """It is a translation of the torus coordinates: the set is its own limit."""
-    assert gtb("degenerate", PLAIN, "--lifting", "1,1,1,1,1", "-x7", "-n3", "-o", tmp_path, "-q").status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    assert [entry["distance_to_limit"] for entry in record["meshes"]] == [0, 0]
 
 
 def test_options_that_a_sequence_takes(tmp_path):
@@ -291,11 +227,6 @@ def test_the_sequence_of_example_42(tmp_path):
     assert listing(tmp_path / "default") == listing(tmp_path)[1:] or "default" in listing(tmp_path)
 
 
-def test_minus_zero_is_zero(tmp_path):
-    assert gtb("knot-limit", PLAIN, "--merge", "1:2", "--steps", "-0", "-n2", "-o", tmp_path).status == 0
-    assert listing(tmp_path) == ["example-3.1-limit.obj", "example-3.1-step0.obj", "sequence.json"]
-
-
 def test_where_the_limit_is_uniform_nothing_is_said(tmp_path):
     merges = ["--merge", "1:2", "--merge", "3:2"]
     result = gtb("knot-limit", PLAIN, *merges, "--emit-spec", "--steps", "0.5", "-o", tmp_path)
@@ -313,10 +244,3 @@ def test_the_merged_spec_goes_on_through_a_pipe():
     for name in ("knots", "weights", "control_points", "coefficients"):
         assert (getattr(merged, name) == getattr(expected, name)).all()
     assert gtb("mesh", "-", "-n", "2", stdin=result.out).status == 0
-
-
-def test_steps_are_put_in_order_and_1_is_the_limit(tmp_path):
-    arguments = ["--merge", "1:2", "--steps", "1/2,0.5,0.1,1,0", "-n2"]
-    assert gtb("knot-limit", PLAIN, *arguments, "-o", tmp_path, "-q").status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    assert [entry["step"] for entry in record["meshes"]] == [0, 0.1, 0.5, 1]
