@@ -181,8 +181,8 @@ threads_option = click.option(
     default=0,
     expose_value=False,
     callback=_limit_threads,
-    help="Threads, or copies of the process, that share the work on large meshes; by default, or with 0, one for each "
-    "processor that the process may use. The bytes do not depend on the number.",
+    help="Threads that share the work on large meshes; by default, or with 0, one for each processor that the process "
+    "may use. The bytes do not depend on the number.",
 )
 
 resolution_option = click.option(

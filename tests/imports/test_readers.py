@@ -30,8 +30,7 @@ PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (F
 
 
 def patches_of(name: str) -> tuple[Patch, ...]:
-    shape = import_file(name, FILES[name]).shape
-    return shape.patches if isinstance(shape, Model) else (shape,)
+    return import_file(name, FILES[name]).shape.patches
 
 
 def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
@@ -145,26 +144,15 @@ def test_iges_says_what_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_format_is_known_by_content_and_by_suffix(name: str) -> None:
-    by_suffix = import_file(name, FILES[name]).shape
-    by_content = import_file("<stdin>", FILES[name]).shape
-    for first, second in zip(_patches(by_suffix), _patches(by_content), strict=True):
-        np.testing.assert_array_equal(first.control_points, second.control_points)
-
-
-def _patches(shape: Patch | Model) -> tuple[Patch, ...]:
-    return shape.patches if isinstance(shape, Model) else (shape,)
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_the_spec_is_read_back(name: str, tmp_path: Path) -> None:
+def test_a_format_is_known_by_content_and_by_suffix_and_its_spec_is_read_back(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(FILES[name])
     result = gtb("import", path)
     assert result.status == 0, result.err
-    for first, second in zip(_patches(parse(result.text)), patches_of(name), strict=True):
-        np.testing.assert_array_equal(first.control_points, second.control_points)
-        np.testing.assert_array_equal(first.coefficients, second.coefficients)
+    for other in (import_file("<stdin>", FILES[name]).shape, parse(result.text)):
+        for first, second in zip(other.patches, patches_of(name), strict=True):
+            np.testing.assert_array_equal(first.control_points, second.control_points)
+            np.testing.assert_array_equal(first.coefficients, second.coefficients)
 
 
 @pytest.mark.parametrize(
