@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from gtb_cli.moment.lattices import VertexLattices
 
 
-
 @frozen
 class LinearParametrization:
     """The linear parametrisation of a patch, which locates p in Δ by solving μ(s) = p.
