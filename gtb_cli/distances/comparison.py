@@ -28,8 +28,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import FORMATS, SPEC_FORMATS, suffix_of
 
-BEGINNING_BYTES = 1 << 16
-"""Bytes by which a mesh is told from a spec."""
+BEGINNING_BYTES = 1 << 16  # bytes by which a mesh is told from a spec
 
 Comparable: TypeAlias = Mesh | Shape
 

@@ -16,14 +16,12 @@ from gtb_cli.arrays import FloatArray, IntArray, groups, joined, rows_of
 from gtb_cli.distances.projection import ROUNDING, projected
 from gtb_cli.distances.surface import Places, Strata, Surface
 
-CLOSE_SHARE = 0.9
-"""Fraction of the largest distance from which on a point of the start may lead to a farther one."""
+CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
 """Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all."""
 
-NEAR_REGIONS = 2
-"""Nearest regions, with a start in each."""
+NEAR_REGIONS = 2  # nearest regions, with a start in each
 
 
 class Candidates(NamedTuple):

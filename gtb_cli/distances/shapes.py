@@ -18,11 +18,7 @@ from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
-RELATIVE_ERROR = 5e-4
-"""Relative error of a distance between surfaces: three digits are right."""
-
-ROUNDING = 1e-12
-"""Distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart."""
+RELATIVE_ERROR = 5e-4  # relative error of a distance between surfaces: three digits are right
 
 
 def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
@@ -33,11 +29,12 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     The distance is found by a search that starts from points all over both, so it is not proved. It is too large if a
     nearest point was missed, and too small if the farthest one is on a peak between starting points.
     """
+    rounding = 1e-12  # distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart
     surfaces = [whole_surface(shape) for shape in (a, b)]
     found, at = farthest(surfaces, [(0, 1), (1, 0)], 2)
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
     scale = max(float(np.abs(surface.points).max()) for surface in surfaces)
-    bound = (1 + RELATIVE_ERROR) * max(way.distance for way in ways) + ROUNDING * scale
+    bound = (1 + RELATIVE_ERROR) * max(way.distance for way in ways) + rounding * scale
     return Distance(ways[0], ways[1], bound, is_proved=False)
 
 

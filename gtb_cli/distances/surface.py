@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
-from gtb_cli.knots.face import INTERIOR, Face
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -60,27 +60,20 @@ class Strata:
     control_points: FloatArray
 
     @staticmethod
-    def of(faces: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> Strata:
-        """Fill up the (n, 0 to 2) knots, (n,) logarithms of weights and (n, 3) control points of k faces."""
-        absent = -1e6  # the logarithm of a weight that is 0 beside all others
-        shape = max(len(logs) for _, logs, _ in faces), len(faces)
-        knots, log_weights, control_points = np.zeros((2, *shape)), np.full(shape, absent), np.zeros((3, *shape))
-        for k, (a, logs, b) in enumerate(faces):
-            knots[: a.shape[1], : len(a), k] = a.T
-            log_weights[: len(a), k] = logs - logs.max()
-            control_points[:, : len(a), k] = b.T
-        return Strata(knots, log_weights, control_points)
-
-    @staticmethod
     def joined(parts: Sequence[Strata]) -> Strata:
-        """All strata of several surfaces, one surface after another."""
-        return Strata.of([face for part in parts for face in part.faces])
+        """All strata of several parts, one part after another, filled up with knots that do not count."""
+        absent = -1e6  # the logarithm of a weight that is 0 beside all others
+        count = max(len(part.log_weights) for part in parts)
 
-    @property
-    def faces(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """What `of` takes."""
-        columns = (np.moveaxis(table, -1, 0) for table in (self.knots, self.log_weights, self.control_points))
-        return [(a.T, logs, b.T) for a, logs, b in zip(*columns, strict=True)]
+        def filled(table: FloatArray, value: float) -> FloatArray:
+            widths = [(0, 0)] * (table.ndim - 2) + [(0, count - table.shape[-2]), (0, 0)]
+            return np.pad(table, widths, constant_values=value)
+
+        return Strata(
+            np.concatenate([filled(part.knots, 0.0) for part in parts], axis=-1),
+            np.concatenate([filled(part.log_weights, absent) for part in parts], axis=-1),
+            np.concatenate([filled(part.control_points, 0.0) for part in parts], axis=-1),
+        )
 
     def chosen(self, stratum: IntArray) -> Strata:
         """A column for each of (m,) points."""
@@ -142,47 +135,84 @@ class Surface:
         return Surface(strata, self.places, np.ldexp(self.points - origin, -exponent), self.region, self.cells)
 
 
-def surface_of(patches: Sequence[Patch], mosaic: Complex, inside: Sequence[FloatArray] | None = None) -> Surface:
-    """Take the vertices of a complex and the middles of its cells as the points of a surface.
-
-    Parameters
-    ----------
-    patches : sequence of Patch
-    mosaic : Complex
-        Over the domains of these patches.
-    inside : sequence of (q, d) float, optional
-        Further parameters inside each patch; the knots where they are left out.
-    """
-    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest ones
-    knots = [patch.knots[~patch.domain.incidence.any(axis=1)] for patch in patches] if inside is None else inside
-    count, own = len(mosaic.patch), np.repeat(np.arange(len(patches)), [len(each) for each in knots])
-    patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
+def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
+    """Take the vertices of a complex over the domains of some patches, the middles of its cells, and inner knots."""
+    knots = [_inner_knots(patch) for patch in patches]
+    own = np.repeat(np.arange(len(patches)), [len(each) for each in knots])
     parameters = np.concatenate([mosaic.parameters, mosaic.corners.mean(axis=1), *knots])
-    face = np.full(len(patch), INTERIOR)
-    face[:count] = mosaic.face
-    sampler = Sampler(patches, "linear", False)
-    strata: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    stratum, s, region = np.zeros(len(patch), dtype=np.int64), np.zeros((len(patch), 2)), np.full(len(patch), -1)
-    sufficient = 1e-6  # accuracy of the parameters: whatever they are, the points lie on the surface
+    face = np.full(len(parameters), INTERIOR)
+    face[: len(mosaic.face)] = mosaic.face
+    patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
+    strata, places = _located(patches, patch, parameters, face)
+    return _surface(strata, places, _regions(patches, patch, parameters, face), mosaic)
+
+
+def surfaces_of(patches: Sequence[Patch], mosaic: Complex) -> list[Surface]:
+    """Take the same complex for each of some patches with one domain, and solve for all places at once."""
+    if not patches:
+        return []
+    inner = _inner_knots(patches[0])
+    parameters = np.concatenate([mosaic.parameters, mosaic.corners.mean(axis=1), inner])
+    face = np.full(len(parameters), INTERIOR)
+    face[: len(mosaic.face)] = mosaic.face
+    region = _regions(patches, np.zeros(len(face), dtype=np.int64), parameters, face)
+    number = np.repeat(np.arange(len(patches)), len(face))
+    strata, places = _located(patches, number, np.tile(parameters, (len(patches), 1)), np.tile(face, len(patches)))
+    result = []
+    for rows in np.split(np.arange(len(number)), len(patches)):
+        used, stratum = np.unique(places.stratum[rows], return_inverse=True)
+        result.append(_surface(strata.chosen(used), Places(stratum, places.s[rows]), region, mosaic))
+    return result
+
+
+def _surface(strata: Strata, places: Places, region: IntArray, mosaic: Complex) -> Surface:
+    middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
+    points = strata.chosen(places.stratum).points(places.s.T).T
+    return Surface(strata, places, points, region, np.column_stack([mosaic.cells, middles]))
+
+
+def _inner_knots(patch: Patch) -> FloatArray:
+    return patch.knots[~patch.domain.incidence.any(axis=1)]
+
+
+def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
+    """(m,) numbers of the blocks of domains that hold points inside, -1 for others."""
+    blocks = 4  # along each axis of a domain; nearest points are searched for in the nearest ones
+    region = np.full(len(patch), -1)
     for index, rows in groups(patch):
+        rows = rows[face[rows] == INTERIOR]
         low, high = patches[index].domain.vertices.min(axis=0), patches[index].domain.vertices.max(axis=0)
         block = (blocks * (parameters[rows] - low) / (high - low)).astype(np.int64).clip(0, blocks - 1)
-        number = blocks * blocks * index + block @ [blocks, 1][: block.shape[1]]
-        region[rows] = np.where(face[rows] == INTERIOR, number, -1)
-        for location in sampler.locations(index, parameters[rows], face[rows], sufficient):
-            there = rows[location.rows]
+        region[rows] = blocks * blocks * index + block @ [blocks, 1][: block.shape[1]]
+    return region
+
+
+def _located(
+    patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray
+) -> tuple[Strata, Places]:
+    """Solve for (m, d) parameters of some patches; those with the same knots at once."""
+    sufficient = 1e-6  # accuracy of the parameters: whatever they are, the points lie on the surface
+    alike: dict[bytes, list[int]] = {}
+    for index, each in enumerate(patches):
+        alike.setdefault(each.knots.tobytes() + each.domain.vertices.tobytes(), []).append(index)
+    parts: list[Strata] = []
+    count, stratum, s = 0, np.zeros(len(patch), dtype=np.int64), np.zeros((len(patch), 2))
+    for members in alike.values():
+        place = np.full(len(patches), -1)
+        place[members] = np.arange(len(members))
+        rows = np.flatnonzero(place[patch] >= 0)
+        number = place[patch[rows]]
+        logs = np.stack([patches[index].log_products for index in members])
+        points = np.stack([patches[index].control_points for index in members], axis=-1)
+        linear = LinearParametrization(patches[members[0]].domain, logs if len(members) > 1 else logs[0])
+        numbers = number if len(members) > 1 else None
+        for location in linear.locations(parameters[rows], face[rows], sufficient, numbers=numbers):
+            there, on = rows[location.rows], location.face.knots
             extents = np.ptp(location.knots, axis=0)
-            strata.append(_stratum(patches[index], location.face, location.knots, extents))
-            stratum[there], s[there] = len(strata) - 1, 0.0
+            knots = np.zeros((2, int(on.sum()), len(members)))
+            knots[: len(extents)] = ((location.knots - location.knots.min(axis=0)) / extents - 0.5).T[..., None]
+            parts.append(Strata(knots, logs[:, on].T - logs[:, on].max(axis=1), np.moveaxis(points[on], 1, 0)))
+            stratum[there], s[there] = count + number[location.rows], 0.0
             s[there, : len(extents)] = (location.s * extents[:, None]).T
-    table = Strata.of(strata)
-    points = table.chosen(stratum).points(s.T).T
-    middles = count + np.arange(len(mosaic.cells))
-    return Surface(table, Places(stratum, s), points, region, np.column_stack([mosaic.cells, middles]))
-
-
-def _stratum(
-    patch: Patch, face: Face, knots: FloatArray, extents: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    unit = (knots - knots.min(axis=0)) / extents - 0.5
-    return unit, patch.log_products[face.knots], patch.control_points[face.knots]
+            count += len(members)
+    return Strata.joined(parts), Places(stratum, s)

@@ -17,9 +17,9 @@ from gtb_cli.meshes.measures import Measures, measure
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.welding import weld
 
+# Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
+# control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth.
 DEFAULT_TOLERANCE = 1e-9
-"""Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
-control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth."""
 
 Method: TypeAlias = Literal["vertices", "surface", "patches"]
 Kind: TypeAlias = Literal["auto", "vertices", "surface"]
@@ -236,8 +236,8 @@ def _group(mesh: Mesh, vertex: int) -> str:
     return next((name for name, start, stop in mesh.groups if len(cells) and start <= cells[0] < stop), "")
 
 
+# Indices of matching vertices of two meshes, and how many faces are reversed
 _Pairs: TypeAlias = tuple[IntArray, IntArray, int]
-"""Indices of matching vertices of two meshes, and how many faces are reversed."""
 
 
 def _pairs(a: Mesh, b: Mesh, allowed: float) -> _Pairs | None:

@@ -8,9 +8,6 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.values import frozen
 
-COORDINATE_ROUNDING = 2.0**-50
-"""Rounding of a few double-precision operations, as a fraction of the largest coordinate."""
-
 
 @frozen
 class KnownMesh:
@@ -38,7 +35,9 @@ def known_exactly(mesh: Mesh) -> KnownMesh:
 
 def rounding(vertices: FloatArray) -> FloatArray:
     """(3,) error of computed coordinates along each axis."""
-    return largest_coordinates(vertices) * COORDINATE_ROUNDING
+    # Rounding of a few double-precision operations, as a fraction of the largest coordinate
+    coordinate_rounding = 2.0**-50
+    return largest_coordinates(vertices) * coordinate_rounding
 
 
 def largest_coordinates(vertices: FloatArray) -> FloatArray:

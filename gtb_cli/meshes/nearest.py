@@ -19,8 +19,6 @@ BRANCHES = 8  # boxes in each box of the tree
 
 PAIR_BATCH = 1 << 18  # pairs of a point and a box examined together; longer lists are halved, which bounds the memory
 
-CANDIDATE_CELLS = 8  # tried before a search
-
 
 @frozen
 class NearestCells:
@@ -48,12 +46,13 @@ class NearestCells:
     def nearby(
         self, points: FloatArray, bounds: FloatArray, cells: IntArray, enough: float = 0.0
     ) -> tuple[FloatArray, IntArray]:
-        """The nearest of each point's own cell and the `CANDIDATE_CELLS` cells with the nearest centres.
+        """The nearest of each point's own cell and the few cells with the nearest centres.
 
         No further cells are tried for a point whose cell is within `enough`.
         """
+        candidate_cells = 8  # tried before a search
         bounds, cells = bounds.copy(), cells.copy()
-        number = min(CANDIDATE_CELLS, len(self.corners))
+        number = min(candidate_cells, len(self.corners))
         for begin, end in _ranges(len(points), PAIR_BATCH):
             candidates = np.asarray(self._centres.query(points[begin:end], k=[*range(1, number + 1)])[1])
             rows = np.arange(begin, end)

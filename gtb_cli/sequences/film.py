@@ -12,14 +12,12 @@ from gtb_cli.moment.solve import LogSum, solve
 from gtb_cli.moment.torus import shares
 from gtb_cli.theory.knot_limit import Film, KnotLimit
 
-FILM_CELLS = {1: 1024, 2: 64}
-"""Cells of a film along each of its sides."""
-
 
 def film_mesh(limit: KnotLimit) -> Mesh:
     """Mesh the films of a knot limit that has some: segments for a curve, triangles for a surface."""
+    film_cells = {1: 1024, 2: 64}  # cells of a film along each of its sides
     dimension = limit.patch.dimension
-    n = FILM_CELLS[dimension]
+    n = film_cells[dimension]
     points, cells, count = [], [], 0
     for film in limit.films:
         if dimension == 1:

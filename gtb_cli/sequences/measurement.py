@@ -10,7 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import shifted
 from gtb_cli.distances.shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
-from gtb_cli.distances.surface import Surface, surface_of
+from gtb_cli.distances.surface import Surface, surface_of, surfaces_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
 from gtb_cli.meshes.mesh import Mesh
@@ -46,8 +46,7 @@ class Accuracy:
     relative: float = RELATIVE_ERROR
 
 
-ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}
-"""The accuracy for curves and for surfaces."""
+ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for curves and for surfaces
 
 
 class Measurement:
@@ -71,8 +70,7 @@ class Measurement:
             return
         count = len(self.family.members)
         near = [member for member in members if member < count and not self.family.is_limit[member]]
-        whole = self.family.over_whole(self.rough)
-        surfaces = [self.limit, *(self.surface([self.family.members[member]], whole) for member in near)]
+        surfaces = [self.limit, *self.surfaces([self.family.members[member] for member in near])]
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         found = farthest(surfaces, ways, len(near), self.accuracy.relative)[0].tolist() if near else []
         known = dict(zip(near, found, strict=True))
@@ -87,11 +85,14 @@ class Measurement:
     @cached_property
     def limit(self) -> Surface:
         """The limit, with points all over it."""
-        return self.surface(self.family.limit.patches, self.rough)
+        patches = self.family.limit.patches
+        return surface_of(patches, self.rough if self.family.faces is not None else layered(self.rough, patches))
 
-    def surface(self, patches: Sequence[Patch], mosaic: Complex) -> Surface:
-        """A member or the limit; while knots move, thin layers along edges need further points."""
-        return surface_of(patches, layered(mosaic, patches) if self.family.faces is None else mosaic)
+    def surfaces(self, members: Sequence[Patch]) -> list[Surface]:
+        """Members, with points all over them; while knots move, thin layers along edges need further ones."""
+        if self.family.faces is not None:
+            return surfaces_of(members, self.family.over_whole(self.rough))
+        return [surface_of([member], layered(self.rough, [member])) for member in members]
 
     def between_meshes(self, member: int) -> tuple[float, float, str]:
         """Distances of one member from a limit with a film, without it and with it, and what is doubtful about them."""
