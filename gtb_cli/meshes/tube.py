@@ -94,24 +94,16 @@ def tube(
         (path, _sections(path, radius, tolerance)) for path in paths(mesh, tangents, least_cosine(radius, tolerance))
     ]
     _refuse_too_many(sum(len(sections.at) - (not path.closed) for path, sections in planned), int(count), max_faces)
-    vertices, normals, owners, cells = [], [], [], []
-    groups: list[tuple[str, int, int]] = []
-    first = made = 0
-    for path, sections in planned:
-        sweep = _sweep(path, sections, radius, int(count))
-        vertices.append(sweep.vertices)
-        normals.append(sweep.normals)
-        owners.append(sweep.owners)
-        cells.append(sweep.cells + first)
-        first += len(sweep.vertices)
-        groups.append((_name(mesh, path), made, made + len(sweep.cells)))
-        made += len(sweep.cells)
-    owner = np.concatenate(owners)
+    sweeps = [_sweep(path, sections, radius, int(count)) for path, sections in planned]
+    first = np.cumsum([0, *(len(sweep.vertices) for sweep in sweeps)]).tolist()
+    breaks = np.cumsum([0, *(len(sweep.cells) for sweep in sweeps)]).tolist()
+    names = [_name(mesh, path) for path, _ in planned]
+    owner = np.concatenate([sweep.owners for sweep in sweeps])
     return Mesh(
-        np.concatenate(vertices),
-        np.concatenate(cells),
-        normals=np.concatenate(normals),
-        groups=tuple(groups) if len(groups) > 1 else (),
+        np.concatenate([sweep.vertices for sweep in sweeps]),
+        np.concatenate([sweep.cells + start for sweep, start in zip(sweeps, first, strict=False)]),
+        normals=np.concatenate([sweep.normals for sweep in sweeps]),
+        groups=tuple(zip(names, breaks[:-1], breaks[1:], strict=True)) if len(names) > 1 else (),
         attributes=MappingProxyType({name: values[owner] for name, values in mesh.attributes.items()}),
         name=mesh.name,
     )
@@ -279,20 +271,28 @@ def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) ->
     start = _perpendicular(sections.before)
     other = cross(sections.before, start)
     radial = np.cos(turn)[:, :, None] * start[:, None] + np.sin(turn)[:, :, None] * other[:, None]
-    before, after = sections.before[:, None], sections.after[:, None]
     # Slide each ring along the tube before it into the mitre plane, where the tube after it has the same vertices.
-    beyond = (radial * after).sum(axis=2, keepdims=True) / (1 + (before * after).sum(axis=2, keepdims=True))
-    rings = sections.centers[:, None] + radius * (radial - beyond * before)
-    normals = radial + (radial - beyond * (before + after))
+    rings, normals, _ = _mitred(sections.centers, radius, radial, sections.before, sections.after)
     # Inside a bend, all rings of a fan have the vertices of one mitre.
     first, last = np.repeat(sections.fans, np.diff(sections.fans)[:, 0] + 1, axis=0).T
     fan = np.arange(len(first)) - np.searchsorted(first, first) + first
-    radial, before, after = radial[first], sections.before[first, None], sections.after[last, None]
+    *mitre, ahead = _mitred(
+        sections.centers[first], radius, radial[first], sections.before[first], sections.after[last]
+    )
+    rings[fan], normals[fan] = (
+        np.where(ahead > 0, new, old[fan]) for new, old in zip(mitre, (rings, normals), strict=True)
+    )
+    return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+
+def _mitred(
+    centers: FloatArray, radius: float, radial: FloatArray, before: FloatArray, after: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(m, sides, 3) vertices and normals, not of unit length, of rings in mitre planes; (m, sides, 1) heights ahead."""
+    before, after = before[:, None], after[:, None]
     ahead = (radial * after).sum(axis=2, keepdims=True)
     beyond = ahead / (1 + (before * after).sum(axis=2, keepdims=True))
-    rings[fan] = np.where(ahead > 0, sections.centers[first, None] + radius * (radial - beyond * before), rings[fan])
-    normals[fan] = np.where(ahead > 0, radial + (radial - beyond * (before + after)), normals[fan])
-    return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    return centers[:, None] + radius * (radial - beyond * before), 2 * radial - beyond * (before + after), ahead
 
 
 def _bands(behind: IntArray, ahead: IntArray) -> IntArray:
