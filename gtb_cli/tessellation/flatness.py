@@ -26,16 +26,6 @@ def turned_over(corners: FloatArray) -> BoolArray:
     return np.asarray(turn < -rounding * turn.max())
 
 
-def left_out(points: FloatArray, own: IntArray, corners: FloatArray, tolerance: float) -> IntArray:
-    """Points that are farther than the tolerance from all triangles; each point's own triangle is tried first."""
-    nearest = NearestCells(corners)
-    distance = nearest.distances(points, own)
-    far = np.flatnonzero(distance > tolerance)
-    if not len(far):
-        return far
-    return far[nearest.search(points[far], distance[far], own[far])[0] > tolerance]
-
-
 def folded_or_uncovered(
     mesh: Subdivision, rows: IntArray, steps_at: IntArray, sampler: Sampler, within: float, tolerance: float
 ) -> BoolArray:
@@ -56,5 +46,9 @@ def folded_or_uncovered(
         owners.append(np.repeat(part, len(weights)))
     u, own = np.concatenate(places), np.concatenate(owners)
     sample = sampler.points(mesh.cells.patch[rows[own]], u, np.zeros(len(own), dtype=np.int64), within)
-    failing[own[left_out(sample, own, corners, tolerance)]] = True
+    nearest = NearestCells(corners)
+    distance = nearest.distances(sample, own)
+    far = np.flatnonzero(distance > tolerance)  # from their own triangles
+    if len(far):
+        failing[own[far[nearest.search(sample[far], distance[far], own[far])[0] > tolerance]]] = True
     return failing

@@ -66,7 +66,7 @@ def refine(
 
     Notes
     -----
-    Segments are certified (`gtb_cli.tessellation.certificate`). Triangles are sampled at the quarters of their sides,
+    Segments are certified (`gtb_cli.certificates.curve`). Triangles are sampled at the quarters of their sides,
     at their centroids, and at and between knots; if the samples differ from a quadratic surface, on a lattice of
     `FINE_LATTICE_STEPS` steps.
     """
