@@ -76,46 +76,25 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
 
 def floats(words: Sequence[bytes]) -> FloatArray:
     """(m,) numbers; the error names a word that is not a number."""
-    try:
-        return _floats(words)
-    except ValueError:
-        raise GtbError(f"{shown(_first_wrong(words, _floats))} is not a number") from None
-
-
-def _floats(words: Sequence[bytes]) -> FloatArray:
-    return np.array(list(map(float, _plain(words))), dtype=np.float64)
+    return _numbers(words, float, np.float64, "a number")
 
 
 def integers(words: Sequence[bytes]) -> IntArray:
     """(m,) whole numbers; the error names a word that is not one."""
+    return _numbers(words, int, np.int64, "a whole number")
+
+
+def _numbers(words: Sequence[bytes], read: Callable[[bytes], float], kind: type[T], what: str) -> NDArray[T]:
     try:
-        return _integers(words)
+        if b"_" in b"".join(words):
+            raise ValueError("only Python reads 1_0 as ten")
+        return np.array(list(map(read, words)), dtype=kind)
     except (ValueError, OverflowError):
-        raise GtbError(f"{shown(_first_wrong(words, _integers))} is not a whole number") from None
-
-
-def _integers(words: Sequence[bytes]) -> IntArray:
-    return np.array(list(map(int, _plain(words))), dtype=np.int64)
-
-
-def _plain(words: Sequence[bytes]) -> Sequence[bytes]:
-    """Return the words if none has an underscore: only Python reads 1_0 as ten."""
-    if b"_" in b"".join(words):
-        raise ValueError("an underscore")
-    return words
-
-
-def _first_wrong(words: Sequence[bytes], read: Callable[[Sequence[bytes]], object]) -> bytes:
-    """The first word that cannot be read, found by halving."""
-    while len(words) > 1:
-        half = len(words) // 2
-        try:
-            read(words[:half])
-        except (ValueError, OverflowError):
-            words = words[:half]
-        else:
-            words = words[half:]
-    return words[0]
+        if len(words) == 1:
+            raise GtbError(f"{shown(words[0])} is not {what}") from None
+        half = len(words) // 2  # the first wrong word is in this half, or else in the other
+        _numbers(words[:half], read, kind, what)
+        return _numbers(words[half:], read, kind, what)
 
 
 def shown(word: bytes) -> str:
