@@ -62,7 +62,7 @@ class Curve:
 
     def points_at(self, fractions: FloatArray) -> FloatArray:
         """(m, 3) points at (m,) fractions of the knots' hull, between its ends."""
-        return self._at(self._moments.inverse(fractions[:, None]))[1]
+        return self._at(fractions)[0]
 
     @cached_property
     def samples(self) -> FloatArray:
@@ -75,39 +75,32 @@ class Curve:
     ) -> tuple[FloatArray, FloatArray]:
         """(m,) fractions between (m,) bounds at which the curve is nearest to (m, 3) points, and its points there.
 
-        Unlike the moment map's solver, this projects points of space: by the Gauss-Newton method, from (m,) starts,
-        within bounds that each projection narrows and that are halved where a step leaves them. Steps are taken in
-        torus coordinates, as if log(t / (1 − t)) were affine in these, which it is near the ends.
+        This projects points of space, which the moment map's solver does not: by the Gauss-Newton method, from (m,)
+        starts between the bounds, which each projection narrows and which are halved where a step leaves them.
         """
         roundings, most_steps = 16, 100  # of the largest coordinate, or of a fraction; halving alone needs 53 steps
-        s = self._moments.inverse(np.clip(start, EPS, 1 - EPS)[:, None])
-        rounding = roundings * EPS * float(np.abs(self.points).max())
+        t, rounding = np.clip(start, EPS, 1 - EPS), roundings * EPS * float(np.abs(self.points).max())
         for _ in range(most_steps):
-            t, place, rate, spread = self._at(s)
+            place, rate = self._at(t)
             ahead, square = dot(points - place, rate), dot(rate, rate)
             step = ahead / np.maximum(square, np.finfo(float).tiny)
             going = (np.abs(step) > roundings * EPS) & (np.abs(step) * np.sqrt(square) > rounding)
             if not going.any():
                 break
-            strayed = going & ((t < low) | (t > high))
-            low, high = np.where((ahead > 0) & ~strayed, t, low), np.where((ahead < 0) & ~strayed, t, high)
-            goal = np.where((t + step > low) & (t + step < high) & ~strayed, t + step, (low + high) / 2)
-            goal, t = (np.clip(x, EPS, 1 - EPS) for x in (goal, t))
-            s = s + np.where(going, np.log(goal * (1 - t) / (t * (1 - goal))) * (t * (1 - t) / spread), 0.0)
-            if strayed.any():
-                s[:, strayed] = self._moments.inverse(goal[strayed, None])
+            low, high = np.where(ahead > 0, t, low), np.where(ahead < 0, t, high)
+            goal = np.where((t + step > low) & (t + step < high), t + step, (low + high) / 2)
+            t = np.where(going, np.clip(goal, EPS, 1 - EPS), t)
         return t, place
 
-    def _at(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(m,) fractions t at (1, m) torus coordinates, (m, 3) points and their derivatives by t, and (m,) dt/ds."""
+    def _at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(m, 3) points at (m,) fractions inside, and their derivatives by t."""
         knots, middle = self.knots[:, None], self.points.mean(axis=0)
-        shares = exponentials(knots, self.log_weights, s)
+        shares = exponentials(knots, self.log_weights, self._moments.inverse(t[:, None]))
         shares /= shares.sum(axis=0)
-        t = self.knots @ shares
         moments = shares * (knots - t)
         spread = np.maximum((moments * (knots - t)).sum(axis=0), np.finfo(float).tiny)
         points, slopes = (values.T @ (self.points - middle) for values in (shares, moments))
-        return t, points + middle, slopes / spread[:, None], spread
+        return points + middle, slopes / spread[:, None]
 
     @cached_property
     def _moments(self) -> MomentMap:
