@@ -72,14 +72,6 @@ def test_vertices_of_a_sequence_are_points_of_the_degenerated_patch(x):
     np.testing.assert_allclose(mesh.vertices[inside], expected, atol=ROUNDING * 100)
 
 
-def test_x_of_one_gives_the_patch_back():
-    patch = spec("example-4.4")
-    found = degenerate(patch, 1.0)
-    assert (found.weights == patch.weights).all()
-    assert found.name == "example-4.4"
-    assert (found.lifting == patch.lifting).all()
-
-
 @pytest.mark.parametrize("x", [1e300, 1e-300, 5e-324])
 def test_weights_beyond_floats_are_logarithms(x):
     patch = spec("example-4.4")
@@ -90,6 +82,7 @@ def test_weights_beyond_floats_are_logarithms(x):
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_degenerations_follow_each_other(x, y):
     patch = spec("example-4.4")
+    assert degenerate(patch, 1.0) == patch
     twice, once = degenerate(degenerate(patch, x), y), degenerate(patch, x * y)
     np.testing.assert_allclose(twice.log_products, once.log_products, atol=1e-13)
 
@@ -102,24 +95,22 @@ def test_an_affine_lifting_moves_no_point():
     np.testing.assert_allclose(found, linear_points(patch, p), atol=ROUNDING)
 
 
-@pytest.mark.parametrize("x", [0.0, -1.0, math.inf, math.nan])
-def test_x_is_a_positive_number(x):
-    with pytest.raises(DomainError, match="x: must be finite and positive"):
-        degenerate(spec("example-4.4"), x)
-
-
 @pytest.mark.parametrize(
-    ("lifting", "message"),
+    ("change", "message"),
     [
-        (None, "has no lifting: write one"),
-        ([1, 2], "lifting: expected 5, one for each knot, got 2"),
-        ([1, 2, 3, math.nan, 4], "lifting.3.: must be finite"),
-        ([1e308, 0, 0, 0, 0], "beyond the largest float"),
+        *((lambda x=x: degenerate(spec("example-4.4"), x), "x: must be finite and positive")
+          for x in (0.0, -1.0, math.inf, math.nan)),
+        *((lambda step=step: move_knots(irrational_curve(), {1: 2}, step), "step: expected a number from 0 to 1")
+          for step in (-0.1, 1.1, math.nan)),
+        (lambda: degenerate(irrational_curve(), 2.0), "has no lifting: write one"),
+        (lambda: degenerate(irrational_curve(), 2.0, [1, 2]), "lifting: expected 5, one for each knot, got 2"),
+        (lambda: degenerate(irrational_curve(), 2.0, [1, 2, 3, math.nan, 4]), "lifting.3.: must be finite"),
+        (lambda: degenerate(irrational_curve(), 1e300, [1e308, 0, 0, 0, 0]), "beyond the largest float"),
     ],
-)
-def test_bad_liftings(lifting, message):
+)  # fmt: skip
+def test_what_is_no_number_of_a_limit(change, message):
     with pytest.raises(DomainError, match=message):
-        degenerate(irrational_curve(), 1e300, lifting)
+        change()
 
 
 def exact_point(patch: Patch, x: str, u: tuple[float, ...]) -> list[float]:
@@ -223,29 +214,29 @@ def test_one_cell_is_the_patch_itself():
 # --- merging
 
 
-def test_example_32():
-    found = merge_knots(irrational_curve(), {1: 2})
-    assert found.knots[:, 0].tolist() == [0, 0.5, math.sqrt(2) / 2, 1]
-    assert found.weights.tolist() == [1, 30, 6, 5]
-    np.testing.assert_allclose(found.control_points[1], [44 / 30, 53 / 30, 0], rtol=EXACT)
+@pytest.mark.parametrize(
+    ("patch", "moves", "knots", "weights", "points"),
+    [
+        (irrational_curve(), {1: 2}, [0, 2, 3, 4], [1, 30, 6, 5], {1: ["44/30", "53/30", 0]}),
+        (irrational_curve(), {1: 2, 3: 2}, [0, 2, 4], [1, 36, 5], {1: ["66.2/36", "62/36", 0], 2: [4, 0, 0]}),
+        (irrational_curve(), {1: 3, 3: 2}, [0, 2, 4], [1, 36, 5], {1: ["66.2/36", "62/36", 0], 0: [0, 0, 0]}),
+        (spec("example-4.2"), {3: 1}, [0, 1, 2, 4, 5, 6, 7], [2, 9, 5, 2, 3, 5, 2], {1: ["10/9", "12/9", "43/9"]}),
+    ],
+)
+def test_merged_patches_of_the_paper(patch, moves, knots, weights, points):
+    """Examples 3.2, 3.3 (chains end at the last knot) and 4.2."""
+    found = merge_knots(patch, moves)
+    assert (found.knots == patch.knots[knots]).all()
+    assert found.weights.tolist() == weights
+    for index, point in points.items():
+        expected = [float(Fraction(x.split("/")[0]) / Fraction(x.split("/")[1])) if "/" in str(x) else x for x in point]
+        np.testing.assert_allclose(found.control_points[index], expected, rtol=EXACT)
 
 
-@pytest.mark.parametrize("moves", [{1: 2, 3: 2}, {1: 3, 3: 2}])
-def test_example_33(moves):
-    """The paper's merged weight and control point; chains end at the last knot."""
-    found = merge_knots(irrational_curve(), moves)
-    assert found.knots[:, 0].tolist() == [0, 0.5, 1]
-    assert found.weights.tolist() == [1, 36, 5]
-    np.testing.assert_allclose(found.control_points, [[0, 0, 0], [66.2 / 36, 62 / 36, 0], [4, 0, 0]], rtol=EXACT)
-
-
-def test_example_42():
-    found = merge_knots(spec("example-4.2"), {3: 1})
-    limit = spec("example-4.2-limit")
+def test_the_limit_of_example_42_is_the_spec_of_its_name():
+    found, limit = merge_knots(spec("example-4.2"), {3: 1}), spec("example-4.2-limit")
     assert (found.knots == limit.knots).all()
-    assert found.weights.tolist() == [2, 9, 5, 2, 3, 5, 2]
     np.testing.assert_allclose(found.control_points, limit.control_points, rtol=EXACT)
-    np.testing.assert_allclose(found.control_points[1], [10 / 9, 12 / 9, 43 / 9], rtol=EXACT)
 
 
 def test_general_coefficients_against_rationals():
@@ -313,12 +304,9 @@ def test_bad_moves(moves, message):
             refused(spec("example-4.2"), moves)
 
 
-def test_the_end_of_a_curve_stays():
+def test_an_end_with_two_knots_spares_one():
     with pytest.raises(DomainError, match=r"knot 0 -> 1 changes the hull: no other knot stays at its end \(0\)"):
         merge_knots(irrational_curve(), {0: 1})
-
-
-def test_a_corner_with_two_knots_spares_one():
     patch = Patch([0, 0, 1, 2], [[0, 0], [0, 1], [1, 1], [2, 0]])
     found = merge_knots(patch, {0: 2})
     assert found.knots[:, 0].tolist() == [0, 1, 2]
@@ -352,12 +340,6 @@ def test_all_knots_of_a_chain_move_to_its_end():
     np.testing.assert_allclose(found, expected, rtol=EXACT)
     assert (move_knots(patch, {1: 3, 3: 2}, 0).knots == patch.knots).all()
     assert move_knots(patch, {1: 3, 3: 2}, 1).knots[:, 0].tolist() == [0, 0.5, 0.5, 0.5, 1]
-
-
-@pytest.mark.parametrize("step", [-0.1, 1.1, math.nan])
-def test_bad_steps(step):
-    with pytest.raises(DomainError, match="step: expected a number from 0 to 1"):
-        move_knots(irrational_curve(), {1: 2}, step)
 
 
 @pytest.mark.parametrize(("patch", "moves"), [(irrational_curve(), {1: 2, 3: 2}), (spec("example-4.2"), {3: 1})])
