@@ -26,7 +26,7 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
         *(("evaluate", 8), ("export", 9), ("meshes", 10)),
         *(
             pytest.param(*module, marks=long)
-            for module in (("diff", 6), ("refinement", 11), ("sequences", 3), ("startup", 7), ("threads", 5))
+            for module in (("diff", 6), ("refinement", 11), ("sequences", 3), ("startup", 7), ("threads", 4))
         ),
     ],
 )

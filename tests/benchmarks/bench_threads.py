@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from gtb_cli.shell.processes import processors
-from tests.benchmarks import Row, coarser, paired, segments, sized
+from tests.benchmarks import Row, paired, segments, sized
 from tests.benchmarks.bench_startup import REPOSITORY, process
 
 
 def rows() -> Iterator[Row]:
     yield of_threads("-n 1000", "bicubic", "-n", segments(1000))
     yield of_threads("-n 577, irrational knots", "hexagon", "-n", segments(577))
-    yield of_threads("--tolerance 0.0002%", "pentagon", "--tolerance", f"{100 * coarser(2e-6)}%")
     numbers, many = np.ones(8192), np.ones(2**22)
     for what, work, times in (("exponentials", partial(np.exp, numbers), 4000), ("copies", many.copy, 32)):
         runs = (partial(shared, work, sized(times), count) for count in (processors(), 1))
