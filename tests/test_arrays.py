@@ -94,8 +94,7 @@ def test_unit_vectors_have_length_one_but_for_zero():
 
 # --- indices ---------------------------------------------------------------------------------------------------------
 
-LAST = 2**31 - 2
-"""The largest index, counted from 0, that 32 bits hold when it is counted from 1."""
+LAST = 2**31 - 2  # the largest index, counted from 0, that 32 bits hold when it is counted from 1
 
 
 def test_indices_have_32_bits_only_if_these_hold_them_counted_from_1():

@@ -30,11 +30,9 @@ from tests.specs import load
 
 INTEGERS = SPECS / "example-4.1-integer.toml"
 
-PLACE = 1e-9
-"""Largest distance of a point of an exact face from the patch, of its size: STEP has sixteen digits."""
+PLACE = 1e-9  # largest distance of a point of an exact face from the patch, of its size: STEP has sixteen digits
 
-VOLUME = 1e-4
-"""Relative difference of the kernel's volume and a fine mesh's."""
+VOLUME = 1e-4  # relative difference of the kernel's volume and a fine mesh's
 
 
 def kernel(room: str) -> Any:

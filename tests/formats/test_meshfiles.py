@@ -27,11 +27,8 @@ from gtb_cli.vocabulary import FORMATS
 from tests.specs import SECONDS
 from tests.tiny_meshes import curve, encoded, glb_file, model, surface, two_curves
 
-SINGLE = 2.0**-24
-"""Relative error of rounding to a 32-bit number."""
+SINGLE = 2.0**-24  # relative error of rounding to a 32-bit number
 
-DECIMALS = 0.5e-8 + 1e-15
-"""Error of rounding to the 8 decimals that OBJ files of this size have."""
 
 OPTIONS = [("obj", {}), ("ply", {}), ("ply", {"ascii": True}), ("stl", {}), ("stl", {"ascii": True}), ("glb", {})]
 
@@ -74,6 +71,7 @@ def test_the_header_of_a_binary_stl_file_may_begin_with_a_byte_order_mark():
 @pytest.mark.parametrize(("format", "options"), OPTIONS)
 @pytest.mark.parametrize("make", [surface, curve, model, two_curves])
 def test_what_we_write_reads_back(format, options, make):
+    decimals = 0.5e-8 + 1e-15  # error of rounding to the 8 decimals that OBJ files of this size have
     mesh = make()
     if format == "stl" and mesh.is_curve:
         return
@@ -86,7 +84,7 @@ def test_what_we_write_reads_back(format, options, make):
     error = np.abs(corners - expected)
     assert (error <= known.half_steps).all()
     largest = np.abs(expected).max()
-    assert error.max() <= (DECIMALS if format == "obj" else 0 if options else SINGLE * largest)
+    assert error.max() <= (decimals if format == "obj" else 0 if options else SINGLE * largest)
     assert known.half_steps.max() <= (
         1.01e-8 if format == "obj" else 1e-14 * largest if options else 2 * SINGLE * largest
     )
@@ -522,9 +520,6 @@ def test_time_goes_with_the_size_of_a_file(made, message):
     assert time.process_time() - start < SECONDS
 
 
-MEGABYTE = 1 << 20
-
-
 def one_face(format: str, corners: int) -> bytes:
     """A face, or a fan, of many corners, as few bytes as possible for each."""
     if format == "obj":
@@ -548,6 +543,7 @@ def one_face(format: str, corners: int) -> bytes:
 
 @pytest.mark.parametrize("format", ["obj", "obj with slashes", "ply", "ply text", "glb"])
 def test_a_face_of_many_corners_takes_memory_in_proportion_to_the_file(format):
+    megabyte = 1 << 20
     corners = 60_000
     data = one_face(format, corners)
     decoded(one_face(format, 30))  # what is imported does not count
@@ -557,7 +553,7 @@ def test_a_face_of_many_corners_takes_memory_in_proportion_to_the_file(format):
     tracemalloc.stop()
     place = np.arange(1, corners - 1)
     assert np.array_equal(cells, np.stack([0 * place, place % 3, (place + 1) % 3], axis=1))
-    assert peak < 30 * len(data) + 2 * MEGABYTE
+    assert peak < 30 * len(data) + 2 * megabyte
 
 
 def faces_of_many_sizes() -> tuple[np.ndarray, list[list[int]], list[list[int]]]:

@@ -26,10 +26,8 @@ LINE = str(SPECS / "example-3.4.toml")
 DEGENERATE = ["degenerate", SURFACE, "-x5", "-x100", "-x1e30", "-n3"]
 DEGENERATE_LINE = ["degenerate", LINE, "-x1", "-x3", "-x1e300", "-n5"]
 MERGE = ["knot-limit", MOVING, "--merge", "3:1", "--steps", "0,0.4,0.8", "-n3"]
-MERGE_ON_A_LINE = ["knot-limit", str(SPECS / "example-3.1.toml"), "--merge", "1:2", "-n5"]
 
-STORED = 2**-24
-"""Half a unit in the last place of a 32-bit number of size 1."""
+STORED = 2**-24  # half a unit in the last place of a 32-bit number of size 1
 
 
 pytestmark = pytest.mark.usefixtures("measured_roughly")
@@ -264,13 +262,14 @@ def test_other_programs_see_the_first_mesh(tmp_path):
 
 
 def test_the_same_bytes_to_a_file_and_to_standard_output(tmp_path):
+    merge_on_a_line = ["knot-limit", str(SPECS / "example-3.1.toml"), "--merge", "1:2", "-n5"]
     out = tmp_path / "a.GLB"
     assert gtb(*DEGENERATE_LINE, "-o", out).status == 0
     for extra in (["-f", "glb"], ["-f", "glb", "-o", "-"]):
         result = gtb(*DEGENERATE_LINE, *extra)
         assert result.out == out.read_bytes()
         assert result.err.startswith("gtb: x=1: 11 vertices, 10 segments, ")
-    assert gtb(*MERGE_ON_A_LINE, "-f", "glb").out == gtb(*MERGE_ON_A_LINE, "-f", "glb", "-q").out
+    assert gtb(*merge_on_a_line, "-f", "glb").out == gtb(*merge_on_a_line, "-f", "glb", "-q").out
 
 
 @long

@@ -24,7 +24,6 @@ from gtb_cli.meshes.mesh import Mesh
 from tests.tiny_meshes import curve, encoded, model, surface, two_curves
 
 # 32-bit numbers: half a unit in the last of 24 bits.
-SINGLE = 2.0**-24
 # A unit vector in 32 bits.
 UNIT = 1e-7
 
@@ -164,10 +163,11 @@ def test_glb_of_a_group_called_like_the_root_of_a_scene():
 
 
 def test_glb_holds_normals_and_uv(tmp_path):
+    single = 2.0**-24
     write_mesh(surface(), tmp_path / "mesh.glb", normals=True, uv=True)
     loaded = trimesh.load_scene(tmp_path / "mesh.glb", process=False).geometry["bent_square"]
     np.testing.assert_allclose(loaded.vertex_normals, surface().with_y_up.normals, atol=UNIT)
-    np.testing.assert_allclose(loaded.visual.uv, surface().parameters, atol=4 * SINGLE)
+    np.testing.assert_allclose(loaded.visual.uv, surface().parameters, atol=4 * single)
     plain = tree_of(encoded(surface(), "glb"))["meshes"][0]["primitives"][0]["attributes"]
     assert list(plain) == ["POSITION"]
     both = tree_of(encoded(model(), "glb", normals=True, uv=True))["meshes"]

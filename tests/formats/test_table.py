@@ -13,9 +13,6 @@ from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.vocabulary import FORMATS
 from tests.tiny_meshes import curve, encoded, model, surface
 
-FAR = 1e4 + 1 / 3
-"""A coordinate that neither 32 bits nor 9 digits hold."""
-
 
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_format_has_curves_or_refuses_them(format):
@@ -48,7 +45,8 @@ def test_groups_are_written_where_the_format_has_them(format):
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("ascii", [False, True])
 def test_text_holds_digits_that_32_bits_do_not(format, ascii):
-    holds, mesh = FORMATS[format], replace(surface(), vertices=surface().vertices + FAR)
+    far = 1e4 + 1 / 3  # a coordinate that neither 32 bits nor 9 digits hold
+    holds, mesh = FORMATS[format], replace(surface(), vertices=surface().vertices + far)
     if ascii and holds.text == "never":
         with pytest.raises(ExportError, match="no text form"):
             encode_mesh(mesh, format, ascii=True)

@@ -18,12 +18,6 @@ from tests.patches import bezier_triangle, bicubic, cubic_curve, integer_pentago
 from tests.shell import SPECS, gtb
 from tests.specs import load
 
-PLACE = 1e-13
-"""Largest distance of a point of a cell from the patch, of its size."""
-
-PLACES = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.2), (0.1, 0.7), (0.55, 0.4), (0.0, 0.25)]
-"""Parameters s, t of cells; in triangles, shares of the second and third corner."""
-
 
 def arrays(data: bytes) -> dict[str, np.ndarray]:
     found = {}
@@ -99,16 +93,19 @@ def corners(patch: Patch) -> np.ndarray:
 
 
 def compare(found: list[tuple[int, np.ndarray, np.ndarray]], pieces: Model | tuple[Patch, ...]) -> None:
+    place = 1e-13  # largest distance of a point of a cell from the patch, of its size
+    # Parameters s, t of cells; in triangles, shares of the second and third corner
+    places = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.2), (0.1, 0.7), (0.55, 0.4), (0.0, 0.25)]
     for (kind, degrees, table), piece in zip(found, pieces, strict=True):
         v, size = corners(piece), float(np.ptp(piece.control_points, axis=0).max())
-        for s, t in PLACES:
+        for s, t in places:
             if kind == CURVE:
                 u = v[0] + s * (v[1] - v[0])
             else:
                 u = v[0] + s * (v[1] - v[0]) + t * (v[-1] - v[0])
             if kind == TRIANGLE and s + t > 1:
                 continue
-            assert np.abs(value(kind, degrees, table, s, t) - piece.evaluate([u])[0]).max() <= PLACE * size
+            assert np.abs(value(kind, degrees, table, s, t) - piece.evaluate([u])[0]).max() <= place * size
 
 
 @pytest.mark.parametrize("patch", [cubic_curve(), bezier_triangle(), bicubic()])

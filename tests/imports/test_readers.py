@@ -23,9 +23,6 @@ from tests.foreign import FILES
 from tests.shell import SPECS, gtb
 from tests.specs import load
 
-AGREEMENT = 1e-13
-"""A few dozen roundings."""
-
 PLACES = [(Fraction(1, 3), Fraction(1, 7)), (Fraction(4, 5), Fraction(2, 3)), (Fraction(1, 9), Fraction(8, 9))]
 
 
@@ -34,7 +31,8 @@ def patches_of(name: str) -> tuple[Patch, ...]:
 
 
 def assert_near(found: np.ndarray, expected: Sequence[Fraction]) -> None:
-    assert np.abs(found[0] - [float(x) for x in expected]).max() <= AGREEMENT
+    agreement = 1e-13  # a few dozen roundings
+    assert np.abs(found[0] - [float(x) for x in expected]).max() <= agreement
 
 
 def test_toric_patches() -> None:

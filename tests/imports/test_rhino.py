@@ -37,21 +37,19 @@ def test_damaged_files(data: bytes) -> None:
 
 def process(folder: Path, monkeypatch: pytest.MonkeyPatch, **changes: str) -> None:
     """Let the process be another one: the same with changes, or a text of its own."""
+    # Lines of the process that tests change
+    old = {
+        "read": "library.File3dm.FromByteArray(data)",
+        "library": '"rhino3dm"',
+        "run": "raise SystemExit(main())",
+    }
     text = Path(rhino_process.__file__).read_text(encoding="utf-8")
     for name, line in changes.items():
-        assert OLD[name] in text
-        text = text.replace(OLD[name], line)
+        assert old[name] in text
+        text = text.replace(old[name], line)
     path = folder / "process.py"
     path.write_text(text, encoding="utf-8")
     monkeypatch.setattr(rhino_process, "__file__", str(path))
-
-
-OLD = {
-    "read": "library.File3dm.FromByteArray(data)",
-    "library": '"rhino3dm"',
-    "run": "raise SystemExit(main())",
-}
-"""Lines of the process that tests change."""
 
 
 @pytest.mark.parametrize("read", ["any(iter(int, 1))", "bytes(200_000_000)", "sys.getrecursionlimit.oh", "print(data)"])
