@@ -77,7 +77,6 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
-    max_joints_shown = 6  # number of joints that are listed for a larger model: those with the largest angles
     from gtb_cli.assembly.openings import near_misses
     from gtb_cli.assembly.seams import bends
     from gtb_cli.assembly.seams import joints as seams_of
@@ -86,7 +85,7 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     joints, seams = model.joints, seams_of(model)
     if not in_full:
         seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0)))
-        seams = seams[:max_joints_shown]
+        seams = seams[:6]
     return {
         "closed": joints.closed,
         "shared_edges": len(joints.shared),

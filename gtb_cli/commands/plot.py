@@ -32,10 +32,6 @@ PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence"
 SIDE_INCHES, MAX_PIXELS = (0.5, 40.0), 60_000_000
 
 
-# Segments of each edge of each cell in the panels of a sequence, for surfaces and for curves
-PANEL_RESOLUTION, PANEL_CURVE_RESOLUTION = 24, 128
-
-
 class Variation(NamedTuple):
     """One number of a spec, and the values it takes."""
 
@@ -228,19 +224,7 @@ def _look(
         return Look(size=size, dpi=dpi, camera=Camera(*camera, stretch), **others)
 
 
-def _of_spec(
-    shape: Patch | Model,
-    what: str | None,
-    look: Look,
-    limit: LimitRequest,
-    vary: Variation | None,
-) -> Figure:
-    default_x = (1.0, 10.0, 100.0)  # default parameters x of a degeneration
-    # Default parameters x at which distances of a degeneration are measured
-    distance_x = tuple(10 ** (k / 2) for k in range(9))
-    default_steps = (0.0, 0.4, 0.8)  # default steps t of a knot limit
-    # Default steps t at which distances of a knot limit are measured
-    distance_steps = tuple(1 - 10 ** (-k / 2) for k in range(7))
+def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitRequest, vary: Variation | None) -> Figure:
     from gtb_cli.pictures.figures import default_picture, figure_of, figure_of_variants
     from gtb_cli.theory.patch import Patch
 
@@ -260,14 +244,13 @@ def _of_spec(
             look = replace(look, indices=(vary.knot,))
         return figure_of_variants(variants, names, what, look)
     if sequence:
-        curve = default_picture(shape) == "curve"
-        fine = look.resolution or (PANEL_CURVE_RESOLUTION if curve else PANEL_RESOLUTION)
         far = what == "distance"
-        xs, steps = (distance_x, distance_steps) if far else (default_x, default_steps)
+        xs = [10 ** (k / 2) for k in range(9)] if far else [1.0, 10.0, 100.0]
+        steps = [1 - 10 ** (-k / 2) for k in range(7)] if far else [0.0, 0.4, 0.8]
+        fine = look.resolution or (128 if default_picture(shape) == "curve" else 24)  # segments of each edge of a cell
         return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=far), what, look)
-    return figure_of(
-        shape, what, look, lifting=None if limit.lifting is None else heights_of(single(shape), limit.lifting)
-    )
+    heights = None if limit.lifting is None else heights_of(single(shape), limit.lifting)
+    return figure_of(shape, what, look, lifting=heights)
 
 
 def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
@@ -281,12 +264,8 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
         numbers[vary.knot] = value
         variants.append(patch.replace(**{vary.key: numbers}))
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
-    return variants, [f"{symbol} = {_pretty(text)}" for text in vary.texts]
-
-
-def _pretty(text: str) -> str:
-    """Write a simple expression as people do, such as √2."""
-    return re.sub(r"sqrt\((\d+)\)", r"√\1", text)
+    pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
+    return variants, [f"{symbol} = {text}" for text in pretty]
 
 
 def _of_folder(path: str, what: str, look: Look) -> Figure:

@@ -62,7 +62,10 @@ class SequenceOutput:
         """Return the sequence that `maker` makes, or None if no meshes are wanted."""
         if not self.meshes:
             return None
-        _check_kind(self.options, patch)
+        if self.options.format == "stl" and patch.dimension == 1:
+            raise ExportError(
+                "STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB"
+            )
         recipe = self.options.recipe
         return maker(
             patch,
@@ -75,12 +78,18 @@ class SequenceOutput:
         )
 
     def write(self, sequence: MeshSequence | None, prefix: str, source: str, spec_text: str) -> None:
-        """Write the meshes and print the spec.
+        """Make and write the meshes, report each when it is made, and print the spec.
 
         `prefix` stands before values in file names; `source` names the spec in errors.
         """
         if sequence is not None:
-            _write_sequence(sequence, prefix, self, source)
+            texts = [number_text(value) for value in sequence.values[:-1]]
+            if self.animated:
+                # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
+                labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
+                write_blocks(self.place, _animation(sequence, labels, self, source))
+            else:
+                _write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], self, source)
         if self.emits_spec:
             write_text(STANDARD, spec_text)
 
@@ -129,10 +138,26 @@ def sequence_options(spec_help: str) -> Callable[[Function], Function]:
 
 def _is_animation(options: MeshOptions, output: str) -> bool:
     """Tell whether an output is an animation and not a folder; refuse options that a sequence cannot have."""
-    animation = not is_folder(output) and _is_animated_file(options, output)
-    if options.ascii and (animation or options.format == ANIMATION_FORMAT):
+    suffix = suffix_of(output)
+    if is_folder(output):
+        animated = False
+    elif output == STANDARD or is_device(output):
+        if options.format != ANIMATION_FORMAT:
+            raise click.UsageError(
+                "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"
+            )
+        animated = True
+    else:
+        animated = suffix == ANIMATION_FORMAT
+        if animated and options.format not in (None, ANIMATION_FORMAT):
+            raise click.UsageError(
+                f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
+            )
+        if suffix in FORMATS and not animated:
+            raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
+    if options.ascii and (animated or options.format == ANIMATION_FORMAT):
         raise click.UsageError("--ascii: GLB has no text form")
-    if animation:
+    if animated:
         options.format_for(output)
     if options.recipe.parametrization == "toric":
         raise click.UsageError(
@@ -140,30 +165,7 @@ def _is_animation(options: MeshOptions, output: str) -> bool:
             "toric parameters would run together"
         )
     options.refuse("is for single meshes, of gtb mesh", "certify", "radius", "thickness", "attribute", "require")
-    return animation
-
-
-def _is_animated_file(options: MeshOptions, output: str) -> bool:
-    suffix = suffix_of(output)
-    if output == STANDARD or is_device(output):
-        if options.format != ANIMATION_FORMAT:
-            raise click.UsageError(
-                "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"
-            )
-        return True
-    if suffix == ANIMATION_FORMAT and options.format not in (None, ANIMATION_FORMAT):
-        raise click.UsageError(
-            f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
-        )
-    if suffix in FORMATS and suffix != ANIMATION_FORMAT:
-        raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
-    return suffix == ANIMATION_FORMAT
-
-
-def _check_kind(options: MeshOptions, patch: Patch) -> None:
-    """Refuse a format that cannot hold the meshes before they are made."""
-    if options.format == "stl" and patch.dimension == 1:
-        raise ExportError("STL holds triangles, and a curve has none: the meshes of its sequence are OBJ, PLY or GLB")
+    return animated
 
 
 def number_text(value: float) -> str:
@@ -177,16 +179,10 @@ def number_text(value: float) -> str:
     return mantissa + (f"e{int(exponent)}" if e else "")
 
 
-def _write_sequence(sequence: MeshSequence, prefix: str, out: SequenceOutput, source: str) -> None:
-    """Make and write the meshes and `sequence.json`, or an animation, and report each mesh when it is made."""
-    texts = [number_text(value) for value in sequence.values[:-1]]
-    if out.animated:
-        # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
-        labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
-        write_blocks(out.place, _animation(sequence, labels, out, source))
-        return
+def _write_folder(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> None:
+    """Make the meshes, and write them and `sequence.json`."""
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
-    names = [f"{stem}-{label}.{kind}" for label in [*(f"{prefix}{text}" for text in texts), "limit"]]
+    names = [f"{stem}-{label}.{kind}" for label in labels]
     check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
     from gtb_cli.files import StagedFiles
 
