@@ -12,7 +12,6 @@ from gtb_cli.errors import SpecError
 
 MAX_CHARACTERS = 256  # longest expression, in characters
 MAX_NESTING = 32  # deepest nesting of parentheses, powers and signs
-BLANKS = " \t"
 FUNCTIONS = {function.__name__: function for function in (math.sqrt, math.sin, math.cos, math.tan, math.exp, math.log)}
 # Constants known in every expression; ``deg`` is a degree in radians
 CONSTANTS = {"pi": math.pi, "e": math.e, "deg": math.pi / 180}

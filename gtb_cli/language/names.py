@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import keyword
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
 from gtb_cli.language.document import shown
 from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
-from gtb_cli.language.values import ANY_NUMBER, Values
+from gtb_cli.language.values import Values
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
@@ -32,7 +33,7 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
         fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
         number = None
         if fault is None:
-            number = values.number(value, ("let", name), ANY_NUMBER)
+            number = values.number(value, ("let", name), ("must be finite", math.isfinite))
         else:
             values.faults.add(("let", name), fault)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well

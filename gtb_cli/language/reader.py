@@ -23,7 +23,6 @@ PATCH_KEYS = frozenset(
 RIBBON = "ribbon"  # key of the second row of control points, for gtb fill, in the curves of a loop
 COPY_KEYS = frozenset(("name", "copy", "mirror", "scale", "rotate", "translate", "repeat"))
 MODEL_KEYS = frozenset(("name", "let", "include", "weld", "patches"))
-NAMED_COEFFICIENTS = tuple(COEFFICIENTS)
 MAX_KNOTS = 5000  # knots of a patch: a tensor product patch of degree 69 × 69
 MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear system
 
@@ -66,7 +65,7 @@ class Reader:
         lifting = _row(table, "lifting", n, COORDINATE)
         coefficients, named = None, None
         if isinstance(entries.get("coefficients"), str):
-            named = table.choice("coefficients", NAMED_COEFFICIENTS, "a list of numbers, ")
+            named = table.choice("coefficients", tuple(COEFFICIENTS), "a list of numbers, ")
         else:
             coefficients = _row(table, "coefficients", n, POSITIVE)
         normals = table.choice("edge_normals", get_args(EdgeNormals))

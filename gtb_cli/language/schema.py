@@ -10,8 +10,9 @@ from gtb_cli.language.copies import AXES
 from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, MAX_CHARACTERS
 from gtb_cli.language.includes import MAX_FILES
 from gtb_cli.language.names import COUNTER, MAX_NAMES, MAX_NUMBER_NAME, NAME_PATTERN
-from gtb_cli.language.reader import MAX_KNOTS, MAX_PATCHES, NAMED_COEFFICIENTS
+from gtb_cli.language.reader import MAX_KNOTS, MAX_PATCHES
 from gtb_cli.language.values import CONTROL_CHARACTERS, MAX_NAME, MAX_SIZE
+from gtb_cli.theory.patch import COEFFICIENTS
 
 Schema: TypeAlias = dict[str, Any]
 
@@ -176,7 +177,7 @@ def _patch(**more: Schema) -> Schema:
         "ribbon": ("For gtb fill, a curve's second row of control points, which goes into the hole.", points),
         "coefficients": (
             "Coefficients c_i of the basis, one for each knot, or the name of a rule; default: all 1.",
-            {"anyOf": [{"enum": list(NAMED_COEFFICIENTS)}, _list("positive")]},
+            {"anyOf": [{"enum": list(COEFFICIENTS)}, _list("positive")]},
         ),
         "lifting": ("Lifting values λ_i, one for each knot.", _list("coordinate")),
         "edge_normals": (

@@ -28,7 +28,6 @@ NO_VALUES: dict[str, float] = {}
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
-ANY_NUMBER: Check = ("must be finite", math.isfinite)
 COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
 POSITIVE: Check = ("must be positive", lambda x: x > 0)
 SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 1 / MAX_SIZE <= x <= MAX_SIZE)

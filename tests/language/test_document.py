@@ -198,8 +198,7 @@ def test_format_is_sniffed() -> None:
     assert read(b"\xef\xbb\xbfa = 1", "x").data == {"a": 1}
 
 
-LARGE_BYTES = 2_000_000
-"""Size of a text that would take hours if the work grew with its square."""
+LARGE_BYTES = 2_000_000  # size of a text that would take hours if the work grew with its square
 
 HOSTILE = {
     "brackets": "a = " + "[" * (LARGE_BYTES - 4),

@@ -17,10 +17,6 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.expression import MAX_CHARACTERS, MAX_NESTING, evaluate_expression
 from tests.specs import SECONDS
 
-ROUNDING = 1e-12
-"""Relative to the largest number on the way: at most some dozen float operations and six functions' errors."""
-
-
 VALUES, REFUSED = (
     [(text, line[end + 1 :]) for line in part.splitlines()[1:] for text, end in [json.JSONDecoder().raw_decode(line)]]
     for part in (Path(__file__).parent / "expressions.txt").read_text(encoding="utf-8").split("\n\n")
@@ -72,9 +68,11 @@ def expressions(draw: st.DrawFn) -> tuple[str, mpmath.mpf, float]:
 
 @given(expressions())
 def test_values_agree_with_mpmath(case: tuple[str, mpmath.mpf, float]) -> None:
+    # Relative to the largest number on the way: at most some dozen float operations and six functions' errors
+    rounding = 1e-12
     text, value, size = case
     assume(len(text) <= MAX_CHARACTERS and size < 1e12)
-    assert abs(evaluate_expression(text) - value) <= ROUNDING * max(size, 1.0)
+    assert abs(evaluate_expression(text) - value) <= rounding * max(size, 1.0)
 
 
 @pytest.mark.parametrize(("text", "reason"), REFUSED)

@@ -14,8 +14,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from tests.specs import GOOD_SPECS, is_curve, load
 from tests.tiny_meshes import curve, model, surface
 
-ROUNDING = 1e-12
-"""Relative; sums of up to some thousand terms."""
+ROUNDING = 1e-12  # relative; sums of up to some thousand terms
 
 
 def of(shape: trimesh.Trimesh) -> Mesh:

@@ -22,8 +22,7 @@ from tests.shell import CURVE, PENTAGON, gtb
 from tests.specs import GOOD_SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, cylinder, octant, quartic_octant, torus, volume
 
-DIGITS = 1e-12
-"""A few thousand roundings."""
+DIGITS = 1e-12  # a few thousand roundings
 
 SPHERE = 4 / 3 * math.pi
 

@@ -25,8 +25,7 @@ from tests.shell import CURVE, PENTAGON, gtb
 from tests.specs import GOOD_SPECS, SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, volume
 
-DIGITS = 1e-12
-"""A few thousand roundings."""
+DIGITS = 1e-12  # a few thousand roundings
 
 CURVES = [path for path in GOOD_SPECS if is_curve(load(path))]
 

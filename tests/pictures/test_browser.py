@@ -180,25 +180,23 @@ def test_what_is_between_two_fingers_stays_there(browser, show):
     assert np.hypot(*np.subtract(browser.run(place), (x, y))) < 4
 
 
-KEYS = {
-    "\ue014": "azimuth",  # right
-    "\ue013": "elevation",  # up
-    "+": "zoom",
-    "-": "zoom",
-    "2": "mode",
-    "n": "net",
-    "k": "knots",
-    "e": "edges",
-    "o": "open",
-    "a": "axes",
-    "p": "folds",
-    "c": "patches",
-}
-
-
 def test_keys_do_what_the_page_says(browser, show):
+    keys = {
+        "\ue014": "azimuth",  # right
+        "\ue013": "elevation",  # up
+        "+": "zoom",
+        "-": "zoom",
+        "2": "mode",
+        "n": "net",
+        "k": "knots",
+        "e": "edges",
+        "o": "open",
+        "a": "axes",
+        "p": "folds",
+        "c": "patches",
+    }
     show("bicubic")
-    for key, name in KEYS.items():
+    for key, name in keys.items():
         before = browser.run("return {...state}")
         browser.keys(key)
         after = browser.run("return {...state}")

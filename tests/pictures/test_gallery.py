@@ -11,15 +11,15 @@ from tests.tools.gallery import LARGEST, PICTURES, README, pictures
 
 PICTURES_OF_PAGE = pictures()
 
+# Commands of pictures that are drawn at once
 QUICK = re.compile("domain|decomposition --size|curve|example-3.1.toml --size|--vary")
-"""Commands of pictures that are drawn at once."""
 
+# Steps of 255 by which a pixel is another colour: smoothing of lines and letters changes less from machine to machine,
+# but for letters that stand elsewhere
 DIFFERENT = 60
-"""Steps of 255 by which a pixel is another colour: smoothing of lines and letters changes less from machine to machine,
-but for letters that stand elsewhere."""
 
+# Part of the pixels that may be others. Other fonts change 1 or 2 %, a curve or a panel that is missing more.
 FEW = 0.03
-"""Part of the pixels that may be others. Other fonts change 1 or 2 %, a curve or a panel that is missing more."""
 
 
 def test_every_figure_of_the_paper_is_there():

@@ -7,7 +7,6 @@ from gtb_cli.pictures.nets import isoparametric_paths, net_of
 from gtb_cli.theory.patch import Patch
 
 SQUARE = np.array([[i, j] for j in range(3) for i in range(4)], dtype=float)
-TRIANGLE = np.array([[i, j] for j in range(4) for i in range(4 - j)], dtype=float)
 PLACES = [(1.0, 0.0), (1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)]
 
 
@@ -21,8 +20,9 @@ def test_a_tensor_product_has_a_grid(scale, shift):
 
 @pytest.mark.parametrize(("scale", "shift"), PLACES)
 def test_a_bezier_triangle_has_three_directions(scale, shift):
-    patch = Patch(TRIANGLE * scale + shift, np.pad(TRIANGLE, ((0, 0), (0, 1))))
-    joined = {tuple((TRIANGLE[b] - TRIANGLE[a]).astype(int).tolist()) for a, b in net_of(patch)}
+    triangle = np.array([[i, j] for j in range(4) for i in range(4 - j)], dtype=float)
+    patch = Patch(triangle * scale + shift, np.pad(triangle, ((0, 0), (0, 1))))
+    joined = {tuple((triangle[b] - triangle[a]).astype(int).tolist()) for a, b in net_of(patch)}
     assert joined == {(1, 0), (0, 1), (-1, 1)}
     assert len(net_of(patch)) == 3 * 6
 

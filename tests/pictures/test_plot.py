@@ -27,15 +27,14 @@ def png(*arguments: object) -> np.ndarray:
 
 
 ALL = sorted(path.name for path in SPECS.glob("*.toml"))
-MODELS = {path.name for path in SPECS.glob("*.toml") if "[[patches]]" in path.read_text(encoding="utf-8")}
 SHOWN = ["example-3.1.toml", "pentagon.toml", "bezier-triangle.toml"]
 
 
 def kinds(name: str) -> list[str]:
     """What there is to draw of a spec."""
-    if name in MODELS:
-        return ["surface"]
     text = (SPECS / name).read_text(encoding="utf-8")
+    if "[[patches]]" in text:
+        return ["surface"]
     what = ["curve" if "knots = [0" in text else "surface", "basis", "domain"]
     return what + ["decomposition"] * ("\nlifting" in text)
 
