@@ -130,19 +130,21 @@ function equip() {   // also after a graphics card has gone and come back, with 
   buffers = {};
 }
 
-function attribute(index, name, values, size, each = 0) {
+function upload(name, target, values) {   // to the card, if it has not these values already
   const found = buffers[name] ??= { buffer: gl.createBuffer(), values: null };
-  gl.bindBuffer(gl.ARRAY_BUFFER, found.buffer);
-  if (found.values !== values) { gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW); found.values = values; }
+  gl.bindBuffer(target, found.buffer);
+  if (found.values !== values) { gl.bufferData(target, values, gl.DYNAMIC_DRAW); found.values = values; }
+}
+
+function attribute(index, name, values, size, each = 0) {
+  upload(name, gl.ARRAY_BUFFER, values);
   gl.enableVertexAttribArray(index);
   gl.vertexAttribPointer(index, size, gl.FLOAT, false, 0, 0);
   gl.vertexAttribDivisor(index, each);
 }
 
 function segments(name, attributeNames, pairs) {   // two attributes of one interleaved buffer: both ends of each segment
-  const found = buffers[name] ??= { buffer: gl.createBuffer(), values: null };
-  gl.bindBuffer(gl.ARRAY_BUFFER, found.buffer);
-  if (found.values !== pairs) { gl.bufferData(gl.ARRAY_BUFFER, pairs, gl.DYNAMIC_DRAW); found.values = pairs; }
+  upload(name, gl.ARRAY_BUFFER, pairs);
   attributeNames.forEach((index, k) => {
     gl.enableVertexAttribArray(index);
     gl.vertexAttribPointer(index, 3, gl.FLOAT, false, 24, 12 * k);
@@ -240,9 +242,7 @@ function fill(picking) {
   else { gl.disableVertexAttribArray(4); gl.vertexAttrib1f(4, 0); }
   gl.enable(gl.POLYGON_OFFSET_FILL);
   gl.polygonOffset(1, 1);
-  const found = buffers.cells ??= { buffer: gl.createBuffer(), values: null };
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, found.buffer);
-  if (found.values !== scene.cells) { gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, scene.cells, gl.STATIC_DRAW); found.values = scene.cells; }
+  upload("cells", gl.ELEMENT_ARRAY_BUFFER, scene.cells);
   scene.groups.forEach(([, start, stop], k) => {
     const id = k + 1;
     gl.uniform3fv(surfaces.at("colour"), picking ? [(id & 255) / 255, (id >> 8 & 255) / 255, (id >> 16) / 255]
