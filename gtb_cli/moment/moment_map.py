@@ -128,13 +128,11 @@ class MomentMap:
 
 def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> FloatArray:
     """Solve from a start, then from tamer weights and at last from 0."""
-    s, missing = short_steps(total, p, start, target)
-    # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
-    for starts in (tame_starts, lambda total, p, start: np.zeros_like(start)):
-        if not len(missing):
-            return s
-        some, there = total.columns(missing), p[:, missing]
-        s[:, missing], rest = solve(some, there, starts(some, there, start[:, missing]), target)
+    s, missing = solve(total, p, tame_starts(total, p, start), target)
+    if len(missing):
+        # Far from the origin, knots are off their edge by rounding: a layer that is much too thin to start from.
+        there = p[:, missing]
+        s[:, missing], rest = solve(total.columns(missing), there, np.zeros_like(there), target)
         missing = missing[rest]
     if len(missing):
         residual = np.abs(total.columns(missing).moments(s[:, missing]).mean - p[:, missing]).max()

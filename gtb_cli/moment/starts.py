@@ -64,6 +64,8 @@ def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:
     decomposition that holds p, and s_F its own solution: it is extrapolated as a linear function of t.
     """
     tame = max(3.0, len(total.knots))  # the range of logarithms that the first start stands
+    if np.ptp(total.log_weights, axis=0).max() <= tame:
+        return start
     w = total.log_weights.reshape(len(total.knots), -1)
     affine = np.column_stack([total.knots, np.ones(len(w))])
     slopes = np.linalg.lstsq(affine, w)[0]
