@@ -1,4 +1,4 @@
-"""A little of what `make fuzz` does at length."""
+"""A little of what `make fuzz` does at length; and what `make guided` found is found no more."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 
 from tests.marks import long, mostly_long
 from tests.tools.fuzz import foreign_files, imports, kill, models, mutate, overwriting, polygons
+from tests.tools.guided import CORPUS, READERS, judge, seeds
 
 
 @pytest.mark.parametrize("count", mostly_long([100, 500]))
@@ -37,3 +38,33 @@ def test_mutated_files_of_rhino_are_read_or_refused():
 @pytest.mark.parametrize("victim", ["mesh.ply", "degenerate"])
 def test_a_killed_process_leaves_what_was_there_or_what_is_new(victim):
     assert kill(4, seed=1, victims=[victim]) is None
+
+
+def test_the_corpus_has_folders_for_what_is_read():
+    assert {path.name for path in CORPUS.iterdir() if path.is_dir()} <= set(READERS)
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_nothing_is_found_in_the_corpus_and_the_seeds(kind):
+    texts = seeds(kind)
+    assert len(texts) > 5
+    for data in texts:
+        assert judge(kind, data) is None, data
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"), [("spec", b"knots = 1"), ("expression", b"2 + 2"), ("mesh", b"v 0 0 0\nf 1 1 1\n")]
+)
+def test_the_judge_sees_what_is_wrong(kind, data, monkeypatch):
+    def broken(*_):
+        raise KeyError("oh")
+
+    for place in (
+        "gtb_cli.language.loading.parse",
+        "gtb_cli.language.expression.evaluate_expression",
+        "gtb_cli.formats.meshfiles.decode_mesh",
+    ):
+        monkeypatch.setattr(place, broken)
+    name, text = judge(kind, data) or ("", "")
+    assert name.startswith("KeyError")
+    assert "oh" in text

@@ -114,17 +114,8 @@ class Cluster:
 
     def worker(self, **variables: str) -> subprocess.Popen:
         number = len(self.processes)
-        started = self.start(
-            "worker",
-            "--scheduler-file",
-            str(self.file),
-            "--no-nanny",
-            "--nthreads",
-            "1",
-            "--memory-limit",
-            "0",
-            **variables,
-        )
+        options = f"--scheduler-file {self.file} --no-nanny --nthreads 1 --memory-limit 0"
+        started = self.start("worker", *options.split(), **variables)
         until(lambda: b"Registered to" in (self.folder / f"{number}.log").read_bytes())
         return started
 

@@ -287,24 +287,14 @@ def test_a_process_that_is_stopped_in_an_import_leaves_no_new_folder(tmp_path):
     """Such a process leaves at once, without unwinding."""
     arguments = ["mesh", PENTAGON, BICUBIC, "-n", "2", "-f", "stl", "-o", "a/b/out"]
     line = [sys.executable, "-c", STOPPED_IN_AN_IMPORT, *arguments]
-    done = subprocess.run(line, cwd=tmp_path, env=environment(), capture_output=True, timeout=TIMEOUT, check=False)
-    assert done.returncode == 128 + signal.SIGTERM
-    assert done.stdout == b"stopped in an import\n"
-    assert done.stderr == b""
+    done = run_process(line, tmp_path)
+    assert (done.status, done.text, done.err) == (128 + signal.SIGTERM, "stopped in an import\n", "")
     assert names(tmp_path) == []
 
 
 def test_signals_that_are_ignored_stay_ignored(start, tmp_path):
-    child = start(
-        "mesh",
-        PENTAGON,
-        "-n",
-        "100",
-        "-o",
-        tmp_path / "x.obj",
-        "-q",
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
-    )
+    mesh = ["mesh", PENTAGON, "-n", "100", "-o", tmp_path / "x.obj", "-q"]
+    child = start(*mesh, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
     while child.poll() is None:
         child.send_signal(signal.SIGINT)
         time.sleep(0.02)
@@ -385,7 +375,7 @@ results.close()
 
 
 def test_a_worker_killed_while_it_hands_over_its_result_is_not_waited_for():
-    subprocess.run([sys.executable, "-c", CUT_OFF], check=True, timeout=SOON, env=environment())
+    assert run_process([sys.executable, "-c", CUT_OFF]).status == 0
 
 
 # --- files
@@ -396,16 +386,8 @@ def test_a_disk_that_fills_up_leaves_the_old_file(jobs, start, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "pentagon.obj").write_text("old", encoding="utf-8")
-    child = start(
-        "mesh",
-        PENTAGON,
-        *jobs,
-        "-o",
-        out,
-        "-q",
-        stderr=subprocess.PIPE,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
-    )
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (4096, 4096))
+    child = start("mesh", PENTAGON, *jobs, "-o", out, "-q", stderr=subprocess.PIPE, preexec_fn=limit)
     _, error = child.communicate(timeout=TIMEOUT)
     assert child.returncode == 2
     assert error.decode() == f"gtb: error: cannot write {out / 'pentagon.obj'}: File too large\n"
