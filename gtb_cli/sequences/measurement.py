@@ -79,8 +79,9 @@ class Measurement:
     @cached_property
     def rough(self) -> Complex:
         """The complex whose vertices and middles start the search for distances between surfaces."""
-        cells = 512
-        return self.family.uniform(cells_along_edges(self.family.limit.patches, cells, LEAST_RESOLUTION))
+        cells, many = 512, 64  # in all, and patches of the limit that have enough points anyway
+        patches = self.family.limit.patches
+        return self.family.uniform(cells_along_edges(patches, cells, LEAST_RESOLUTION if len(patches) < many else 1))
 
     @cached_property
     def limit(self) -> Surface:
