@@ -96,7 +96,7 @@ def packages(names: Collection[str]) -> set[str]:
 def wing_of(name: str) -> str:
     """Floor of a module: its folder."""
     wing, _, room = name.partition(".")
-    return wing if (room or wing in WINGS) and wing != "process" else GROUND
+    return wing if (room or wing in WINGS) else GROUND
 
 
 def lines(tree: ast.Module) -> int:
@@ -113,7 +113,7 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
 
 
 def test_every_folder_is_a_floor():
-    assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} - {"process"} <= set(WINGS)
+    assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} <= set(WINGS)
 
 
 def test_a_module_imports_only_its_floor_and_those_below():
@@ -168,9 +168,7 @@ def test_a_command_is_imported_alone_and_without_numpy():
     for name in [name for name in modules() if wing_of(name) in ("shell", "commands")]:
         early = imported_at_top(modules()[name])
         assert "numpy" not in packages(early), name
-        assert (
-            own(early) <= {"__init__", "errors", "process.threads", "version", "values", "vocabulary", RECIPE} | shell
-        ), name
+        assert own(early) <= {"__init__", "errors", "version", "values", "vocabulary", RECIPE} | shell, name
 
 
 def test_options_are_read_without_numpy():

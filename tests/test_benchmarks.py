@@ -9,7 +9,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gtb_cli.process.threads import thread_count
 from tests import benchmarks
 from tests.benchmarks import Row, compared, paired
 from tests.benchmarks.__main__ import line, main
@@ -26,13 +25,12 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
         *(("evaluate", 8), ("export", 9), ("meshes", 10)),
         *(
             pytest.param(*module, marks=long)
-            for module in (("diff", 6), ("refinement", 11), ("sequences", 3), ("startup", 7), ("threads", 4))
+            for module in (("diff", 6), ("refinement", 11), ("sequences", 3), ("startup", 7))
         ),
     ],
 )
 def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
     peers = {"splinepy", "geomdl", "splipy", "vtkmodules", "OCP"}  # they need not be installed
-    threads = thread_count()
     with benchmarks.scaled(SCALE):
         main([f"bench_{name}"])
     machine, head, *lines = capsys.readouterr().out.splitlines()
@@ -42,7 +40,6 @@ def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
     for text in lines:
         _, _, package = text.partition("not installed: ")
         assert package in peers if package else math.isfinite(float(text[place:].split()[0]))
-    assert thread_count() == threads
 
 
 def test_a_missed_budget_and_what_is_counted_are_said():

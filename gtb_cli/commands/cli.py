@@ -145,7 +145,7 @@ def run(arguments: Sequence[str]) -> int:
         if os.environ.get(COMPLETION_VARIABLE):
             _complete(arguments)
         with gtb.make_context("gtb", list(arguments)) as context:
-            from gtb_cli.process.memory import prepare_for_limit  # --help and --version do not need it
+            from gtb_cli.shell.memory import prepare_for_limit  # --help and --version do not need it
 
             prepare_for_limit()
             gtb.invoke(context)

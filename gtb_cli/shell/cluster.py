@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.threads import in_order, limit_threads
+from gtb_cli.shell.processes import in_order
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -58,7 +58,7 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
         _check_workers(client, address)
         executor = client.get_executor(pure=False)
         yield from in_order(
-            lambda task: executor.submit(_alone, function, task),
+            lambda task: executor.submit(function, task),
             tasks,
             lambda: 2 * max(1, sum(client.ncores().values())),
             lambda future: _awaited(future, client, address),
@@ -118,12 +118,6 @@ def _scheduler(address: str) -> str:
     if not (separator and scheme not in ("tcp", "tls")) and ADDRESS.fullmatch(place):
         return f"{scheme or 'tcp'}://{place}"
     raise ValueError("expected tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file")
-
-
-def _alone(function: Callable[[T], R], task: T) -> R:
-    """Call a function in a worker without further threads: the workers' own already share the processors."""
-    limit_threads(1)
-    return function(task)
 
 
 def _awaited(future: Future[R], client: Any, address: str) -> R:

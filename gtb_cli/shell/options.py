@@ -168,21 +168,12 @@ parametrization_option = click.option(
 )
 
 
-def _limit_threads(ctx: click.Context, param: click.Parameter, value: int) -> None:
-    from gtb_cli.process.threads import limit_threads
-
-    limit_threads(value)
-
-
 threads_option = click.option(
     "--threads",
     type=WholeNumber(0, 256),
     metavar="N",
-    default=0,
     expose_value=False,
-    callback=_limit_threads,
-    help="Threads that share the work on large meshes; by default, or with 0, one for each processor that the process "
-    "may use. The bytes do not depend on the number.",
+    hidden=True,  # kept for scripts: one thread makes a mesh, as a second one saves nothing
 )
 
 resolution_option = click.option(

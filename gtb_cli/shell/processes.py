@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.threads import in_order, limit_threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -25,6 +25,37 @@ def processors() -> int:
     """Return the number of processors that this process may use."""
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(count, MAX_JOBS)
+
+
+def in_order(
+    submit: Callable[[T], Future[R]],
+    tasks: Iterable[T],
+    limit: Callable[[], int],
+    result_of: Callable[[Future[R]], R] = lambda future: future.result(),
+) -> Generator[R]:
+    """Yield the results of tasks in order, whoever computes them.
+
+    Parameters
+    ----------
+    submit : callable
+        Starts a task and returns its future.
+    tasks : iterable
+    limit : callable
+        Returns how many results may wait for their turn; called again after each task.
+    result_of : callable, optional
+        Waits for the result of a future.
+    """
+    waiting: deque[Future[R]] = deque()
+    try:
+        for task in tasks:
+            waiting.append(submit(task))
+            if len(waiting) > limit():
+                yield result_of(waiting.popleft())
+        while waiting:
+            yield result_of(waiting.popleft())
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> Generator[R]:
@@ -86,7 +117,6 @@ def _start_worker() -> None:
 
     if not os.environ.get("GTB_TRACEBACK"):
         sys.stderr = None  # where memory runs out, the trace of what failed goes there: this process's parent says it
-    limit_threads(1)  # the processes already share the processors
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):

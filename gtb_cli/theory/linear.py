@@ -18,7 +18,6 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import block_length
-from gtb_cli.process.threads import in_threads
 from gtb_cli.theory.basis import Location, face_knots
 from gtb_cli.values import frozen
 
@@ -63,7 +62,7 @@ class LinearParametrization:
             yield from self._located(p, faces, within, numbers)
             return
         rest = [np.flatnonzero(faces != INTERIOR)]
-        for location, left in in_threads(even.located, even.blocks):
+        for location, left in map(even.located, even.blocks):
             yield location
             rest.append(left)
         rows = np.concatenate(rest)
@@ -85,15 +84,12 @@ class LinearParametrization:
                 s = self._edge(number).inverse(along, within, None, None if numbers is None else numbers[rows])
             yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
 
-        def located(part: tuple[IntArray, _Chart]) -> Location:
-            rows, chart = part
+        for number, members in groups(self._charts(heights[:, inside])):
+            rows, chart = inside[members], self._chart(number)
             here = heights.take(rows, axis=1)
             places, own = chart.coordinates(p.take(rows, axis=0), here), None if numbers is None else numbers[rows]
             s = chart.moments.inverse(places, within, None, own)
-            return Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
-
-        parts = [(inside[members], self._chart(number)) for number, members in groups(self._charts(heights[:, inside]))]
-        yield from in_threads(located, parts, worth=len(inside) > 20_000)  # fewer take less time than threads to start
+            yield Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.

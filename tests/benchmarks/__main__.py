@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gtb_cli.process.threads import limit_threads
 from tests.benchmarks import Row, has_avx512
 
 WIDTH = 78
@@ -21,14 +20,9 @@ def main(names: Sequence[str]) -> None:
     names = names or sorted(path.stem for path in Path(__file__).parent.glob("bench_*.py"))
     print(f"{os.cpu_count()} processors, {'with' if has_avx512() else 'without'} AVX-512, numpy {np.__version__}")
     print(f"{'what, beside what':{WIDTH}} {'ms':>9} {'beside':>9} {'ratio':>7} {'budget':>7} {'apart':>7}")
-    # Floors and peers have one thread; what more of them bring is measured in processes of their own.
-    limit_threads(1)
-    try:
-        for name in names:
-            for row in importlib.import_module(f"{__package__}.{name}").rows():
-                print(line(row), flush=True)
-    finally:
-        limit_threads(0)
+    for name in names:
+        for row in importlib.import_module(f"{__package__}.{name}").rows():
+            print(line(row), flush=True)
 
 
 def line(row: Row) -> str:

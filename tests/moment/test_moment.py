@@ -12,7 +12,6 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.solve import LogSum
-from gtb_cli.process.threads import limit_threads
 from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
@@ -288,19 +287,6 @@ def test_s_of_even_meshes_agrees_with_50_digits(name):
         s = gradient_in_the_plane(patch, location._replace(s=location.s[:, [row - location.rows.start]]))
         error = 1e-9 * max(1, np.abs(patch.domain.vertices).max() / patch.domain.size)
         assert exact_gradient(patch, p[row], s) == pytest.approx(s, rel=error, abs=error / patch.domain.size)
-
-
-def test_even_meshes_have_the_same_bytes_with_any_number_of_threads():
-    patch = pentagon()
-    results = []
-    for count in (1, 2):
-        limit_threads(count)
-        try:
-            p, where = even_locations(patch, 160)
-            results.append(patch.points_at(where, len(p)).tobytes())
-        finally:
-            limit_threads(0)
-    assert results[0] == results[1]
 
 
 def test_an_even_mesh_takes_little_more_than_one_evaluation(monkeypatch):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gtb_cli.errors import GtbError
-from gtb_cli.process.threads import forbid_threads
 
 
 def prepare_for_limit() -> None:
@@ -16,7 +15,7 @@ def prepare_for_limit() -> None:
     """
     # Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
     least_bytes = 320 << 20
-    # Limit above which scipy, which takes long to load, is left to those that need it, and threads are allowed
+    # Limit above which scipy, which takes long to load, is left to those that need it
     ample_bytes = 1 << 30
     buffered_size = 200  # rows of matrices whose product needs the buffer of BLAS, which it then keeps
     try:
@@ -36,5 +35,4 @@ def prepare_for_limit() -> None:
     if limit < ample_bytes:
         from scipy.linalg.blas import dgemm
 
-        forbid_threads()  # each needs a buffer of its own
         dgemm(1.0, matrix, matrix)

@@ -1,1 +1,0 @@
-"""Ways in which this process works: threads and memory."""
