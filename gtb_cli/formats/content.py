@@ -46,6 +46,17 @@ def single_half_steps(vertices: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
 
+def faulty_point(points: FloatArray) -> tuple[int, str] | None:
+    """Return the first of (m, 3) points that no mesh may have, and what is wrong with it."""
+    largest = 2.0**1000  # differences of larger coordinates may overflow
+    with np.errstate(invalid="ignore"):
+        if (np.abs(points) <= largest).all():
+            return None
+        number = int(np.flatnonzero(~(np.abs(points) <= largest).all(axis=1))[0])
+    reason = "too large" if np.isfinite(points[number]).all() else "not finite"
+    return number, f"is {reason}: {' '.join(f'{x:g}' for x in points[number])}"
+
+
 def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     """Cut polygons into triangles around their first corners.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gtb_cli.errors import GtbError
 from gtb_cli.files import read_file
-from gtb_cli.formats.content import STL_HEADER_BYTES, Content
+from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point
 from gtb_cli.meshes.known import KnownMesh, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
@@ -129,7 +129,6 @@ def _printable(text: str) -> str:
 
 def _check(content: Content) -> None:
     """Refuse a mesh without vertices or cells, with wrong indices, or with coordinates that are not finite."""
-    max_coordinate = 2.0**1000  # largest absolute value of a coordinate; differences of larger ones may overflow
     vertices, cells = content.vertices, content.cells
     if not len(vertices):
         raise GtbError("has no vertices")
@@ -142,9 +141,6 @@ def _check(content: Content) -> None:
         raise GtbError(
             f"{what} {cell}: expected vertices from 0 to {len(vertices) - 1}, got {low if low < 0 else high}"
         )
-    with np.errstate(invalid="ignore"):
-        wrong = np.flatnonzero(~(np.abs(vertices) <= max_coordinate).all(axis=1))
-    if len(wrong):
-        row = vertices[wrong[0]]
-        reason = "too large" if np.isfinite(row).all() else "not finite"
-        raise GtbError(f"vertex {wrong[0]}: is {reason}: {' '.join(f'{x:g}' for x in row)}")
+    fault = faulty_point(vertices)
+    if fault is not None:
+        raise GtbError(f"vertex {fault[0]}: {fault[1]}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, segments, stacked, triangles
+from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
 from gtb_cli.meshes.known import largest_coordinates
 
@@ -32,16 +32,24 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
     """
     if b"\\\n" in data or b"\\\r\n" in data:
         data = re.sub(rb"\\\r?\n", b" ", data)
-    reader = _Reader()
+    content = _read_all(data, block)
+    if 0 < len(content.vertices) <= content.cells.max(initial=0):
+        _read_all(data, block, len(content.vertices))  # finds the line
+    return content
+
+
+def _read_all(data: bytes, block: int, vertices: int | None = None) -> Content:
+    reader = _Reader(vertices)
     for start, lines in lines_of(data, size=block):
         reader.read(lines, start + 1)
     return reader.content()
 
 
 class _Reader:
-    """The content read so far."""
+    """The content read so far; references beyond the number of vertices are refused if this is known."""
 
-    def __init__(self) -> None:
+    def __init__(self, limit: int | None) -> None:
+        self.limit = limit
         self.vertices: list[FloatArray] = []
         self.count = 0
         self.words: list[bytes] = []
@@ -67,6 +75,9 @@ class _Reader:
         if places[b"v"]:
             text = _without_keyword(lines, places[b"v"])
             coordinates = _first_three(*_long_enough(b"v", *float_rows(text)))
+            fault = faulty_point(coordinates)
+            if fault is not None:
+                raise GtbError(f"a vertex {fault[1]}")
         cells = {}
         for keyword in (b"f", b"l"):
             if not places[keyword]:
@@ -77,10 +88,14 @@ class _Reader:
             if not numbers.all():
                 raise GtbError("vertices are counted from 1, got 0")
             backwards = numbers < 0
-            numbers -= ~backwards
             if backwards.any():
-                before = self.count + np.searchsorted(places[b"v"], places[keyword])
-                numbers += np.where(backwards, np.repeat(before, counts), 0)
+                before = np.repeat(self.count + np.searchsorted(places[b"v"], places[keyword]), counts)
+                if (numbers < -before).any():
+                    raise GtbError(f"{numbers[numbers < -before][0]} counts back before the first vertex")
+                numbers += np.where(backwards, before + 1, 0)
+            if self.limit is not None and numbers.max() > self.limit:
+                raise GtbError(f"expected vertices from 1 to {self.limit}, got {numbers[numbers > self.limit][0]}")
+            numbers -= 1
             cells[keyword] = (triangles if keyword == b"f" else segments)(numbers, counts)
             made = np.cumsum(np.concatenate([[0], counts - (2 if keyword == b"f" else 1)]))
             through = np.searchsorted(places[keyword], [place for place, _ in names])

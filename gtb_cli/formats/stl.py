@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import STL_HEADER_BYTES, Content, single_half_steps
+from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
 from gtb_cli.meshes.known import largest_coordinates
@@ -83,6 +83,9 @@ def read_stl(data: bytes) -> Content:
 
 
 def _content(corners: FloatArray, half_steps: FloatArray) -> Content:
+    fault = faulty_point(corners)
+    if fault is not None:
+        raise GtbError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
     first, labels = weld(corners)
     return Content(corners[first], labels.reshape(-1, 3), half_steps)
 

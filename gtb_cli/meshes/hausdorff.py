@@ -83,7 +83,8 @@ def mesh_distance(
         Acceptable error of the distance, in model units: the search ends there, or at a thousandth of the distance,
         whichever is more.
     effort : int
-        How many pieces may be cut in each direction; with 0, the bound is that of whole cells.
+        How many pieces may be cut in each direction, fewer if the meshes are small; with 0, the bound is that of whole
+        cells.
     concurrent : int
         Both directions are searched at the same time if the larger mesh has this many cells; the result is the same.
 
@@ -191,6 +192,8 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         block = CellParts.of(vertices[rows], distances[rows], nearest[rows], search.tree)
         kept.append(search.bounded(search.needed(block)))
     pieces = joined(kept)
+    # Few cells that need many cuts have whole lines as far as the farthest point, where the bound falls slowly.
+    effort = min(effort, 20_000 + 50 * max(len(cells), len(other)))
     effort = max(effort - len(cells) // cells_per_cut, round(effort * least_share))
     by_sample = False
     if len(pieces.bounds) > excess * effort:

@@ -210,3 +210,18 @@ def test_what_has_no_distance():
     with pytest.raises(DomainError, match="must be finite"):
         mesh_distance(surface(), Mesh(surface().vertices + np.inf, surface().cells))
     assert mesh_distance(curve(), curve()).bound == 0
+
+
+def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
+    """Between strips in a plane, whole lines are as far as the farthest point, and the bound falls slowly."""
+    strips = np.array([[[x, 0, 0], [x, 100, 0], [x + 1e-3, 50, 0]] for x in range(9)])
+    between = np.array([[[x, 0, 0], [x + 1, 0, 0], [x + 0.5, 100, 0]] for x in range(8)])
+    cuts, cut = [], hausdorff.CellParts.cut
+    monkeypatch.setattr(
+        hausdorff.CellParts, "cut", lambda parts, tree: cuts.append(len(parts.bounds)) or cut(parts, tree)
+    )
+    found = mesh_distance(
+        *(Mesh(part.reshape(-1, 3), np.arange(3 * len(part)).reshape(-1, 3)) for part in (between, strips))
+    )
+    assert 0.49 < found.distance <= 0.5 <= found.bound
+    assert sum(cuts) < 50_000  # a fifth of a second
