@@ -284,12 +284,13 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     incidence = heights <= tolerance * lengths
     if points.shape[1] == 2:
         # Two edges have only their corner in common, however sharp it is.
-        for i in np.flatnonzero(incidence.sum(axis=1) > 1).tolist():
-            gaps = np.abs(difference[i]).max(axis=1)
-            corner = int(gaps.argmin())
-            nearest = [int((heights[i] / lengths).argmin())]
-            incidence[i] = False
-            incidence[i, [corner - 1, corner] if gaps[corner] <= tolerance else nearest] = True
+        rows = np.flatnonzero(incidence.sum(axis=1) > 1)
+        gaps = np.abs(difference[rows]).max(axis=2)
+        corner, nearest = gaps.argmin(axis=1), (heights[rows] / lengths).argmin(axis=1)
+        is_there = gaps.min(axis=1) <= tolerance
+        incidence[rows] = False
+        for edge in (corner - 1, corner):
+            incidence[rows, np.where(is_there, edge, nearest)] = True
         heights = np.maximum(heights, EPS * tolerance * lengths)
     heights[incidence] = 0.0
     incidence.flags.writeable = False

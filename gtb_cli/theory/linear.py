@@ -114,21 +114,29 @@ class LinearParametrization:
         except ToleranceError:
             return None
 
-    @cached_property
+    @property
     def longest(self) -> _Chart:
         """The chart of the longest edge."""
+        return self._chart(self._longest_number)
+
+    @cached_property
+    def _longest_number(self) -> int:
         sides = np.roll(self.shape.vertices, -1, axis=0) - self.shape.vertices
-        return self._chart(2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax()))
+        return 2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax())
 
     def _charts(self, heights: FloatArray) -> IntArray:
-        """(m,) numbers of charts for points inside: twice that of the nearest edge, plus 1 near its last corner."""
-        shape = self.shape
+        """(m,) numbers of charts for points inside: twice that of the nearest edge, plus 1 near its last corner.
+
+        Points far from all edges lose no digits in any chart, and are located together, in that of the longest edge.
+        """
+        shape, columns = self.shape, np.arange(heights.shape[1])
         edge = shape.nearest_edge(heights)
         if shape.dimension == 1:
             return 2 * edge
         following = (edge + 1) % len(shape.vertices)
-        gap = heights[following, np.arange(len(edge))] / shape.normal_lengths[following]
-        return np.asarray(2 * edge + (gap < 1e-6 * shape.size))
+        depth, gap = (heights[each, columns] / shape.normal_lengths[each] for each in (edge, following))
+        near = np.asarray(2 * edge + (gap < 1e-6 * shape.size))
+        return np.where(depth > shape.size / 64, self._longest_number, near)
 
     def _edge(self, number: int) -> MomentMap:
         """The moment map of an edge, by its number among the faces, in coordinates along it."""
