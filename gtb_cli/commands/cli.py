@@ -98,11 +98,10 @@ def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
 def _versions() -> str:
     """Return the versions of everything that takes part in a result, as a JSON object."""
     import json
-    import platform
 
-    from gtb_cli.shell.manifest import versions
+    from gtb_cli.shell.versions import package_version, versions
 
-    return json.dumps(versions(("numpy", "scipy", "trimesh", "click")) | {"python": platform.python_version()})
+    return json.dumps(versions() | {"click": package_version("click")})
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

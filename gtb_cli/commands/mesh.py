@@ -70,6 +70,11 @@ Write: TypeAlias = Callable[[str, Iterable[bytes]], None]
     "an interrupted run can be resumed.",
 )
 @click.option(
+    "--prune",
+    is_flag=True,
+    help="Remove meshes in OUT that the old manifest lists, unchanged since, and that no spec given makes.",
+)
+@click.option(
     "--deps",
     metavar="FILE",
     type=OUTPUT,
@@ -91,6 +96,7 @@ def mesh(
     workers: Workers,
     manifest: str | None,
     resume: bool,
+    prune: bool,
     deps: str | None,
     spec_format: str | None,
     console: Console,
@@ -119,6 +125,8 @@ def mesh(
         raise click.UsageError("--deps: make knows files only, and not standard input or output")
     if resume and (manifest is None or manifest == STANDARD or is_device(manifest)):
         raise click.UsageError("--resume needs --manifest FILE, which shows what is up to date")
+    if prune and not (resume and folder is not None):
+        raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place)
     book = None if manifest is None else _manifest(manifest, options, kind, place, spec_format, resume)
@@ -134,9 +142,17 @@ def mesh(
         _check_targets(plan)
     if book is not None:
         book.expect([item.output for item in plan])
+        if folder is not None:
+            also = [_output(place, kind, stem_of(path)) for path in paths]  # those with errors
+            for name in book.left_over([*also, *(item.output for item in plan)]):
+                if prune:
+                    book.remove(name)
+                    console.note(f"{name}: removed, no spec makes it now")
+                else:
+                    console.warn(f"{name}: no spec makes it now (--prune removes it)")
 
     tasks = [item for item in plan if isinstance(item, Task)]
-    encoded = workers.results(_encoded_whole, tasks, partial(_encoded_by, several=several))
+    encoded = workers.results(_encoded_whole, tasks, partial(_encoded_by, several=several), console.warn)
     written: list[Written] = []
     with closing(encoded), _files(output, folder, book, resume) as write, console.counter(len(tasks)) as begin:
         for item in plan:
@@ -207,9 +223,8 @@ def _manifest(
 ) -> Manifest:
     from gtb_cli.shell.manifest import Manifest
 
-    recipe = options.recipe
-    limits = {"max_faces": recipe.max_faces, "require": recipe.require, "spec_format": spec_format}
-    return Manifest(path, replace(options, format=kind).settings | limits, place, resume=resume)
+    settings = replace(options, format=kind).settings | {"spec_format": spec_format}
+    return Manifest(path, settings, place, resume=resume)
 
 
 def _outcome(path: str, function: Callable[[Argument], Result], argument: Argument, several: bool) -> Result | GtbError:
@@ -226,11 +241,7 @@ def _planned(
     path: str, place: str, options: MeshOptions, kind: str, spec_format: str | None, book: Manifest | None
 ) -> Task | Written:
     """Read a spec, unless its mesh is up to date according to the manifest."""
-    is_file = bool(os.path.basename(place))
-
-    def output(stem: str | None) -> str:
-        return place if is_file else os.path.join(place, f"{stem}.{kind}")
-
+    output = partial(_output, place, kind)
     if book is not None and path != STANDARD and (entry := book.kept(output(stem_of(path)), path)) is not None:
         return Written(output(stem_of(path)), path, _size_of(entry), entry["warnings"])
     sums = None
@@ -241,6 +252,11 @@ def _planned(
     with spec_of(path, spec_format) as spec:
         options.recipe.check_size(spec)
     return Task(output(stem_of(path) or file_stem(spec.name)), path, spec, options, kind, sums)
+
+
+def _output(place: str, kind: str, stem: str | None) -> str:
+    """Name the mesh of a spec: the place itself, or a file in it."""
+    return place if os.path.basename(place) else os.path.join(place, f"{stem}.{kind}")
 
 
 def _size_of(entry: Mapping[str, Any]) -> str:
@@ -279,9 +295,11 @@ def _encoded(task: Task) -> Encoded:
     if sums is not None:
         from gtb_cli.formats.export import standing
         from gtb_cli.meshes.measures import measure
+        from gtb_cli.shell.versions import versions
 
         measures = measure(standing(mesh, kind, options.up)).record()
         facts = {**options.settings_for(spec), **measures, "inputs": sums, "warnings": warnings}
+        facts["versions"] = versions()  # here, which may be another machine than that of the manifest
     assurance = options.recipe.assurance(spec)
     size = summary(mesh) + (f", tolerance {assurance}" if assurance else "")
     if kind == "stl" and options.recipe.leaves_open(spec):

@@ -93,19 +93,20 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Each file once, in the order found from `path` on, and hardly more than `MAX_FILES`. A file that cannot be read
+        Each file once, in the order found from `path` on, and hardly more than `MAX_FILES`: the folder of `path`, and
+        what the including files write (``..`` is left, as it leads elsewhere after a link). A file that cannot be read
         includes nothing; the reader of the spec reports its faults.
     """
-    found = {path: None}
+    found = {os.path.realpath(path): path}
     waiting = [path]
     while waiting and len(found) <= MAX_FILES:
         file = waiting.pop(0)
         for name in _included(file, format if file == path else None):
-            below = os.path.normpath(os.path.join(os.path.dirname(file), name))
-            if below not in found:
-                found[below] = None
+            below = os.path.join(os.path.dirname(file), name)
+            if (real := os.path.realpath(below)) not in found:
+                found[real] = below
                 waiting.append(below)
-    return tuple(found)
+    return tuple(found.values())
 
 
 def _included(path: str, format: Format | None) -> list[str]:

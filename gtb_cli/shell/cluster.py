@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import logging
 import os
 import re
@@ -29,7 +28,9 @@ PATIENCE_SECONDS = 5.0  # seconds between two checks, while a result is awaited,
 ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
 
 
-def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> Generator[R]:
+def in_cluster(
+    function: Callable[[T], R], tasks: Iterable[T], address: str, warn: Callable[[str], None]
+) -> Generator[R]:
     """Yield ``function(task)`` for each task, in their order, computed by the workers of a Dask cluster.
 
     Parameters
@@ -39,6 +40,8 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
     tasks : iterable
     address : str
         Address of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file.
+    warn : callable
+        Takes what may be unexpected: no worker for ten seconds, or workers with other processors than this machine's.
 
     Raises
     ------
@@ -48,20 +51,20 @@ def in_cluster(function: Callable[[T], R], tasks: Iterable[T], address: str) -> 
 
     Notes
     -----
-    If a worker dies, another one does its unfinished tasks. Workers that join later take part; they should have the
-    same versions. At most two results for each thread of the workers wait for their turn.
+    If a worker dies, another one does its unfinished tasks. Workers that join later take part, unchecked. At most two
+    results for each thread of the workers wait for their turn.
     """
     client = _connected(address)
     from distributed.scheduler import KilledWorker
 
     try:
-        _check_workers(client, address)
+        _check_workers(client, address, warn)
         executor = client.get_executor(pure=False)
         yield from in_order(
             lambda task: executor.submit(function, task),
             tasks,
             lambda: 2 * max(1, sum(client.ncores().values())),
-            lambda future: _awaited(future, client, address),
+            lambda future: _awaited(future, client, address, warn),
         )
     except KilledWorker as error:
         raise GtbError(f"--cluster {address}: a task killed one worker after another: {error}") from None
@@ -120,7 +123,7 @@ def _scheduler(address: str) -> str:
     raise ValueError("expected tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file")
 
 
-def _awaited(future: Future[R], client: Any, address: str) -> R:
+def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str], None]) -> R:
     """Wait for a result, unless no worker is left to compute it."""
     from concurrent.futures import CancelledError, wait
 
@@ -128,39 +131,49 @@ def _awaited(future: Future[R], client: Any, address: str) -> R:
         if client.status != "running":
             raise GtbError(f"--cluster {address}: the scheduler has gone")
         if not client.ncores():
-            _wait_for_workers(client, address)
+            _wait_for_workers(client, address, warn)
     try:
         return future.result()
     except CancelledError:
         raise GtbError(f"--cluster {address}: the scheduler has gone") from None
 
 
-def _wait_for_workers(client: Any, address: str) -> None:
-    worker_seconds = 60.0  # seconds for which a cluster may have no workers, as when it starts or has lost its last one
+def _wait_for_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
+    """Wait until there is a worker: none has joined yet, or the last one has gone."""
+    silent_seconds, seconds = 10.0, 60.0
     try:
-        client.wait_for_workers(1, timeout=worker_seconds)
+        client.wait_for_workers(1, timeout=silent_seconds)
     except TimeoutError:
-        raise GtbError(f"--cluster {address}: no workers within {worker_seconds:g} seconds") from None
+        warn(f"--cluster {address}: no workers yet; waiting for one up to {seconds:g} seconds")
+        try:
+            client.wait_for_workers(1, timeout=seconds - silent_seconds)
+        except TimeoutError:
+            raise GtbError(f"--cluster {address}: no workers within {seconds:g} seconds") from None
 
 
-def _check_workers(client: Any, address: str) -> None:
-    """Refuse workers that would make other files than this process."""
-    # Packages on which the bytes of a file depend: all workers must have the same versions as this process
-    packages = ("gtb-cli", "numpy", "scipy", "trimesh")
+def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
+    """Refuse workers with other programs than this process; warn of those whose processors may round differently."""
+    from gtb_cli.shell.versions import PACKAGES, versions
+
     # Environment variable that must be 1 on workers: the last digit of a sum depends on how threads split it
     threads_variable = "OPENBLAS_NUM_THREADS"
-    _wait_for_workers(client, address)
-    for package in packages:
-        expected = importlib.metadata.version(package)
-        for worker, found in client.run(importlib.metadata.version, package, on_error="return").items():
-            if isinstance(found, importlib.metadata.PackageNotFoundError):
-                raise GtbError(f"--cluster {address}: {worker} has no {package}, and this process has {expected}")
-            if isinstance(found, BaseException):
-                raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
-            if found != expected:
-                raise GtbError(f"--cluster {address}: {worker} has {package} {found}, and this process has {expected}")
+    _wait_for_workers(client, address, warn)
     for worker, threads in client.run(os.getenv, threads_variable).items():
         if threads != "1":
             raise GtbError(
                 f"--cluster {address}: {worker} was started without {threads_variable}=1, and digits depend on it"
             )
+    unlike: dict[str, list[str]] = {}
+    for worker, found in client.run(versions, on_error="return").items():
+        if isinstance(found, BaseException):
+            raise GtbError(f"--cluster {address}: {worker} does not answer: {found}")
+        for name, expected in versions().items():
+            if found.get(name) == expected:
+                continue
+            if name in ("gtb", "sources", *PACKAGES):
+                theirs = f"has {name} {found.get(name)}" if found.get(name) else f"has no {name}"
+                raise GtbError(f"--cluster {address}: {worker} {theirs}, and this process has {expected}")
+            unlike.setdefault(f"{name} {found.get(name)}, and this process has {expected}", []).append(worker)
+    for difference, workers in unlike.items():
+        have = f"{', '.join(workers)} {'have' if len(workers) > 1 else 'has'}"
+        warn(f"--cluster {address}: {have} {difference}: last digits of their files may differ")

@@ -15,10 +15,8 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
-from gtb_cli.shell.upkeep import is_up_to_date, known_entries
-from gtb_cli.version import __version__
-
-PACKAGES = ("numpy", "trimesh")  # packages whose versions may change bytes
+from gtb_cli.shell.upkeep import is_up_to_date, known_entries, sum_of
+from gtb_cli.shell.versions import versions
 
 
 class Manifest:
@@ -39,11 +37,12 @@ class Manifest:
     def __init__(self, path: str, settings: Mapping[str, object], output: str, *, resume: bool = False) -> None:
         if path == output == STANDARD:
             raise click.UsageError("--manifest -: meshes already go to standard output; send them elsewhere with -o")
-        self.path = path
+        self.path, self._place = path, os.path.dirname(output)
         self.is_direct = path == STANDARD or is_device(path)
         self._settings = settings
         self._entries: dict[str, Mapping[str, Any] | None] = {}
-        self._known = known_entries(path, versions(PACKAGES), settings) if resume else {}
+        self._known = known_entries(path, versions(), settings) if resume else {}
+        self._earlier: dict[str, Mapping[str, Any]] = {}
         self._written = -math.inf
         folder = os.path.dirname(path) or os.curdir
         self._folder = os.curdir if self.is_direct else folder
@@ -63,6 +62,21 @@ class Manifest:
     def expect(self, outputs: Iterable[str]) -> None:
         """List files in this order, once they are recorded."""
         self._entries = {name: self._entries.get(name) for name in map(self._name, outputs)}
+        for name, entry in self._known.items():
+            path = os.path.join(self._place, name.rpartition("/")[2])
+            is_listed = self._name(path) == name and name not in self._entries
+            if is_listed and not os.path.islink(path) and sum_of(path) == entry["sha256"]:
+                self._earlier[path] = {"file": name, "sha256": entry["sha256"]}
+
+    def left_over(self, outputs: Iterable[str]) -> list[str]:
+        """Return the files that the old manifest lists, that are as it says, and unlike `outputs` but for suffixes."""
+        stems = {os.path.splitext(output)[0] for output in outputs}
+        return sorted(path for path in self._earlier if os.path.splitext(path)[0] not in stems)
+
+    def remove(self, output: str) -> None:
+        """Remove a file that is left over."""
+        os.remove(output)
+        del self._earlier[output]
 
     def recorded(self, output: str, facts: Mapping[str, object], blocks: Iterable[bytes]) -> Iterator[bytes]:
         """Yield the blocks of a file; once all have passed, record it with its size, checksum and `facts`."""
@@ -72,7 +86,10 @@ class Manifest:
             digest.update(block)
             yield block
         name = self._name(output)
-        self._entries[name] = {"file": name, "sha256": digest.hexdigest(), "bytes": size, **facts}
+        entry = {"file": name, "sha256": digest.hexdigest(), "bytes": size, **facts}
+        if entry.get("versions") == versions():  # unless another machine made it
+            del entry["versions"]
+        self._entries[name] = entry
 
     def write(self) -> None:
         """Write the manifest as it is now."""
@@ -91,9 +108,10 @@ class Manifest:
     def blocks(self) -> list[bytes]:
         """Return the bytes of the manifest as it is now."""
         record = {
-            "versions": versions(PACKAGES),
+            "versions": versions(),
             "options": self._settings,
             "files": [entry for entry in self._entries.values() if entry is not None],
+            **({"earlier": list(self._earlier.values())} if self._earlier else {}),
         }
         return [f"{json.dumps(record, indent=2, allow_nan=False)}\n".encode()]
 
@@ -106,16 +124,3 @@ class Manifest:
         if name.split(os.sep, 1)[0] == os.pardir or os.path.isabs(name):
             name = os.path.basename(output)
         return name.replace(os.sep, "/")
-
-
-def versions(packages: Iterable[str]) -> dict[str, str | None]:
-    """Return the versions of this program and of packages, without importing them; None: not installed."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    found: dict[str, str | None] = {"gtb": __version__}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import click
@@ -57,22 +58,15 @@ class MeshOptions:
 
     @property
     def settings(self) -> dict[str, object]:
-        """Return the options on which the bytes depend, as plain data."""
+        """Return the options on which a file may depend, as plain data."""
         recipe = self.recipe
-        return {
+        taken = {field.name: getattr(recipe, field.name) for field in fields(recipe)}
+        return taken | {
             "resolution": recipe.resolution if recipe.tolerance is None else None,
-            "tolerance": recipe.tolerance,
-            "parametrization": recipe.parametrization,
             "format": self.format,
-            "normals": recipe.normals,
             "uv": self.uv,
             "ascii": self.ascii,
             "up": self.up or FORMATS[self.format or "obj"].up,
-            "radius": recipe.radius,
-            "thickness": recipe.thickness,
-            "attributes": list(recipe.attributes),
-            **({"certify": True} if recipe.certify else {}),
-            **({} if recipe.weld is None else {"weld": recipe.weld}),
         }
 
     def settings_for(self, spec: Patch | Model) -> dict[str, object]:

@@ -15,35 +15,45 @@ def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
     """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
     from gtb_cli.language.includes import sources
 
-    folder = os.path.dirname(path) or os.curdir
+    start = len(path) - len(os.path.basename(path))
     files = sources(path, spec_format)  # type: ignore[arg-type]
-    sums = {os.path.relpath(file, folder).replace(os.sep, "/"): _sum_of(file) for file in files}
+    sums = {file[start:].replace(os.sep, "/"): sum_of(file) for file in files}
     return {name: found for name, found in sums.items() if found is not None} if all(sums.values()) else {}
 
 
 def known_entries(manifest: str, versions: Mapping[str, object], options: Mapping[str, object]) -> dict[str, Any]:
-    """Read the entries of an old manifest by file name; none if other versions or options made them."""
+    """Read the entries of an old manifest by file name; just the checksum where other versions or options made one."""
     try:
         with open(manifest, "rb") as file:
             record = json.load(file)
-        if record["versions"] != versions or record["options"] != json.loads(json.dumps(options)):
-            return {}
-        return {entry["file"]: entry for entry in record["files"]}
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        is_like = record["versions"] == versions and record["options"] == json.loads(json.dumps(options))
+        known: dict[str, Any] = {}
+        for entry in [*record["files"], *record.get("earlier", ())]:
+            match entry:
+                case {"file": str(name), "sha256": str(found)}:
+                    known[name] = entry if is_like and "versions" not in entry else {"sha256": found}
+        return known
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return {}  # a manifest that cannot be read shows nothing
 
 
 def is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
     """Tell whether a file, and the files that it was made from, are what its entry says."""
-    inputs, folder = entry.get("inputs"), os.path.dirname(spec) or os.curdir
-    if not isinstance(inputs, dict) or next(iter(inputs), None) != os.path.basename(spec):
-        return False
-    if _sum_of(output) != entry.get("sha256"):
-        return False
-    return all(_sum_of(os.path.join(folder, name)) == found for name, found in inputs.items())
+    match entry:
+        case {"vertices": int(), "warnings": [*warnings], "inputs": dict(inputs), "faces": int()} | {
+            "vertices": int(),
+            "warnings": [*warnings],
+            "inputs": dict(inputs),
+            "segments": int(),
+        } if all(isinstance(warning, str) for warning in warnings):
+            folder = os.path.dirname(spec) or os.curdir
+            sums = (sum_of(os.path.join(folder, name)) == found for name, found in inputs.items())
+            is_its_own = next(iter(inputs), None) == os.path.basename(spec)
+            return is_its_own and sum_of(output) == entry["sha256"] and all(sums)
+    return False
 
 
-def _sum_of(path: str) -> str | None:
+def sum_of(path: str) -> str | None:
     """Return the sha256 of a regular file, or None if there is no such file."""
     read_bytes = 1 << 20  # bytes read at a time
     if not os.path.isfile(path):

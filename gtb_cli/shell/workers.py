@@ -30,13 +30,17 @@ class Workers(NamedTuple):
     cluster: str | None = None
 
     def results(
-        self, function: Callable[[T], R], tasks: Sequence[T], here: Callable[[T], R] | None = None
+        self,
+        function: Callable[[T], R],
+        tasks: Sequence[T],
+        here: Callable[[T], R] | None = None,
+        warn: Callable[[str], None] = lambda message: None,
     ) -> Generator[R]:
         """Yield ``function(task)`` for each task, in their order; in this process, `here` is called instead."""
         if self.cluster is not None and tasks:
             from gtb_cli.shell.cluster import in_cluster
 
-            return in_cluster(function, tasks, self.cluster)
+            return in_cluster(function, tasks, self.cluster, warn)
         jobs = min(self.jobs or processors(), len(tasks))
         if jobs > 1:
             return in_processes(function, tasks, jobs)
@@ -62,7 +66,7 @@ def workers_option(function: Function) -> Function:
         "--cluster",
         metavar="ADDRESS",
         help="Share the work on a cluster: the address of a Dask scheduler, or its scheduler file. Needs the extra "
-        "gtb-cli[cluster]; makes the same files.",
+        "gtb-cli[cluster]; makes the same bytes on processors of one kind, and others are named.",
     )
     @functools.wraps(function)
     def command(*args: Any, jobs: int, cluster: str | None, **values: Any) -> object:

@@ -9,6 +9,7 @@ import pytest
 from gtb_cli.checks import check as room
 from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Outcome
+from gtb_cli.shell.versions import versions
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process
 
 TWO = b"""
@@ -161,11 +162,9 @@ def test_versions_as_json(arguments):
     result = gtb(*arguments)
     assert result.status == 0
     found = json.loads(result.out)
-    assert found == {
-        "gtb": gtb_cli.__version__,
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "trimesh", "click")},
-    }
+    packages = {name: version(name) for name in ("numpy", "scipy", "trimesh", "click")}
+    assert {**found, "gtb": gtb_cli.__version__, "python": platform.python_version()} | packages == found
+    assert found.keys() - packages.keys() == {"gtb", "sources", "python", "system", "processor"}
 
 
 def test_a_package_that_is_missing_has_no_version(monkeypatch):
@@ -174,5 +173,6 @@ def test_a_package_that_is_missing_has_no_version(monkeypatch):
     def version(name):
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "version", version)
+    monkeypatch.setattr("gtb_cli.shell.versions.version", version)
+    monkeypatch.setattr("gtb_cli.shell.versions.versions", versions.__wrapped__)
     assert json.loads(gtb("--version", "--json").out)["numpy"] is None

@@ -8,12 +8,14 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.cluster import _check_workers
+from gtb_cli.shell.versions import versions
 from tests.marks import long
 from tests.shell import CURVE, PENTAGON, command, environment, gtb, process
 
@@ -47,33 +49,61 @@ class Workers:
     """A client of Dask whose one worker answers from a table what it is asked."""
 
     def __init__(self, **answers: object) -> None:
-        self.answers = {package: importlib.metadata.version(package) for package in PACKAGES}
-        self.answers |= {"OPENBLAS_NUM_THREADS": "1"} | answers
+        self.threads, self.answer = answers.pop("OPENBLAS_NUM_THREADS", "1"), answers.pop("answer", None)
+        self.versions = versions() | answers
 
     def wait_for_workers(self, count: int, timeout: float) -> None:
         pass
 
-    def run(self, function: object, name: str, **options: object) -> dict[str, object]:
-        return {"tcp://there": self.answers[name]}
+    def run(self, function: object, *arguments: str, **options: object) -> dict[str, object]:
+        return {"tcp://there": self.threads if arguments else self.answer or self.versions}
 
 
-PACKAGES = ("gtb-cli", "numpy", "scipy", "trimesh")
+def refused(message: str) -> None:
+    raise AssertionError(message)
 
 
 @pytest.mark.parametrize(
     ("name", "answer", "words"),
     [
-        *((package, "0.1", f"tcp://there has {package} 0.1, and this process has ") for package in PACKAGES),
-        ("scipy", importlib.metadata.PackageNotFoundError("scipy"), "tcp://there has no scipy, and this process has "),
-        ("numpy", OSError("gone"), "tcp://there does not answer: gone"),
+        *(
+            (package, "0.1", f"tcp://there has {package} 0.1, and this process has ")
+            for package in ("gtb", "sources", "numpy", "scipy", "trimesh")
+        ),
+        ("scipy", None, "tcp://there has no scipy, and this process has "),
+        ("answer", OSError("gone"), "tcp://there does not answer: gone"),
         ("OPENBLAS_NUM_THREADS", None, "tcp://there was started without OPENBLAS_NUM_THREADS=1"),
         ("OPENBLAS_NUM_THREADS", "2", "tcp://there was started without OPENBLAS_NUM_THREADS=1"),
     ],
 )
 def test_workers_that_would_make_other_bytes_are_refused(name, answer, words):
-    _check_workers(Workers(), "here")
+    _check_workers(Workers(), "here", refused)
     with pytest.raises(GtbError, match=f"--cluster here: {words}"):
-        _check_workers(Workers(**{name: answer}), "here")
+        _check_workers(Workers(**{name: answer}), "here", refused)
+
+
+@pytest.mark.parametrize("name", ["python", "system", "processor"])
+def test_workers_that_may_round_differently_are_named(name):
+    said = []
+    _check_workers(Workers(**{name: "z80"}), "here", said.append)
+    ours = f"{name} z80, and this process has {versions()[name]}"
+    assert said == [f"--cluster here: tcp://there has {ours}: last digits of their files may differ"]
+
+
+@pytest.mark.parametrize("joins", [True, False])
+def test_where_no_worker_joins_a_line_says_so(joins):
+    class Empty(Workers):
+        waited = 0.0
+
+        def wait_for_workers(self, count: int, timeout: float) -> None:
+            self.waited += timeout
+            if not joins or self.waited <= 10:
+                raise TimeoutError
+
+    said = []
+    with nullcontext() if joins else pytest.raises(GtbError, match="here: no workers within 60 seconds"):
+        _check_workers(Empty(), "here", said.append)
+    assert said == ["--cluster here: no workers yet; waiting for one up to 60 seconds"]
 
 
 def test_nobody_listens(tmp_path):
@@ -179,6 +209,17 @@ def test_workers_of_other_versions_are_refused(cluster, tmp_path):
     assert result.status == 2
     assert f"has numpy 0.1, and this process has {importlib.metadata.version('numpy')}" in result.err
     assert not (tmp_path / "x.obj").exists()
+
+
+@long
+def test_what_another_processor_made_is_not_up_to_date_here(cluster, tmp_path):
+    cluster.worker(NPY_DISABLE_CPU_FEATURES="AVX2 FMA3 AVX512F AVX512_SKX X86_V3 X86_V4")
+    line = ["mesh", PENTAGON, CURVE, "-n", 4, "-o", tmp_path / "out", "--manifest", tmp_path / "m.json", "--resume"]
+    made = process(*line, "--cluster", cluster.file)
+    assert "has processor " in made.err
+    assert "last digits of their files may differ" in made.err
+    assert "up to date" not in process(*line).err
+    assert process(*line).err.count("up to date") == 2
 
 
 @long

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from gtb_cli.shell.versions import versions
 from gtb_cli.tessellation.recipe import Recipe
-from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
+from tests.shell import BICUBIC, CURVE, PENTAGON, REPOSITORY, gtb, process
 
 
 @pytest.fixture
@@ -78,10 +79,76 @@ def test_what_differs_is_made_again_and_all_is_as_if_it_were_made_at_once(jobs, 
     assert whole(place) == found
 
 
-def test_another_version_makes_everything_again(place, monkeypatch):
+@pytest.mark.parametrize("change", versions())
+def test_another_version_makes_everything_again(change, place, monkeypatch):
+    specs = ["pentagon.toml", "bicubic.toml"]
+    resumed(specs=specs)
+    assert resumed(specs=specs).err.count("up to date") == 2
+    with monkeypatch.context() as patch:
+        for module in ("manifest", "versions"):
+            patch.setattr(f"gtb_cli.shell.{module}.versions", lambda: versions() | {change: "other"})
+        assert "up to date" not in resumed(specs=specs).err
+    assert "up to date" not in resumed(specs=specs).err
+
+
+def test_another_processor_makes_everything_again(place):
+    line = ["mesh", "pentagon.toml", "bicubic.toml", "-n", 2, "-o", "out", "--manifest", "m.json", "--resume"]
+    older = {"NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512_SKX X86_V3 X86_V4"}
+    for variables, kept in (({}, 0), ({}, 2), (older, 0), (older, 2), ({}, 0)):
+        assert process(*line, **variables).err.count("up to date") == kept
+
+
+def test_a_changed_source_makes_everything_again(tmp_path):
+    """One constant of a copy of the program differs, and not its version."""
+    shutil.copytree(REPOSITORY / "gtb_cli", tmp_path / "gtb_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    line = ["mesh", PENTAGON, BICUBIC, "-n", 2, "-o", "out", "--manifest", "m.json", "--resume"]
+
+    def kept() -> int:
+        return process(*line, folder=tmp_path, PYTHONPATH=str(tmp_path)).err.count("up to date")
+
+    assert [kept(), kept()] == [0, 2]
+    with (tmp_path / "gtb_cli" / "theory" / "basis.py").open("a") as file:
+        file.write("\n")
+    assert [kept(), kept()] == [0, 2]
+
+
+@pytest.mark.parametrize("key", ["vertices", "faces", "inputs", "warnings", "sha256", "file"])
+@pytest.mark.parametrize("value", [None, "nonsense", [1]])
+def test_an_entry_that_lacks_something_shows_nothing(key, value, place):
     resumed(specs=["pentagon.toml", "bicubic.toml"])
-    monkeypatch.setattr("gtb_cli.shell.manifest.__version__", "9.9")
-    assert "up to date" not in resumed(specs=["pentagon.toml", "bicubic.toml"]).err
+    expected = Path("m.json").read_text()
+    record = json.loads(expected)
+    record["files"][0][key] = value
+    if value is None:
+        del record["files"][0][key]
+    Path("m.json").write_text(json.dumps(record))
+    result = resumed(specs=["pentagon.toml", "bicubic.toml"])
+    assert (result.status, result.err.count("up to date")) == (0, 1)
+    assert Path("m.json").read_text() == expected
+
+
+def test_an_entry_that_another_machine_made_shows_nothing(place, made):
+    resumed(specs=["pentagon.toml", "bicubic.toml"])
+    record = json.loads(Path("m.json").read_text())
+    record["files"][0]["versions"] = versions() | {"processor": "z80"}
+    Path("m.json").write_text(json.dumps(record))
+    made.clear()
+    resumed(specs=["pentagon.toml", "bicubic.toml"])
+    assert made == ["pentagon"]
+
+
+def test_a_file_under_another_name_is_not_taken_for_what_was_included(place, made):
+    """Where a link stands before "..", names without it are those of other files."""
+    Path("deep/inner").mkdir(parents=True)
+    Path("link").symlink_to("deep/inner")
+    Path("deep/part.toml").write_bytes(Path("bicubic.toml").read_bytes())
+    Path("part.toml").write_bytes(Path("bicubic.toml").read_bytes())
+    Path("whole.toml").write_text('include = ["link/../part.toml"]\n')
+    resumed(specs=["whole.toml", "pentagon.toml"])
+    Path("deep/part.toml").write_bytes(Path("hexagon.toml").read_bytes())
+    made.clear()
+    resumed(specs=["whole.toml", "pentagon.toml"])
+    assert made == ["whole"]
 
 
 @pytest.mark.parametrize("text", [b"", b"{", b"[]", b'{"versions": 1}', b"\xff", b"[" * 100_000])

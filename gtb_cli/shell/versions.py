@@ -1,0 +1,71 @@
+"""Everything beside a spec and its options on which the bytes of a mesh file depend."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+
+from gtb_cli.version import __version__
+
+PACKAGES = ("numpy", "scipy", "trimesh")  # packages that take part in making files
+
+
+@functools.cache
+def versions() -> dict[str, str | None]:
+    """Return the versions of this program, of packages (None: not installed) and of Python; and the processor's kind.
+
+    Notes
+    -----
+    ``sources`` is a checksum of this program's own files, as its version stays through many changes.
+    """
+    return {
+        "gtb": __version__,
+        "sources": _checksum_of_sources(),
+        **{package: package_version(package) for package in PACKAGES},
+        "python": platform.python_version(),
+        "system": "-".join((platform.system(), *platform.libc_ver())).rstrip("-"),
+        "processor": f"{platform.machine()}-{_checksum_of_arithmetic()}",
+    }
+
+
+def package_version(package: str) -> str | None:
+    """Return the version of a package, without importing it."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _checksum_of_sources() -> str:
+    found, waiting = hashlib.sha256(), [files("gtb_cli")]
+    while waiting:
+        for entry in sorted(waiting.pop().iterdir(), key=lambda entry: entry.name):
+            if entry.is_dir():
+                waiting += [entry] if entry.name != "__pycache__" else []
+            else:
+                found.update(f"{entry.name}:{hashlib.sha256(entry.read_bytes()).hexdigest()}\n".encode())
+    return found.hexdigest()
+
+
+def _checksum_of_arithmetic() -> str:
+    """Return what tells processors apart: instructions that numpy uses, and the last digits of sums and functions.
+
+    Libraries choose their loops by the processor, or as environment variables say; each choice rounds differently.
+    """
+    import numpy as np
+
+    x = np.linspace(0.01, 3.7, 2500)
+    square = np.cos(np.outer(x[:90], x[-90:]))
+    with np.errstate(all="ignore"):
+        results = [np.exp(x), np.log(x), np.sin(x), np.tan(x), x**0.37, np.hypot(x, 1.3), np.add.reduce(1 / x), x @ x]
+        results += [square @ square, square @ x[:90], np.linalg.solve(square + np.eye(90), x[:90])]
+        results += [np.linalg.svd(square[:40, :40])[1], np.einsum("i,ij,j", x[:90], square, x[:90])]
+    core = getattr(np, "_core", None) or np.core
+    features = getattr(core._multiarray_umath, "__cpu_features__", {})
+    found = hashlib.sha256(repr(sorted(name for name, used in features.items() if used)).encode())
+    for result in results:
+        found.update(np.asarray(result, dtype="<f8").tobytes())
+    return found.hexdigest()[:12]
