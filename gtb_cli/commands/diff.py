@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import STANDARD, Console, complain, printable
+from gtb_cli.shell.console import STANDARD, Console, complain, lines_about, printable
 from gtb_cli.shell.differences import record, say_limits, text_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
@@ -199,7 +199,7 @@ def _diff_folders(
             sides = source._replace(path=first), source._replace(path=second)
             results.append((name, (first, second), _compared(*sides, question, console)))
         except GtbError as error:
-            errors[name] = str(error)
+            errors[name] = "\n".join(lines_about(error))
     same = not missing and not extra and not errors and all(found.same for _, _, found in results)
     if as_json:
         files = [{"name": name, **record(found, names)} for name, names, found in results]

@@ -16,10 +16,9 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
-    check_outputs,
+    check_folder,
     console_option,
     mesh_options,
-    named_files,
     output_option,
     spec_format_option,
     specs_argument,
@@ -272,7 +271,7 @@ def _check_targets(plan: Iterable[Task | Written]) -> None:
             name = os.path.basename(item.output)
             raise click.UsageError(f"{sources[item.output]} and {item.path} would both be written to {name}")
         sources[item.output] = item.path
-    check_outputs(*named_files(OUTPUT), *sources)
+    check_folder(*sources)
 
 
 def _encoded_by(task: Task, several: bool) -> Encoded | GtbError:

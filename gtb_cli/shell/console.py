@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -32,7 +33,7 @@ def lines_about(error: Exception) -> list[str]:
     }
     match error:
         case GtbError():
-            return str(error).split("\n")
+            return list(map(discreet, str(error).split("\n")))
         case MemoryError() | SystemError():  # the second, from C code that had no memory left to say so
             return ["not enough memory for this"]
         case OSError(filename=str() | bytes() as name):
@@ -46,6 +47,32 @@ def lines_about(error: Exception) -> list[str]:
 
         say("".join(traceback.format_exception(error)).rstrip())
     return [f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"]
+
+
+def discreet(line: str) -> str:
+    """Return the line of an error without what it quotes, if the file with which it begins is a link out of its folder.
+
+    So a job on a stranger's files puts no line of another file into its log.
+    """
+    quotations = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\""""
+    path = next((line[:i] for i, c in enumerate(line) if c == ":" and leads_out(line[:i])), None)
+    if path is None:
+        return line
+    text, count = re.subn(quotations, "…", line.removeprefix(path))
+    return f"{path}{text} (not quoted: a link leads out of its folder)" if count else line
+
+
+def leads_out(path: str) -> bool:
+    """Tell whether one of the links in a path leads out of the folder in which it stands."""
+    folder, steps = "", path.split(os.sep)
+    for step in steps:
+        place = os.path.join(folder, step) if step else folder or os.sep
+        if step and os.path.islink(place):
+            inside = os.path.realpath(folder or os.curdir)
+            if os.path.commonpath([inside, os.path.realpath(place)]) != inside:
+                return True
+        folder = place
+    return False
 
 
 def printable(text: str) -> str:

@@ -109,6 +109,9 @@ def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
             inner = os.path.join(place, name)
             if name.startswith("."):
                 continue
+            if "\n" in name and os.path.islink(os.path.join(path, name)):  # its errors would not begin with its name
+                unreadable[inner] = f"{path}: {name!r} is a link with a line break in its name"
+                continue
             if is_folder:
                 waiting.append((inner, above | {here}))
             else:

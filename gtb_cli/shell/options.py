@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.errors import DomainError, ExportError, SpecError
+from gtb_cli.shell.console import STANDARD, Console, leads_out
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import about, read_spec, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
@@ -128,6 +129,14 @@ def named_files(kind: FileName) -> list[str]:
 def check_outputs(*outputs: str) -> None:
     """Refuse outputs that are also inputs of the running command, before anything is written."""
     refuse_overwriting(named_files(INPUT), outputs)
+
+
+def check_folder(*outputs: str) -> None:
+    """Refuse files of a folder of outputs that `check_outputs` refuses, and those that are links out of the folder."""
+    check_outputs(*named_files(OUTPUT), *outputs)
+    for output in outputs:
+        if os.path.islink(output) and leads_out(output):
+            raise ExportError(f"cannot write {output}: it is a link that leads out of its folder")
 
 
 spec_argument = click.argument("spec", metavar="SPEC", type=INPUT)

@@ -14,7 +14,7 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import OUTPUT, Function, check_outputs, console_option, mesh_options, spec_format_option
+from gtb_cli.shell.options import OUTPUT, Function, check_folder, console_option, mesh_options, spec_format_option
 from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
@@ -183,7 +183,7 @@ def _write_folder(sequence: MeshSequence, labels: list[str], out: SequenceOutput
     """Make the meshes, and write them and `sequence.json`."""
     stem, kind = file_stem(sequence.name), out.options.format or "obj"
     names = [f"{stem}-{label}.{kind}" for label in labels]
-    check_outputs(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
+    check_folder(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
     from gtb_cli.files import StagedFiles
 
     entries = []
