@@ -42,7 +42,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[tuple[EdgeRef,
         found.append((first, second, str(_difference(curves[first], curves[second], tolerance, distance))))
         told |= {first, second}
     left = [ref for ref in joints.open if ref not in told]
-    for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance)):
+    for one, other in touching([curves[ref] for ref in left], np.full(len(left), tolerance))[0].tolist():
         first, second = left[one], left[other]
         if first in told or second in told:
             continue

@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.assembly.seams import bends, joints
 from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
-from gtb_cli.theory.edges import CURVE_TOLERANCE, EDGE_SAMPLES, edge_points_at
+from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points_at
 from gtb_cli.theory.joints import FAR_ROUNDING
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -66,7 +66,7 @@ def _joined(model: Model) -> Outcome:
     if not shared:
         return not_applicable("no two edges carry the same curve")
     worst = 0.0
-    even = np.linspace(0.0, 1.0, EDGE_SAMPLES)
+    even = np.linspace(0.0, 1.0, 33)
     for joint in shared:
         first = _points(model.patches[joint.first[0]], joint.first[1], even)
         second = _points(model.patches[joint.second[0]], joint.second[1], joint.across(model.patches, even))

@@ -171,7 +171,7 @@ def _exact_edges(
             whole = [use for use in uses if use.second[0] in exact]
             fitted = [use for use in uses if use.second[0] in reasons]
             if not whole:
-                found |= {use.second: _carried([even] * 2, model, uses[0], use) for use in fitted if use.places}
+                found |= {use.second: _carried([even] * 2, model, uses[0], use) for use in fitted if use.match}
             if not whole or not fitted:
                 continue
             index, edge = whole[0].second
@@ -191,7 +191,7 @@ def _exact_edges(
 def _carried(halves: list[HalfEdge], model: Model, one: Joint, other: Joint) -> list[HalfEdge]:
     """Return the halves of an edge for another one, both joined with the same first edge."""
     turned = one.opposite != other.opposite
-    if one.places or other.places:
+    if one.match or other.match:
 
         def own(fractions: FloatArray, is_last: int) -> FloatArray:
             first = one.back(model.patches, 1 - fractions if is_last else fractions)

@@ -155,7 +155,7 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
 def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
     """Ascending fractions of edges, where these are not equal, at the points of those that they are joined with."""
     even = np.arange(resolution + 1) / resolution
-    moves = {joint.second: joint.across(patches, even) for joint in joints.shared if joint.places}
+    moves = {joint.second: joint.across(patches, even) for joint in joints.shared if joint.match}
     return {ref: fractions if fractions[0] == 0 else fractions[::-1] for ref, fractions in moves.items()}
 
 
@@ -226,7 +226,7 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
 
 
 def _uneven(joints: Joints) -> frozenset[EdgeRef]:
-    firsts = {joint.first for joint in joints.shared if joint.places}
+    firsts = {joint.first for joint in joints.shared if joint.match}
     return frozenset(ref for joint in joints.shared if joint.first in firsts for ref in (joint.first, joint.second))
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, ascending, dot
+from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponentials
 from gtb_cli.theory.parametrization import RationalBasis
@@ -16,11 +16,9 @@ from gtb_cli.values import frozen
 
 EdgeRef = tuple[int, int]  # (patch, edge): edge j of the hull of a patch's knots; for a curve, end j
 
-# Of points relative to the model's size, of knots to the edge's length, and of logarithms of weights: edges whose data
-# were typed or computed twice carry one curve, and nothing visible is lost.
+# Of points relative to the model's size, of knots to their gaps, and of logarithms of weights: edges whose data were
+# typed or computed twice carry one curve, and nothing visible is lost.
 CURVE_TOLERANCE = 1e-9
-
-EDGE_SAMPLES = 33  # points on each of two curves for measuring their distance
 
 
 def edge_name(patches: Sequence[Patch], ref: EdgeRef) -> str:
@@ -52,23 +50,26 @@ class Curve:
         return Curve(1 - self.knots[::-1], self.log_weights[::-1], self.points[::-1])
 
     def same_as(self, other: Curve, tolerance: float) -> bool:
-        """Return whether the data are equal, with points within a distance."""
+        """Return whether the data are equal, with points within a distance, and knots within a part of their gaps."""
         return (
             len(self.knots) == len(other.knots)
             and bool(np.abs(self.points - other.points).max() <= tolerance)
-            and bool(np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE)
+            and bool(np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * self._regularity)
             and bool(np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE)
         )
+
+    @cached_property
+    def _regularity(self) -> float:
+        """Least gap of knots over their mean gap, at most 1: where knots crowd, so do features of the curve."""
+        return float(np.diff(self.knots).min() * (len(self.knots) - 1)) if len(self.knots) > 1 else 1.0
 
     def points_at(self, fractions: FloatArray) -> FloatArray:
         """(m, 3) points at (m,) fractions of the knots' hull, between its ends."""
         return self._at(fractions)[0]
 
-    @cached_property
-    def samples(self) -> FloatArray:
-        """(`EDGE_SAMPLES`, 3) points at equal fractions, both ends included."""
-        inner = self.points_at(np.linspace(0.0, 1.0, EDGE_SAMPLES)[1:-1])
-        return np.concatenate([self.ends[:1], inner, self.ends[1:]])
+    def points_between(self, fractions: FloatArray) -> FloatArray:
+        """(m, 3) points at ascending fractions, of which the first and the last one are its ends."""
+        return np.concatenate([self.ends[:1], self.points_at(fractions[1:-1]), self.ends[1:]])
 
     def nearest(
         self, points: FloatArray, start: FloatArray, low: FloatArray, high: FloatArray
@@ -95,7 +96,7 @@ class Curve:
     def _at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(m, 3) points at (m,) fractions inside, and their derivatives by t."""
         knots, middle = self.knots[:, None], self.points.mean(axis=0)
-        shares = exponentials(knots, self.log_weights, self._moments.inverse(t[:, None]))
+        shares = exponentials(knots, self.log_weights, self.moments.inverse(t[:, None]))
         shares /= shares.sum(axis=0)
         moments = shares * (knots - t)
         spread = np.maximum((moments * (knots - t)).sum(axis=0), np.finfo(float).tiny)
@@ -103,7 +104,8 @@ class Curve:
         return points + middle, slopes / spread[:, None]
 
     @cached_property
-    def _moments(self) -> MomentMap:
+    def moments(self) -> MomentMap:
+        """Map of torus coordinates to fractions."""
         return MomentMap(self.knots[:, None], self.log_weights)
 
 
@@ -139,12 +141,14 @@ class _EdgeBasis:
         shape = basis.domain
         members = shape.edge_knots(edge)
         weights = basis.log_weights[members]
-        knots = np.zeros(len(members))
+        knots, length = np.zeros(len(members)), 1.0
         if shape.dimension == 2:
             knots = shape.along(edge, shape.knots[members])
-            knots = knots / knots[-1]
+            length = float(knots[-1])
+            knots = knots / length
         # Copies of a knot act as one (Thm 4.1).
-        first, shares = np.flatnonzero(np.diff(knots, prepend=-1.0) > CURVE_TOLERANCE), None
+        tolerance = shape.tolerance / length
+        first, shares = np.flatnonzero(np.diff(knots, prepend=-1.0) > tolerance), None
         if len(first) < len(knots):
             copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
             shares = np.exp(weights - np.maximum.reduceat(weights, first)[copies])
@@ -169,33 +173,3 @@ def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray
     faces[fractions == 1] = patch.domain.faces.corners[end]
     p = v[start] + fractions[:, None] * (v[end] - v[start])
     return patch.points_at(patch.rational_basis.locations(p, "linear", faces), len(fractions))
-
-
-def correspondence(one: Curve, other: Curve, turned: bool, reach: float) -> tuple[float, FloatArray] | None:
-    """Match a curve, whatever its parameters, with another one that has about the same ends, or has them `turned`.
-
-    Returns the largest distance, and fractions of the other one at `EDGE_SAMPLES` equal fractions of this one; None if
-    they are farther apart than `reach`, or one of them runs to and fro beside the other.
-    """
-    even, fine = np.linspace(0.0, 1.0, EDGE_SAMPLES), np.linspace(0.0, 1.0, 129)
-    points = one.samples[1:-1]
-    way = np.concatenate([other.ends[:1], other.points_at(fine[1:-1]), other.ends[1:]])
-    steps, offsets = np.diff(way, axis=0), points[:, None] - way[:-1]
-    share = np.clip((offsets * steps).sum(axis=2) / np.maximum(dot(steps, steps), np.finfo(float).tiny), 0.0, 1.0)
-    square = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
-    step = -1 if turned else 1
-    rows, part = np.arange(len(points)), ascending(square[:, ::step])
-    part = len(steps) - 1 - part if turned else part
-    if np.sqrt(square[rows, part].max()) > reach:
-        return None
-    start = fine[part] + share[rows, part] * fine[1]
-    low, high = fine[np.maximum(part - 1, 0)], fine[np.minimum(part + 2, len(steps))]
-    found, there = other.nearest(points, start, low, high)
-    places = np.concatenate([[1.0 if turned else 0.0], found, [0.0 if turned else 1.0]])
-    if not (step * np.diff(places) > 0).all():
-        return None
-    # Between these places, the other curve must not leave this one.
-    between = other.points_at((places[1:] + places[:-1]) / 2)
-    _, back = one.nearest(between, (even[1:] + even[:-1]) / 2, even[:-1], even[1:])
-    gaps = np.concatenate([points - there, between - back, one.ends - other.ends[::step]])
-    return float(np.linalg.norm(gaps, axis=1).max()), places

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.errors import DomainError
-from gtb_cli.theory.edges import (
-    CURVE_TOLERANCE,
-    EDGE_SAMPLES,
-    Curve,
-    EdgeRef,
-    correspondence,
-    edge_curve,
-    edge_curves,
-)
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves
+from gtb_cli.theory.matching import Match, beside, equal
 from gtb_cli.theory.patch import Patch
+
+ALMOST = 1e-2  # of the smaller edge's size: open edges nearer than this are reported
 
 FAR_ROUNDING = 16 * EPS  # of the largest coordinate: far away, points computed in two ways are rounded in each
 
@@ -28,50 +25,39 @@ SORTING_DIRECTION = np.array([1.0, 1.618033988749895, 2.414213562373095])  # dif
 
 
 class _Comparison(NamedTuple):
-    """The distance of two curves, whether one is reversed, and `Joint.places` if equal fractions are too far apart."""
+    """Curves beside each other, the second one in its own direction or reversed."""
 
-    distance: float
+    match: Match
     turned: bool
-    places: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class Joint:
     """Two edges that carry the same curve; `opposite` if they traverse it in opposite directions.
 
-    `distance` is the distance of welded curves, in model units; 0 for equal curves. `places` are the fractions of the
-    second edge, ascending or descending, at `EDGE_SAMPLES` equal fractions of the first one; none if these are equal.
+    `distance` is the distance of welded curves, measured, in model units; 0 for equal curves. `match` has corresponding
+    fractions of the first edge and, in its direction, of the second one; None if these are equal.
     """
 
     first: EdgeRef
     second: EdgeRef
     opposite: bool
     distance: float = 0.0
-    places: tuple[float, ...] = field(default=(), repr=False)
+    match: Match | None = field(default=None, repr=False)
 
     def across(self, patches: Sequence[Patch], fractions: FloatArray) -> FloatArray:
         """(m,) fractions of the second edge at the points of (m,) fractions of the first one."""
-        return self._carried(patches, fractions, 1)
+        found = fractions if self.match is None else self.match.carried(*self._curves(patches), fractions)
+        return 1 - found if self.opposite else found
 
     def back(self, patches: Sequence[Patch], fractions: FloatArray) -> FloatArray:
         """(m,) fractions of the first edge at the points of (m,) fractions of the second one."""
-        return self._carried(patches, fractions, -1)
+        found = 1 - fractions if self.opposite else fractions
+        return found if self.match is None else self.match.carried(*self._curves(patches), found, back=True)
 
-    def _carried(self, patches: Sequence[Patch], fractions: FloatArray, way: int) -> FloatArray:
-        if not self.places:
-            return 1 - fractions if self.opposite else fractions
-        ours, theirs = (np.linspace(0.0, 1.0, EDGE_SAMPLES), np.array(self.places))[::way]
-        one, other = (edge_curve(patches[p], edge) for p, edge in (self.first, self.second)[::way])
-        if ours[0] > ours[-1]:
-            ours, theirs = ours[::-1], theirs[::-1]
-        result = np.asarray(np.interp(fractions, (0, 1), theirs[[0, -1]]))
-        inside = (fractions > 0) & (fractions < 1)
-        t = fractions[inside]
-        after = np.searchsorted(ours, t, side="right")
-        ends = theirs[np.maximum(after - 2, 0)], theirs[np.minimum(after + 1, EDGE_SAMPLES - 1)]
-        start = np.interp(t, ours, theirs)
-        result[inside] = other.nearest(one.points_at(t), start, np.minimum(*ends), np.maximum(*ends))[0]
-        return result
+    def _curves(self, patches: Sequence[Patch]) -> tuple[Curve, Curve]:
+        one, other = (edge_curve(patches[p], edge) for p, edge in (self.first, self.second))
+        return one, other.reversed() if self.opposite else other
 
 
 @dataclass(frozen=True)
@@ -89,8 +75,8 @@ class Joints:
     crowded : tuple of tuple of EdgeRef
         Curves shared by more than two edges: there the model is not a manifold.
     almost : tuple of (EdgeRef, EdgeRef, float)
-        Open edges nearer than a hundredth of the smaller one's size, with the largest distance of their curves, in
-        model units.
+        Open edges nearer than a hundredth of the smaller one's size, each with those nearest to it, and the largest
+        distance of their curves that was measured, in model units.
     flipped : tuple of bool
         True for patches whose orientation must be reversed to agree with their neighbours'.
     one_sided : tuple of Joint
@@ -117,15 +103,15 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     Two boundary curves have the same points at the same fractions of the linear parametrisation, in either direction,
     if their control points agree, an affine map takes the knots of one edge to those of the other, and the weights c ω
     differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends but different data, such as a
-    higher degree, are compared at `EDGE_SAMPLES` points: at equal fractions first, then wherever they are nearest.
+    higher degree, are the same curve if this is proved: see `gtb_cli.theory.matching.equal`.
 
     Parameters
     ----------
     patches : sequence of Patch
         All curves (whose ends are joined if they coincide) or all surfaces.
     weld : float, optional
-        Edges of surfaces within this distance of each other, in model units, are joined as well, the nearest first;
-        edges up to this size count as points.
+        Edges of surfaces that are measured to be within this distance of each other, in model units, are joined as
+        well, the nearest first: all edges that become one were within it. Edges up to this size count as points.
 
     Notes
     -----
@@ -140,67 +126,47 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     tolerance = max(tolerance, FAR_ROUNDING * float(np.abs(points).max()))
     refs = [(p, e) for p, patch in enumerate(patches) for e in range(len(patch.domain.vertices))]
     curves = edge_curves(patches, refs)
-    reach = max(tolerance, weld or 0.0)
-    collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= reach]
-    groups = _same_data(curves, collapsed, tolerance)
-    near = _near_curves(curves, groups.others, reach) if surfaces else {}
-    distances = groups.weld(near, reach)
+    point = max(tolerance, weld or 0.0)
+    collapsed = [i for i, curve in enumerate(curves) if len(curve.points) > 1 and curve.size <= point]
+    same = _same_data(curves, collapsed, tolerance)
+    compare = cache(lambda i, j: _compared(curves[i], curves[j], tolerance, weld or 0.0))
+    near = _near(curves, same, compare, point) if surfaces else {}
+    groups = _welded(same, near, compare, weld or 0.0)
 
-    def joint(i: int, j: int, turned: bool) -> Joint:
-        distance = distances.get(j, 0.0)
-        places: tuple[float, ...] = ()
-        if i in groups.welded:
-            found = near.get((i, j)) or _compared(curves[i], curves[j], reach, np.inf)
-            places = found.places if found.turned == turned else ()
-        return Joint(refs[i], refs[j], turned, distance if distance > tolerance else 0.0, places)
+    def joint(i: int, j: int, turned: bool, match: Match | None) -> Joint:
+        if match is None:
+            return Joint(refs[i], refs[j], turned)
+        return Joint(refs[i], refs[j], turned, 0.0 if match.proved else match.distance, None if match.even else match)
 
-    shared = tuple(joint(i, j, turned) for i, others in groups.others.items() for j, turned in others)
-    crowded = tuple((refs[i], *(refs[j] for j, _ in others)) for i, others in groups.others.items() if len(others) > 1)
+    shared = tuple(joint(i, *other) for i, others in groups.items() for other in others)
+    crowded = tuple((refs[i], *(refs[j] for j, *_ in others)) for i, others in groups.items() if len(others) > 1)
     flipped, one_sided = _orientation(len(patches), shared if surfaces else ())
-    single = {i for i, others in groups.others.items() if not others}
-    apart = sorted((i, j, found.distance) for (i, j), found in near.items() if found.distance > reach)
+    single = {i for i, others in groups.items() if not others}
+    apart = sorted((*pair, match.distance) for pair, (match, _) in near.items() if not _is_within(match, weld or 0.0))
     return Joints(
         shared=shared,
-        open=tuple(refs[i] for i in groups.others if i in single),
+        open=tuple(refs[i] for i in groups if i in single),
         collapsed=tuple(refs[i] for i in collapsed),
         crowded=crowded if surfaces else (),
-        almost=tuple((refs[i], refs[j], distance) for i, j, distance in apart if {i, j} <= single),
+        almost=tuple(
+            (refs[i], refs[j], distance)
+            for i, j, distance in apart
+            if {i, j} <= single and distance <= ALMOST * min(curves[i].size, curves[j].size)
+        ),
         flipped=flipped,
         one_sided=one_sided,
     )
 
 
-class _Groups:
-    """Edges that carry one curve, by the first of them.
-
-    `others` has the later edges of each group, and whether they run in the opposite direction to the first; `welded`
-    the first edges of groups that were put together.
-    """
-
-    def __init__(self) -> None:
-        self.others: dict[int, list[tuple[int, bool]]] = {}
-        self.welded: set[int] = set()
-
-    def weld(self, near: Mapping[tuple[int, int], _Comparison], reach: float) -> dict[int, float]:
-        """Put groups together that are near, the nearest first; return distances by the first edges of those moved."""
-        group = {j: (i, turned) for i, others in self.others.items() for j, turned in ((i, False), *others)}
-        distances: dict[int, float] = {}
-        for (i, j), found in sorted(near.items(), key=lambda pair: pair[1].distance):
-            (one, one_turned), (other, other_turned) = sorted((group[i], group[j]))
-            if found.distance > reach or one == other:
-                continue
-            turned = found.turned ^ one_turned ^ other_turned
-            moved = [(k, also ^ turned) for k, also in ((other, False), *self.others.pop(other))]
-            self.others[one] = sorted(self.others[one] + moved)
-            group.update((k, (one, also)) for k, also in moved)
-            self.welded.add(one)
-            distances[other] = found.distance
-        return distances
+def _is_within(match: Match, weld: float) -> bool:
+    return match.proved or match.distance <= weld
 
 
-def _same_data(curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float) -> _Groups:
-    """Group the edges whose curves have the same data."""
-    groups = _Groups()
+def _same_data(
+    curves: Sequence[Curve], collapsed: Sequence[int], tolerance: float
+) -> dict[int, list[tuple[int, bool]]]:
+    """Edges with the data of earlier ones, by the first of these, and whether they run in the opposite direction."""
+    found: dict[int, list[tuple[int, bool]]] = {}
     heights = _heights(curves) / (2 * tolerance * SORTING_DIRECTION.sum())
     bins: dict[int, list[int]] = {}
     for i in sorted(set(range(len(curves))).difference(collapsed)):
@@ -209,50 +175,103 @@ def _same_data(curves: Sequence[Curve], collapsed: Sequence[int], tolerance: flo
         for turned, curve in ((False, curves[i]), (True, curves[i].reversed())) if near else ():
             first = next((first for first in near if curve.same_as(curves[first], tolerance)), None)
             if first is not None:
-                groups.others[first].append((i, turned))
+                found[first].append((i, turned))
                 break
         else:
-            groups.others[i] = []
+            found[i] = []
             bins.setdefault(middle, []).append(i)
-    return groups
-
-
-def _near_curves(
-    curves: Sequence[Curve], groups: Mapping[int, Sequence[object]], reach: float
-) -> dict[tuple[int, int], _Comparison]:
-    """Comparisons of pairs of groups' curves, one of them open, within a hundredth of their size or `reach`."""
-    firsts, found = list(groups), {}
-    reaches = np.maximum(1e-2 * np.array([curves[i].size for i in firsts]), reach)
-    for one, other in touching([curves[i] for i in firsts], reaches):
-        i, j, most = firsts[one], firsts[other], min(reaches[one], reaches[other])
-        if not (groups[i] and groups[j]) and (near := _compared(curves[i], curves[j], reach, most)).distance <= most:
-            found[i, j] = near
     return found
 
 
-def _compared(one: Curve, other: Curve, reach: float, most: float) -> _Comparison:
-    """Compare two curves at equal fractions and, if these are farther apart than `reach`, wherever they are nearest."""
-    ways = [
-        _Comparison(float(np.linalg.norm(one.samples - other.samples[::step], axis=1).max()), step < 0)
-        for step in (1, -1)
-    ]
-    if min(ways).distance > reach:
-        for step in (1, -1):
-            meet = np.abs(one.ends - other.ends[::step]).max() <= most
-            if meet and (match := correspondence(one, other, step < 0, most)) is not None:
-                ways.append(_Comparison(match[0], step < 0, tuple(match[1].tolist())))
-    return min(ways)
+def _welded(
+    same: Mapping[int, Sequence[tuple[int, bool]]],
+    near: Mapping[tuple[int, int], _Comparison],
+    compare: Callable[[int, int], _Comparison],
+    weld: float,
+) -> dict[int, list[tuple[int, bool, Match | None]]]:
+    """Put groups of edges with the same data together, first those that are equal, then the nearest.
+
+    Each two that become one must be within the distance of each other: chains would move edges farther. Returned are
+    the later edges by the first one, whether they run in the opposite direction, and matches where data differ.
+    """
+    groups, group = {i: [i] for i in same}, {i: i for i in same}
+    for (i, j), (match, _) in sorted(near.items(), key=lambda pair: (not pair[1].match.proved, pair[1].match.distance)):
+        one, other = sorted((group[i], group[j]))
+        if one == other or not _is_within(match, weld):
+            continue
+        pairs = [] if match.proved else [sorted(pair) for pair in product(groups[one], groups[other])]
+        if all(_is_within(compare(*pair).match, weld) for pair in pairs):
+            groups[one] += groups.pop(other)
+            group.update(dict.fromkeys(groups[one], one))
+    found: dict[int, list[tuple[int, bool, Match | None]]] = {}
+    for one, members in groups.items():
+        found[one] = [(j, turned, None) for j, turned in same[one]]
+        for k in sorted(members)[1:]:
+            match, turned = compare(one, k)
+            found[one] += [(j, also ^ turned, match) for j, also in ((k, False), *same[k])]
+        found[one].sort(key=lambda other: other[0])
+    return found
 
 
-def touching(curves: Sequence[Curve], reach: FloatArray) -> list[tuple[int, int]]:
-    """Pairs i < j of curves whose ends, in either order, differ by at most the smaller of their (n,) reaches."""
+def _near(
+    curves: Sequence[Curve],
+    same: Mapping[int, Sequence[object]],
+    compare: Callable[[int, int], _Comparison],
+    reach: float,
+) -> dict[tuple[int, int], _Comparison]:
+    """Compare edges, one of them open, whose ends are within a distance, or within `ALMOST` of their size.
+
+    Beyond that distance, each is compared until one is found that is nearer than the others' ends are.
+    """
+    firsts = list(same)
+    least, found = dict.fromkeys(firsts, np.inf), {}
+    pairs, gaps = touching([curves[i] for i in firsts], np.maximum([ALMOST * curves[i].size for i in firsts], reach))
+    order = np.argsort(gaps, kind="stable")
+    for (one, other), gap in zip(pairs[order].tolist(), gaps[order].tolist(), strict=True):
+        i, j = firsts[one], firsts[other]
+        if not (same[i] and same[j]) and (gap <= reach or gap < max(least[i], least[j])):
+            found[i, j] = compare(i, j)
+            distance = found[i, j].match.distance
+            least[i], least[j] = min(least[i], distance), min(least[j], distance)
+    return found
+
+
+def _compared(one: Curve, other: Curve, tolerance: float, weld: float) -> _Comparison:
+    """Compare two curves in the directions in which their ends are near."""
+    most, nearest = (
+        max(ALMOST * min(one.size, other.size), tolerance, weld),
+        _Comparison(Match(np.inf, False, True, np.empty((2, 0))), False),
+    )
+    for turned, curve in ((False, other), (True, other.reversed())):
+        if np.abs(one.ends - curve.ends).max() > most:
+            continue
+        match = equal(one, curve, tolerance)
+        if match is None:
+            match = beside(one, curve, max(tolerance, weld), most)
+        if match.proved or match.distance < nearest.match.distance:
+            nearest = _Comparison(match, turned)
+        if match.proved:
+            break
+    return nearest
+
+
+def touching(curves: Sequence[Curve], reach: FloatArray) -> tuple[IntArray, FloatArray]:
+    """(m, 2) pairs i < j of curves whose ends, in either order, differ by at most the smaller of their (n,) reaches.
+
+    With them come (m,) largest differences of the ends' coordinates.
+    """
     ends = np.array([curve.ends for curve in curves]).reshape(-1, 2, 3)
-    pairs = []
+    pairs, gaps = [np.empty((0, 2), dtype=np.int64)], [np.empty(0)]
     for row, others in within(_heights(curves), 2 * reach):
         straight, crossed = (np.abs(ends[others] - way).max(axis=(1, 2)) for way in (ends[row], ends[row][::-1]))
-        near = np.minimum(straight, crossed) <= np.minimum(reach[others], reach[row])
-        pairs += [(min(row, other), max(row, other)) for other in others[near].tolist()]
-    return sorted(pairs)
+        gap = np.minimum(straight, crossed)
+        near = np.flatnonzero(gap <= np.minimum(reach[others], reach[row]))
+        if len(near):
+            pairs.append(np.column_stack([others[near], np.full(len(near), row)]))
+            gaps.append(gap[near])
+    found = np.sort(np.concatenate(pairs), axis=1)
+    order = np.lexsort(found.T[::-1])
+    return found[order], np.concatenate(gaps)[order]
 
 
 def within(heights: FloatArray, reach: FloatArray) -> Iterator[tuple[int, IntArray]]:

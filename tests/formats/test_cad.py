@@ -214,7 +214,7 @@ def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
 def test_edges_with_other_parameters_are_sewn(name: str, kind: str, tmp_path: Path) -> None:
     patches = tuple(elevate(patch, k % 3) for k, patch in enumerate(load(SPECS / f"{name}.toml")))
     model = Model(patches, name)
-    assert any(joint.places for joint in model.joints.shared)
+    assert any(joint.match for joint in model.joints.shared)
     shape = read(encode_cad(spline_surfaces(model).surfaces, "brep").data, "brep", tmp_path)
     assert is_valid(shape)
     assert len(parts(shape, kind)) == 1
@@ -278,7 +278,7 @@ def test_exact_patches_stay_exact_beside_fitted_ones(
 def test_fitted_patches_share_edges_with_other_parameters() -> None:
     one = pillow(integer_pentagon().replace(weights=[1, 5, 0.3, 1, 2, 4, 1, 0.5]))[1]
     model = Model((one, elevate(one)))
-    assert sum(bool(joint.places) for joint in model.joints.shared) == 5
+    assert sum(bool(joint.match) for joint in model.joints.shared) == 5
     found = spline_surfaces(model)
     assert found.fitted == len(found.surfaces) == 10
     rims = [np.concatenate([surface.net[:, 0, :3], surface.net[0, :, :3]]) for surface in found.surfaces]

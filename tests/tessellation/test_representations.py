@@ -15,8 +15,9 @@ from gtb_cli.language.writer import save
 from gtb_cli.tessellation.complex import Complex, joined_complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.tessellate import refined, tessellate
-from gtb_cli.theory.edges import Curve, correspondence, edge_curve, edge_points_at
-from gtb_cli.theory.joints import EDGE_SAMPLES, find_joints
+from gtb_cli.theory.edges import Curve, edge_curve, edge_points_at
+from gtb_cli.theory.joints import find_joints
+from gtb_cli.theory.matching import equal, measured
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
@@ -103,7 +104,7 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     model = body(*case)
     scale, shift = case[-2:]
     assert model.joints.closed
-    assert sum(bool(joint.places) for joint in model.joints.shared) == 2
+    assert sum(bool(joint.match) for joint in model.joints.shared) == 2
     assert joint_findings(model)[0].status == "holds"
     rounding = 3 * ROUNDING * scale + 20 * np.spacing(shift)  # points that are inverted are rounded themselves
     sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
@@ -141,11 +142,12 @@ def test_a_straight_edge_is_joined_whatever_its_speed():
     uneven = Patch([*square, (0, 0.5)], [*beside, (1, 0.1)], [1, 1, 1, 1, 0.5])
     model = Model((Patch(square, square), uneven))
     (joint,) = model.joints.shared
-    places = np.array(joint.places)
-    assert places[0] == 1
+    even = np.linspace(0, 1, 50)
+    places = joint.across(model.patches, even)
+    assert (places[0], places[-1]) == (1, 0)
     assert (np.diff(places) < 0).all()
-    found = edge_points_at(uneven, 3, places)
-    np.testing.assert_allclose(found[:, 1], np.linspace(0, 1, EDGE_SAMPLES), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(edge_points_at(uneven, 3, places)[:, 1], even, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(joint.back(model.patches, places), even, rtol=0, atol=1e-13)
     flat = tessellate(model, tolerance=1e-3)
     assert np.abs(flat.vertices[:, 2]).max() == 0
 
@@ -206,7 +208,7 @@ def test_triangles_that_would_turn_over_are_cut_around_the_centre():
     around = [Patch(corners, [p, q, p + q - r]) for p, q, r in (np.roll(corners, -k, axis=0) for k in range(3))]
     uneven = Patch([*corners, (1, 0), (1, 1), (0, 1)], [*corners, (0.02, 0), (1, 1), (0, 0.02)], [1, 1, 1, 5, 3, 5])
     model = Model((*around, uneven))
-    assert sum(bool(joint.places) for joint in model.joints.shared) == 2
+    assert sum(bool(joint.match) for joint in model.joints.shared) == 2
     sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
     mosaic = joined_complex(model.patches, model.joints, 8)
     assert (mosaic.cell_patch == 3).sum() == 3 * 64
@@ -252,23 +254,27 @@ def test_curves_of_every_kind_are_recognised(kind):
         turned = bool(seed % 2)
         if turned:
             other = Patch(-other.knots, other.control_points, np.exp(other.log_products))
-        sides = [edge_curve(loft_of_knots(side), 0) for side in (one, other)]
-        distance, places = correspondence(*sides, turned, np.inf)
-        assert distance < 1e-12
-        assert (places[0], places[-1]) == ((1, 0) if turned else (0, 1))
+        one, other = (edge_curve(loft_of_knots(side), 0) for side in (one, other))
+        other = other.reversed() if turned else other
+        match = equal(one, other, 1e-11)
+        fractions = rng.random(20)
+        there = match.carried(one, other, fractions)
+        np.testing.assert_allclose(other.points_at(there), one.points_at(fractions), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(match.carried(one, other, there, back=True), fractions, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("height", [0.0, 0.3])
 def test_a_spike_between_samples_is_seen(height):
     """Points are near knots, on a segment at uneven places, with one of them beside it."""
     segment = Curve(np.array([0.0, 1.0]), np.zeros(2), np.array([(0.0, 0, 0), (1.0, 0, 0)]))
-    knots = np.linspace(0, 1, 2 * EDGE_SAMPLES - 1)
+    knots = np.linspace(0, 1, 65)
     points = np.column_stack([knots**1.3, 0 * knots, 0 * knots])
     middle = (np.array([16, 17]) / 32) ** (1 / 1.3)
     points[np.abs(knots - middle.mean()).argmin(), 1] = height
-    distance, places = correspondence(segment, Curve(knots, -4 / knots[1] ** 2 * knots**2, points), False, np.inf)
-    np.testing.assert_allclose(places[16:18], middle, atol=knots[1])
-    assert (distance < 1e-12) if height == 0 else (distance > 0.1)
+    found = measured(segment, Curve(knots, -4 / knots[1] ** 2 * knots**2, points), np.inf)
+    there = np.interp([0.5, 17 / 32], *found.places)
+    np.testing.assert_allclose(there, middle, atol=knots[1])
+    assert (found.distance < 1e-12) if height == 0 else (found.distance > 0.1)
 
 
 def test_other_parameters_are_welded_like_equal_ones():
