@@ -118,7 +118,9 @@ def test_edges_become_one_only_if_each_two_are_near():
     """Eight edges, each 0.09 from the next, became one, and moved by 0.315."""
     ways = [(np.cos(k), np.sin(k), 0.0) for k in range(8)]
     fan = [Patch(SQUARE, np.outer(SQUARE[:, 1], (0, 0, 1)) + np.outer(SQUARE[:, 0], way)) for way in ways]
-    fan = [patch.replace(control_points=patch.control_points + np.array([0, 0, 0.09 * k])) for k, patch in enumerate(fan)]
+    fan = [
+        patch.replace(control_points=patch.control_points + np.array([0, 0, 0.09 * k])) for k, patch in enumerate(fan)
+    ]
     joints = find_joints(fan, weld=0.1)
     assert {joint.second[0] - joint.first[0] for joint in joints.shared} == {1}
     assert not joints.crowded
