@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from tests.shell import REPOSITORY, SPECS, Result, shell
 SECTION = re.search(r"^## In CI\n(.*?)^## ", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.M | re.S)[1]
 
 CHOSEN = ("pentagon", "example-3.1", "box-corner")  # a surface, a curve and a model
+ACTION = REPOSITORY / ".github" / "actions" / "diff" / "action.yml"
 
 
 ELSEWHERE = [
@@ -28,17 +30,20 @@ ELSEWHERE = [
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory) -> Path:
+    return team(tmp_path_factory.mktemp("team"), CHOSEN)
+
+
+def team(folder: Path, names: Sequence[str]) -> Path:
     """A team's repository: some specs, and their golden meshes."""
     makefile = re.search(r"^```make\n(.*?)^```$", SECTION, re.MULTILINE | re.DOTALL)[1]
-    folder = tmp_path_factory.mktemp("team")
     (folder / "specs").mkdir()
-    for name in CHOSEN:
+    for name in names:
         shutil.copy(SPECS / f"{name}.toml", folder / "specs")
     (folder / "Makefile").write_text(makefile, encoding="utf-8")
     (folder / ".gitignore").write_text("out\n", encoding="utf-8")
     done = shell("make -s golden", folder)
     assert done.status == 0, done.err
-    assert len(os.listdir(folder / "golden")) == len(CHOSEN)
+    assert len(os.listdir(folder / "golden")) == len(names)
     return folder
 
 
@@ -52,6 +57,7 @@ def job(folder: Path, **variables: str) -> Result:
     steps = re.findall(r"^ +- run: (.*)$", SECTION, re.MULTILINE)
     assert steps[0].startswith("pip install")
     result = None
+    shutil.rmtree(folder / "out", ignore_errors=True)  # a job begins with a fresh checkout
     for step in steps[1:]:
         result = shell(f"set -e; {step}", folder, **variables)
         if result.status:
@@ -75,6 +81,32 @@ def assert_as_shown(text: str) -> None:
     assert number.sub("#", text) == number.sub("#", failure)
     found, shown = (np.array(number.findall(each), dtype=float) for each in (text, failure))
     assert np.allclose(found, shown, rtol=0.02, atol=0)
+
+
+def action(folder: Path, specs: str = "specs") -> Result:
+    """Run what the action runs after it has installed gtb, as often as a job uses it."""
+    line = re.findall(r"^    - run: (.*)$", ACTION.read_text(encoding="utf-8"), re.MULTILINE)[-1]
+    (folder / "runner").mkdir(exist_ok=True)
+    options = {"SPECS": specs, "GOLDEN": "golden", "OPTIONS": "-n 8", "TOLERANCE": ""}
+    return shell(f"set -e; {line}", folder, RUNNER_TEMP=str(folder / "runner"), **options)
+
+
+@pytest.mark.parametrize("names", [CHOSEN[:1], CHOSEN[:2]], ids=len)
+def test_one_spec_and_several_pass_and_a_removed_or_moved_one_fails(names, tmp_path):
+    folder = team(tmp_path, names)
+    good = f"{len(names)} same, 0 different, 0 missing, 0 extra\n"
+    assert (job(folder).text, action(folder).text, shell("make -s check", folder).text) == (good, good, good)
+    assert action(folder, specs=f"specs/{names[0]}.toml specs").status == 2  # one of them twice
+    nudge(folder)
+    for result in (job(folder), action(folder)):
+        assert (result.status, "1 different" in result.text) == (1, True)
+    assert shell("make -s golden && make -s check", folder).status == 0
+    shutil.copy(SPECS / "bicubic.toml", folder / "specs")
+    (folder / "specs" / f"{names[0]}.toml").unlink()
+    for result in (job(folder), action(folder)):
+        assert result.status == 1
+        assert f"missing: golden/{names[0]}.obj is not in " in result.text
+    assert shell("make -s golden && make -s check", folder).text == good
 
 
 @pytest.mark.parametrize("variables", mostly_long(ELSEWHERE), ids=lambda variables: next(iter(variables)))

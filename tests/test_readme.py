@@ -1,5 +1,6 @@
 """What the README shows runs, and what there is stands in it."""
 
+import os
 import re
 import shutil
 
@@ -68,26 +69,40 @@ def test_its_commands_run(block, workplace):
     assert "error" not in result.err
 
 
-@long
-def test_its_ways_to_share_work_without_a_scheduler_do(workplace):
-    lines = [line.strip() for line in README.splitlines() if re.match(r" +(make -j|printf .*xargs|gtb .*SLURM)", line)]
+@pytest.mark.parametrize("names", ["pentagon", pytest.param("bicubic hexagon pentagon", marks=long)])
+def test_its_ways_to_share_work_without_a_scheduler_do(names, workplace):
+    names = names.split()
+    lines = re.findall(r"^    (printf .*xargs.*|gtb .*SLURM.*)", COMMANDS_PAGE, re.MULTILINE)
+    lines = ["make -s -j8", lines[0], f"for SLURM_ARRAY_TASK_ID in $(seq {len(names)}); do {lines[1]}; done"]
     (workplace / "parts").mkdir()
-    names = ("bicubic", "hexagon", "pentagon")
     for name in names:
-        (workplace / "parts" / f"{name}.toml").write_bytes((SPECS / f"{name}.toml").read_bytes())
+        shutil.copy(SPECS / f"{name}.toml", workplace / "parts")
     (workplace / "list").write_text("".join(f"parts/{name}.toml\n" for name in names))
-    rule = lines[0].partition("rule: ")[2]
-    targets = " ".join(f"out/{name}.obj" for name in names)
-    (workplace / "Makefile").write_text(f"all: {targets}\n{rule}\n-include out/*.d\n")
-    lines[2] = f"for SLURM_ARRAY_TASK_ID in 1 2 3; do {lines[2]}; done"
+    (workplace / "Makefile").write_text("\n".join(blocks("make", COMMANDS_PAGE)))
     made = []
     for line in lines:
-        result = shell(f"mkdir out; {line}", workplace)
+        shutil.rmtree(workplace / "out", ignore_errors=True)
+        result = shell(line, workplace)
         assert (result.status, result.err) == (0, "")
         made.append([(workplace / "out" / f"{name}.obj").read_bytes() for name in names])
-        shutil.rmtree(workplace / "out")
     assert made[0] == made[1] == made[2]
-    assert len(set(made[0])) == 3
+    assert len(set(made[0])) == len(names)
+
+
+def test_its_lines_for_make_read_the_rules_that_they_write(workplace):
+    (workplace / "parts").mkdir()
+    (workplace / "parts" / "whole.toml").write_text('include = ["sub/part.toml"]\n')
+    (workplace / "parts" / "sub").mkdir()
+    shutil.copy(SPECS / "bicubic.toml", workplace / "parts" / "sub" / "part.toml")
+    (workplace / "Makefile").write_text("\n".join(blocks("make", COMMANDS_PAGE)))
+    mesh = workplace / "out" / "whole.obj"
+    found = []
+    for name in ("bicubic", "pentagon"):
+        shutil.copy(SPECS / f"{name}.toml", workplace / "parts" / "sub" / "part.toml")
+        os.utime(workplace / "parts" / "sub" / "part.toml", (4e9, 4e9))
+        assert shell("make -s", workplace).status == 0
+        found.append(mesh.read_bytes())
+    assert found[0] != found[1]
 
 
 @pytest.mark.parametrize("block", blocks("python"))
