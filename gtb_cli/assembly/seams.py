@@ -11,10 +11,13 @@ import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.errors import DomainError
+from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
+from gtb_cli.theory.joints import Joint
+from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.normals import NormalField, on_edge
 from gtb_cli.theory.parametrization import RationalBasis
@@ -30,12 +33,9 @@ class _Rim:
     """The rim of one of two patches, at places along a seam."""
 
     patch: Patch
-    places: Sequence[Location]
+    edge: int
+    place: Location
     is_flipped: bool
-
-    def points(self) -> FloatArray:
-        """(m, 3) places in space."""
-        return self.patch.points_at(self.places, SEAM_PLACES)
 
 
 @frozen
@@ -47,16 +47,21 @@ class Seam:
     first, second : EdgeRef
     angle : float
         Largest angle between the normals of the two patches, in degrees; NaN if one patch has no normals.
-    place : (3,) float
-        The point with this angle.
     """
 
     first: EdgeRef
     second: EdgeRef
     angle: float
-    place: FloatArray
+    _worst: int = field(repr=False)
     _smooth: BoolArray = field(repr=False)
     _rims: tuple[_Rim, _Rim] = field(repr=False)
+
+    @cached_property
+    def place(self) -> FloatArray:
+        """(3,) point with the largest angle."""
+        rim = self._rims[0]
+        at = rim.place._replace(rows=slice(0, 1), s=rim.place.s[:, [self._worst]])
+        return np.asarray(rim.patch.points_at([at], 1)[0])
 
     @cached_property
     def bend(self) -> float:
@@ -91,26 +96,22 @@ def joints(model: Model) -> tuple[Seam, ...]:
     if model.dimension == 1:
         return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
-    places: dict[tuple[RationalBasis, int, bytes], list[Location]] = {}
+    shared = model.joints.shared
+    rims = _rims(model, [use for joint in shared for use in _uses(model, joint, t)])
+    normals = _normals(rims)
+    ours, theirs = normals[::2], normals[1::2]
+    sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
+    angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
+    worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
+    return tuple(
+        Seam(joint.first, joint.second, float(row[k]), int(k), row <= MAX_CREASE_DEGREES, (one, other))
+        for joint, row, k, one, other in zip(shared, angles, worst, rims[::2], rims[1::2], strict=True)
+    )
 
-    def rim(ref: EdgeRef, fractions: FloatArray) -> _Rim:
-        patch = model.patches[ref[0]]
-        key = (patch.rational_basis, ref[1], fractions.tobytes())  # patches with the same basis share the places
-        if key not in places:
-            places[key] = _places(patch, ref[1], fractions)
-        return _Rim(patch, places[key], model.joints.flipped[ref[0]])
 
-    pairs = [(rim(joint.first, t), rim(joint.second, joint.across(model.patches, t))) for joint in model.joints.shared]
-    normals = _together([one for pair in pairs for one in pair], _normals)
-    found = []
-    for joint, sides in zip(model.joints.shared, pairs, strict=True):
-        ours, theirs = (normals[one] for one in sides)
-        sine = np.linalg.norm(cross(ours, theirs), axis=1)
-        angles = np.degrees(np.arctan2(sine, (ours * theirs).sum(axis=1)))
-        worst = int(np.where(np.isfinite(angles), angles, -1.0).argmax())
-        smooth = angles <= MAX_CREASE_DEGREES
-        found.append(Seam(joint.first, joint.second, float(angles[worst]), sides[0].points()[worst], smooth, sides))
-    return tuple(found)
+def _uses(model: Model, joint: Joint, t: FloatArray) -> list[tuple[EdgeRef, FloatArray]]:
+    """Return both edges of a joint with their fractions at the same points."""
+    return [(joint.first, t), (joint.second, joint.across(model.patches, t))]
 
 
 def bends(seams: Sequence[Seam]) -> list[float]:
@@ -131,32 +132,54 @@ def bends(seams: Sequence[Seam]) -> list[float]:
 def _together(
     sides: Sequence[_Rim], function: Callable[[Sequence[Patch], Sequence[Location]], FloatArray]
 ) -> dict[_Rim, FloatArray]:
-    """Normals or mean curvatures of sides: those at the same places of one basis are computed together."""
+    """Mean curvatures of sides: those at the same places of one basis are computed together."""
     alike: dict[int, list[_Rim]] = {}
     for side in dict.fromkeys(sides):
-        alike.setdefault(id(side.places), []).append(side)
+        alike.setdefault(id(side.place), []).append(side)
     result: dict[_Rim, FloatArray] = {}
     for group in alike.values():
         step = max(1, block_length(len(group[0].patch.knots)) // SEAM_PLACES)
         for begin in range(0, len(group), step):
             part = group[begin : begin + step]
-            found = function([side.patch for side in part], part[0].places)
+            found = function([side.patch for side in part], [part[0].place])
             result |= {side: -values if side.is_flipped else values for side, values in zip(part, found, strict=True)}
     return result
 
 
-def _normals(patches: Sequence[Patch], places: Sequence[Location]) -> FloatArray:
-    """(q, m, 3) unit normals of patches with one basis."""
-    fields = [NormalField(patch.domain, patch.log_products, patch.control_points) for patch in patches]
-    result = np.empty((len(patches), SEAM_PLACES, 3))
-    for location in places:
-        result[:, location.rows] = on_edge(fields, location)
+def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> list[_Rim]:
+    """Locate the fractions of edges, all of those of one domain together; equal ones of one basis share a location."""
+    keys = [(model.patches[patch].rational_basis, edge, t.tobytes()) for (patch, edge), t in uses]
+    alike: dict[tuple[Domain, int], dict[tuple[RationalBasis, int, bytes], FloatArray]] = {}
+    for key, (_, t) in zip(keys, uses, strict=True):
+        alike.setdefault((key[0].domain, key[1]), {})[key] = t
+    places: dict[tuple[RationalBasis, int, bytes], Location] = {}
+    for (shape, edge), found in alike.items():
+        face, t = shape.faces.edge(edge), np.concatenate(list(found.values()))[:, None]
+        first, last = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
+        linear = LinearParametrization(shape, np.array([basis.log_weights for basis, _, _ in found]))
+        numbers = np.repeat(np.arange(len(found)), SEAM_PLACES)
+        (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=numbers)
+        for key, s in zip(found, np.split(whole.s, len(found), axis=1), strict=True):
+            places[key] = Location(slice(0, SEAM_PLACES), face, whole.knots, s, None)
+    flipped = model.joints.flipped
+    return [
+        _Rim(model.patches[patch], edge, places[key], flipped[patch])
+        for ((patch, edge), _), key in zip(uses, keys, strict=True)
+    ]
+
+
+def _normals(rims: Sequence[_Rim]) -> FloatArray:
+    """(q, m, 3) unit normals of rims, those on one edge of one domain together."""
+    alike: dict[tuple[Domain, int], list[int]] = {}
+    for number, rim in enumerate(rims):
+        alike.setdefault((rim.patch.domain, rim.edge), []).append(number)
+    result = np.empty((len(rims), SEAM_PLACES, 3))
+    for (shape, edge), numbers in alike.items():
+        step = max(1, block_length(len(shape.knots)) // SEAM_PLACES)
+        for begin in range(0, len(numbers), step):
+            some = numbers[begin : begin + step]
+            part = [rims[number] for number in some]
+            fields = [NormalField(shape, rim.patch.log_products, rim.patch.control_points) for rim in part]
+            signs = np.array([-1.0 if rim.is_flipped else 1.0 for rim in part])[:, None, None]
+            result[some] = signs * on_edge(fields, edge, np.concatenate([rim.place.s for rim in part]))
     return result
-
-
-def _places(patch: Patch, edge: int, t: FloatArray) -> list[Location]:
-    """Locations at fractions of an edge."""
-    v = patch.domain.vertices
-    faces = np.full(len(t), patch.domain.faces.edge(edge).number)
-    p = v[edge] + t[:, None] * (v[(edge + 1) % len(v)] - v[edge])
-    return list(patch.rational_basis.locations(p, "linear", faces))

@@ -113,7 +113,8 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     scaled = size * scale
     if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
         line = prefix + f" {{:z.{digits}f}}" * columns + "\n"
-        return (line * rows).format(*values.ravel().tolist()).encode("ascii")
+        lines: str = (line * rows).format(*values.ravel().tolist())
+        return lines.encode("ascii")
 
     fraction = _round_exactly(size, scale, scaled)
     carry = fraction >= scale

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal, NoReturn, TypeAlias, get_args
 
 import numpy as np
@@ -258,6 +258,22 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
         raise DomainError(f"knots: expected shape (n,), (n, 1) or (n, 2) with n > 1, got {np.shape(knots)}")
     if edge_normals not in get_args(EdgeNormals):
         raise DomainError(f"edge_normals: expected auto, unit or primitive, got {edge_normals!r}")
+    scale = positive("edge_scale", edge_scale)
+    if not ((scale >= low) & (scale <= high)).all():
+        raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
+    return _built(points.tobytes(), points.shape, edge_normals, scale.tobytes(), scale.shape, low)
+
+
+@lru_cache(maxsize=64)  # the patches of a model often have one domain
+def _built(
+    knots: bytes,
+    shape: tuple[int, ...],
+    edge_normals: EdgeNormals,
+    factors: bytes,
+    count: tuple[int, ...],
+    least: float,
+) -> Domain:
+    points, scale = np.frombuffer(knots).reshape(shape), np.frombuffer(factors).reshape(count)
     if points.shape[1] == 1:
         vertices = np.array([points.min(axis=0), points.max(axis=0)])
         if not vertices[0] < vertices[1]:
@@ -267,11 +283,8 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
         vertices = points[convex_hull(points)]
         normals = _normals(vertices, edge_normals)
     size = float(np.ptp(vertices, axis=0).max())
-    if size < low:
-        raise DomainError(f"knots: a hull smaller than {low:g} is not supported, got {size:g}")
-    scale = positive("edge_scale", edge_scale)
-    if not ((scale >= low) & (scale <= high)).all():
-        raise DomainError(f"edge_scale: expected factors between {low:g} and {high:g}, got {edge_scale!r}")
+    if size < least:
+        raise DomainError(f"knots: a hull smaller than {least:g} is not supported, got {size:g}")
     if scale.ndim > 1 or (scale.ndim == 1 and len(scale) != len(vertices)):
         found = len(scale) if scale.ndim == 1 else f"shape {scale.shape}"
         raise DomainError(f"edge_scale: must be one number or {len(vertices)}, one for each edge, got {found}")
@@ -295,8 +308,7 @@ def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: Arr
     heights[incidence] = 0.0
     incidence.flags.writeable = False
     vertices, scaled, heights = read_only(vertices), read_only(scaled), read_only(heights)
-    factors = scale if scale.ndim else float(scale)
-    return Domain(points, vertices, scaled, incidence, heights, edge_normals, factors)
+    return Domain(points, vertices, scaled, incidence, heights, edge_normals, scale if scale.ndim else float(scale))
 
 
 def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:

@@ -75,11 +75,11 @@ def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray
 
 
 def shares(e: FloatArray) -> FloatArray:
-    """(n, m) softmax of each column of exponents."""
-    t = e - e.max(axis=0)
+    """(…, n, m) softmax of each column of exponents."""
+    t = e - e.max(axis=-2, keepdims=True)
     np.maximum(t, UNDERFLOW_EXPONENT, out=t)
     np.exp(t, out=t)
-    t /= t.sum(axis=0)
+    t /= t.sum(axis=-2, keepdims=True)
     return np.asarray(t)
 
 
@@ -88,7 +88,7 @@ def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatAr
 
     Parameters
     ----------
-    e : (n, m) float
+    e : (…, n, m) float
         Logarithms of T, up to a constant per column.
     eta : (n, m) or (n, 1) float
         Coordinates of the knots. A knot with an exact 0 does not count, however large its T.
@@ -96,8 +96,8 @@ def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatAr
     mean : (…, 3, m) float
         Σ_i T_i δ_i.
     """
-    x = e - np.max(e, axis=0, where=eta != 0, initial=-np.inf)
+    x = e - np.max(e, axis=-2, where=eta != 0, initial=-np.inf, keepdims=True)
     np.clip(x, UNDERFLOW_EXPONENT, 0.0, out=x)
     np.exp(x, out=x)
     x *= eta
-    return np.asarray(deltas.swapaxes(-1, -2) @ x - mean * x.sum(axis=0))
+    return np.asarray(deltas.swapaxes(-1, -2) @ x - mean * x.sum(axis=-2, keepdims=True))

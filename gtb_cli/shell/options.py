@@ -182,7 +182,7 @@ threads_option = click.option(
     type=WholeNumber(0, 256),
     metavar="N",
     expose_value=False,
-    hidden=True,  # kept for scripts: one thread makes a mesh, as a second one saves nothing
+    help="Accepted for scripts: one thread makes a mesh, as a second one saves nothing.",
 )
 
 resolution_option = click.option(

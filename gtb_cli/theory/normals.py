@@ -67,7 +67,7 @@ class NormalField:
             elif location.face.is_corner:
                 result[location.rows] = self._at_corner(location.face.index)
             else:
-                result[location.rows] = on_edge([self], location)[0]
+                result[location.rows] = on_edge([self], location.face.index, location.s)[0]
         return result
 
     def _inside(self, location: Location) -> FloatArray:
@@ -219,34 +219,44 @@ class NormalField:
         return np.full((1, 3), np.nan)
 
 
-def on_edge(fields: Sequence[NormalField], location: Location) -> FloatArray:
-    """(q, m, 3) normals at a location on an edge, of q surfaces with one basis; NaN where a surface has none."""
-    edge, one = location.face.index, fields[0]
-    shape, log_weights = one.domain, one.log_weights
+def on_edge(fields: Sequence[NormalField], edge: int, s: FloatArray) -> FloatArray:
+    """(q, m, 3) normals on an edge of q surfaces with one domain, at (q, m) torus coordinates; NaN where undefined."""
+    shape = fields[0].domain
     members = np.flatnonzero(shape.incidence[:, edge])
     along = shape.along(edge, shape.knots)
-    e = exponents(location.knots, log_weights[members], location.s)
-    result = np.full((len(fields), e.shape[1], 3), np.nan)
-    for k, rows in groups(e.argmax(axis=0)):
-        deltas = np.array([field._deltas(int(members[k])) for field in fields])
-        rounding = np.array([field._rounding for field in fields])[:, None, None]
-        position = deltas.take(members, axis=1).swapaxes(1, 2) @ shares(e[:, rows])
+    log_weights = np.array([field.log_weights for field in fields])
+    rounding = np.array([field._rounding for field in fields])[:, None, None]
+    points = np.array([field.control_points for field in fields])
+
+    def logarithms(knots: IntArray, columns: IntArray) -> FloatArray:
+        return np.asarray(along[knots, None] * s[:, None, columns] + log_weights[:, knots, None])
+
+    every = np.arange(s.shape[1])
+    leader = logarithms(members, every).argmax(axis=1)
+    result = np.full((*s.shape, 3), np.nan)
+    for k in range(len(members)):
+        led = leader == k
+        rows = np.flatnonzero(led.any(axis=0))
+        deltas = cleared(points - points[:, [members[k]]], rounding)
+        e, own = logarithms(members, rows), deltas[:, members]
+        position = own.swapaxes(1, 2) @ shares(e)
         step = along[members] - along[members[k]]
         step[np.abs(step) <= knot_tolerance(shape.knots)] = 0.0
-        tangent = covariance(e[:, rows], step[:, None], deltas.take(members, axis=1), position)
+        tangent = covariance(e, step[:, None], own, position)
         for layer in layers(shape.heights[:, edge]):
-            t = shares(exponents(along[layer, None], log_weights[layer], location.s[:, rows]))
-            towards = cleared(deltas.take(layer, axis=1).swapaxes(1, 2) @ t - position, rounding)
-            found = result[:, rows]
-            result[:, rows] = np.where(np.isnan(found), _unit_cross(tangent, towards)[0], found)
-            todo = np.isnan(result[:, rows, 0]).any(axis=0)
-            rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
             if not len(rows):
                 break
-    for field, normals in zip(fields, result, strict=True):
+            t = shares(logarithms(layer, rows))
+            towards = cleared(deltas[:, layer].swapaxes(1, 2) @ t - position, rounding)
+            found = result[:, rows]
+            missing = led[:, rows, None] & np.isnan(found)
+            result[:, rows] = np.where(missing, _unit_cross(tangent, towards)[0], found)
+            todo = (np.isnan(result[:, rows, 0]) & led[:, rows]).any(axis=0)
+            rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
+    for field, normals, coordinates in zip(fields, result, s, strict=True):
         lost = np.flatnonzero(np.isnan(normals[:, 0]))
         if len(lost) and field._is_point(members):
-            normals[lost] = field._about_point(edge, location.s[0, lost])
+            normals[lost] = field._about_point(edge, coordinates[lost])
     return result
 
 
