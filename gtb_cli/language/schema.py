@@ -36,14 +36,9 @@ def schema() -> Schema:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "GT-Bézier patch, or model of several patches",
-        "if": {"type": "object", "anyOf": [{"required": ["patches"]}, {"required": ["include"]}]},
-        "then": _ref("model"),
-        "else": _ref("single"),
+        **_either(_model(), {"anyOf": [{"required": ["patches"]}, {"required": ["include"]}]}, shared=("name", "let")),
         "$defs": {
-            "model": _model(),
-            "patch": _patch(),
-            "copy": _copy(),
-            "single": _patch(let=_ref("let")),
+            **{f"{key}_of_patch": schema for key, schema in _patch().items()},
             "let": {
                 "description": "Named numbers, for all expressions; each may use those before it.",
                 "type": "object",
@@ -96,69 +91,75 @@ def _tuples(size: int, least: int = 0) -> Schema:
     return _array(_list("coordinate", size, size), least, MAX_KNOTS)
 
 
-def _object(properties: Schema, **more: Any) -> Schema:
-    return {"type": "object", "properties": properties, **more, "additionalProperties": False}
+def _either(others: Schema, condition: Schema, shared: tuple[str, ...]) -> Schema:
+    """Return the schema of a patch, or if a condition holds of a table with other keys.
 
-
-def _model() -> Schema:
-    percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
-    patch = {"if": {"type": "object", "required": ["copy"]}, "then": _ref("copy"), "else": _ref("patch")}
-    return _object(
-        {
-            "name": _ref("name"),
-            "let": _ref("let"),
-            "include": {
-                "description": "Files of this file's folder, or below it, whose patches come before these.",
-                "type": "array",
-                "items": {"type": "string", "minLength": 1},
-                "maxItems": MAX_FILES,
-            },
-            "weld": {
-                "description": "Edges within this distance are joined: model units, or a percentage of the model's "
-                "size.",
-                "anyOf": [_ref("positive"), percentage],
-            },
-            "patches": _array(patch, 1, MAX_PATCHES),
-        }
-    )
-
-
-def _copy() -> Schema:
+    All keys stand side by side, and the condition forbids some: where each case had a list of its own, editors would
+    report every key of a patch beside one that is misspelled.
+    """
+    patch = {key: _ref(f"{key}_of_patch") for key in _patch()}
     return {
-        "description": "A copy of another patch, mirrored, scaled, rotated and translated, in this order.",
-        **_object(
-            {
-                "name": _ref("name"),
-                "copy": {"description": "Name of the patch that is copied.", "type": "string"},
-                "mirror": {
-                    "description": "The coordinate that changes sign; normals stay outward.",
-                    "enum": list(AXES),
-                },
-                "scale": {
-                    "description": "Factor, or one for each coordinate.",
-                    "anyOf": [_ref("scale"), _list("scale", 3, 3)],
-                },
-                "rotate": _object(
-                    {
-                        "axis": {"anyOf": [{"enum": list(AXES)}, _list("coordinate", 3, 3)]},
-                        "degrees": _ref("coordinate"),
-                        "about": {"description": "The fixed point; default: the origin.", **_list("coordinate", 2, 3)},
-                    },
-                    required=["axis", "degrees"],
-                ),
-                "translate": _list("coordinate", 2, 3),
-                "repeat": {
-                    "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their "
-                    "names.",
-                    **_number(minimum=1, maximum=MAX_PATCHES),
-                },
-            },
-            required=["copy"],
-        ),
+        "type": "object",
+        "properties": {"name": _ref("name"), **patch, **others},
+        "additionalProperties": False,
+        "if": condition,
+        "then": {"properties": dict.fromkeys(patch, False)},
+        "else": {
+            "required": ["knots", "control_points"],
+            "not": {"required": ["weights", "log_weights"]},
+            "properties": {key: False for key in others if key not in shared},
+        },
     }
 
 
-def _patch(**more: Schema) -> Schema:
+def _model() -> Schema:
+    """Return the keys of a model, and of patches what they have in common with it."""
+    percentage = {"type": "string", "pattern": r"^[-+*/()0-9A-Za-z_. \t]*[0-9A-Za-z)][ \t]*%[ \t]*$"}
+    return {
+        "let": _ref("let"),
+        "include": {
+            "description": "Files of this file's folder, or below it, whose patches come before these.",
+            "type": "array",
+            "items": {"type": "string", "minLength": 1},
+            "maxItems": MAX_FILES,
+        },
+        "weld": {
+            "description": "Edges within this distance are joined: model units, or a percentage of the model's size.",
+            "anyOf": [_ref("positive"), percentage],
+        },
+        "patches": _array(_either(_copy(), {"required": ["copy"]}, shared=()), 1, MAX_PATCHES),
+    }
+
+
+def _copy() -> Schema:
+    """Return the keys of a copy: mirrored, scaled, rotated and translated, in this order."""
+    return {
+        "copy": {"description": "Name of the patch that is copied.", "type": "string"},
+        "mirror": {"description": "The coordinate that changes sign; normals stay outward.", "enum": list(AXES)},
+        "scale": {
+            "description": "Factor, or one for each coordinate.",
+            "anyOf": [_ref("scale"), _list("scale", 3, 3)],
+        },
+        "rotate": {
+            "type": "object",
+            "properties": {
+                "axis": {"anyOf": [{"enum": list(AXES)}, _list("coordinate", 3, 3)]},
+                "degrees": _ref("coordinate"),
+                "about": {"description": "The fixed point; default: the origin.", **_list("coordinate", 2, 3)},
+            },
+            "required": ["axis", "degrees"],
+            "additionalProperties": False,
+        },
+        "translate": _list("coordinate", 2, 3),
+        "repeat": {
+            "description": "How many copies are made: k = 1, 2, ... in their expressions, and after their names.",
+            **_number(minimum=1, maximum=MAX_PATCHES),
+        },
+    }
+
+
+def _patch() -> Schema:
+    """Return the keys of a patch, but for its name."""
     points = {"anyOf": [_tuples(2), _tuples(3)]}
     texts_and_schemas = {
         "knots": (
@@ -190,9 +191,4 @@ def _patch(**more: Schema) -> Schema:
             {"anyOf": [_ref("scale"), _list("scale", 2)], "default": 1},
         ),
     }
-    described = {key: {"description": text, **schema} for key, (text, schema) in texts_and_schemas.items()}
-    return _object(
-        {"name": _ref("name"), **described, **more},
-        required=["knots", "control_points"],
-        **{"not": {"required": ["weights", "log_weights"]}},
-    )
+    return {key: {"description": text, **schema} for key, (text, schema) in texts_and_schemas.items()}

@@ -7,11 +7,12 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
 
-from gtb_cli.language.reader import MODEL_KEYS, PATCH_KEYS
+from gtb_cli.language.reader import COPY_KEYS, MODEL_KEYS, PATCH_KEYS
 from gtb_cli.language.schema import schema
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import gtb
@@ -32,10 +33,40 @@ def test_is_a_schema_and_plain_json() -> None:
 
 
 def test_names_every_key_and_no_other() -> None:
-    definitions = schema()["$defs"]
-    assert set(definitions["patch"]["properties"]) == PATCH_KEYS | {"ribbon"}
-    assert set(definitions["single"]["properties"]) == PATCH_KEYS | {"let", "ribbon"}
-    assert set(definitions["model"]["properties"]) == MODEL_KEYS
+    properties = schema()["properties"]
+    assert set(properties) == PATCH_KEYS | MODEL_KEYS | {"ribbon"}
+    assert set(properties["patches"]["items"]["properties"]) == PATCH_KEYS | COPY_KEYS | {"ribbon"}
+
+
+def test_a_misspelled_key_is_the_only_fault() -> None:
+    """Neither a validator nor an editor, which knows the keys of the root, names another one."""
+    patch = {"knots": [0, 1], "control_points": [[0, 0], [1, 1]], "lifting": [0, 1], "weihgts": [1, 2], "name": "a"}
+    for spec, shown in ((patch, schema()), ({"patches": [patch]}, schema()["properties"]["patches"]["items"])):
+        (fault,) = VALIDATOR.iter_errors(spec)
+        assert (fault.validator, "'weihgts' was unexpected" in fault.message) == ("additionalProperties", True)
+        assert patch.keys() - shown["properties"].keys() == {"weihgts"}
+
+
+@pytest.mark.parametrize(
+    ("key", "spec"),
+    [
+        ("weld", {"weld": 1}),
+        ("copy", {"copy": "a"}),
+        ("let", {"let": {"R": 1}, "patches": [{"let": {}}]}),
+        ("knots", {"patches": [{}], "knots": [0, 1]}),
+        ("weld", {"patches": [{"weld": 1}]}),
+        ("mirror", {"patches": [{"mirror": "x"}]}),
+        ("knots", {"patches": [{"copy": "a", "knots": [0, 1]}]}),
+    ],
+)
+def test_keys_belong_to_patches_models_or_copies(key: str, spec: dict[str, Any]) -> None:
+    curve = {"knots": [0, 1], "control_points": [[0, 0], [1, 1]]}
+    tables = [table if "copy" in table else table | curve for table in spec.get("patches", ())]
+    whole = spec | {"patches": tables} if tables else spec | curve
+    (fault,) = VALIDATOR.iter_errors(whole)
+    table = whole if key in whole else tables[0]
+    expected = (f"{key!r} was unexpected", f"False schema does not allow {table[key]!r}")
+    assert any(words in fault.message for words in expected)
 
 
 @pytest.mark.parametrize("path", GOOD_SPECS, ids=lambda path: path.name)
