@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray, as_indices
-from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.values import frozen
 
 STL_HEADER_BYTES = 84  # bytes before the facets of a binary STL file; the last four are the number of facets
@@ -26,23 +26,23 @@ class Content:
     vertices : (m, 3) float
     cells : (k, 2) or (k, 3) int
         Segments or triangles; a polygon is a fan of triangles around its first corner.
-    half_steps : (3,) float
+    half_steps : function from (3,) to (3,) float
         Largest rounding of a coordinate along each axis: half a unit in the last digit or bit, at the size of the
-        largest coordinate.
+        largest coordinates.
     groups : tuple of (name, start, stop)
         Named ranges of cells.
     """
 
     vertices: FloatArray
     cells: IntArray
-    half_steps: FloatArray
+    half_steps: Callable[[FloatArray], FloatArray]
     groups: tuple[tuple[str, int, int], ...] = ()
 
 
-def single_half_steps(vertices: FloatArray) -> FloatArray:
+def single_half_steps(largest: FloatArray) -> FloatArray:
     """Half the distance between neighbouring 32-bit numbers at the largest coordinate along each axis."""
     with np.errstate(over="ignore", invalid="ignore"):
-        steps = np.spacing(largest_coordinates(vertices).astype(np.float32)).astype(np.float64) / 2
+        steps = np.spacing(largest.astype(np.float32)).astype(np.float64) / 2
     return np.asarray(np.where(np.isfinite(steps), steps, 0.0))
 
 

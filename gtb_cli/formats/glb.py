@@ -185,7 +185,7 @@ class _Scene:
         extras = self.tree.get("asset", {}).get("extras")
         if extras != {"up": "z"}:
             vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + 0.0  # not -0
-        return Content(vertices, cells, single_half_steps(vertices), tuple(self.groups))
+        return Content(vertices, cells, single_half_steps, tuple(self.groups))
 
 
 def _index(value: object) -> int:

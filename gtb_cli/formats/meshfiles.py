@@ -15,7 +15,7 @@ import numpy as np
 from gtb_cli.errors import GtbError
 from gtb_cli.files import read_file
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point
-from gtb_cli.meshes.known import KnownMesh, rounding
+from gtb_cli.meshes.known import KnownMesh, largest_coordinates, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
@@ -69,8 +69,9 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None
     groups = tuple((_printable(name), start, stop) for name, start, stop in content.groups)
-    half_steps = content.half_steps + rounding(content.vertices)
-    return KnownMesh(Mesh(content.vertices, content.cells, groups=groups), half_steps, kind)
+    mesh = Mesh(content.vertices, content.cells, groups=groups)
+    largest = largest_coordinates(mesh.used)
+    return KnownMesh(mesh, content.half_steps(largest) + rounding(largest), kind)
 
 
 def size_limit(start: bytes, otherwise: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +13,6 @@ from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
 from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
-from gtb_cli.meshes.known import largest_coordinates
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -120,9 +120,8 @@ class _Reader:
             for (name, start), stop in zip(self.names, starts[1:], strict=True)
             if name and stop > start
         ]
-        half = half_step(self.words, float(largest_coordinates(vertices).max()))
         cells = stacked(self.cells[b"l"], 2, np.int32) if self.cells[b"l"] else stacked(self.cells[b"f"], 3, np.int32)
-        return Content(vertices, cells, np.full(3, half), tuple(groups))
+        return Content(vertices, cells, partial(half_step, self.words), tuple(groups))
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, str]]]:

@@ -12,7 +12,6 @@ from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, st
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
 from gtb_cli.formats.text import half_step
-from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import plain_name
 
@@ -109,9 +108,11 @@ def read_ply(data: bytes) -> Content:
         raise GtbError("has no element vertex")
     vertex = tables["vertex"]
     vertices = np.stack([vertex.column(axis).astype(np.float64) for axis in "xyz"], axis=1)
-    half_steps = np.full(3, half_step(sample, float(largest_coordinates(vertices).max())))
-    if any(vertex.type_of(axis) == "f4" for axis in "xyz"):
-        half_steps = np.maximum(half_steps, single_half_steps(vertices))
+    is_single = any(vertex.type_of(axis) == "f4" for axis in "xyz")
+
+    def half_steps(largest: FloatArray) -> FloatArray:
+        return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
+
     return Content(vertices, _cells(tables), half_steps)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
 from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
-from gtb_cli.meshes.known import largest_coordinates
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
 
@@ -73,7 +73,7 @@ def read_stl(data: bytes) -> Content:
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
         facets = np.frombuffer(data, dtype=facet, offset=STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-        return _content(corners, single_half_steps(corners))
+        return _content(corners, single_half_steps)
     if data[:5].lower() == b"solid" and b"\0" not in data[:STL_HEADER_BYTES]:
         return _read_text(data)
     if len(data) < STL_HEADER_BYTES:
@@ -82,7 +82,7 @@ def read_stl(data: bytes) -> Content:
     raise GtbError(f"says that it has {number} facets, and its size is that of {held:.10g}")
 
 
-def _content(corners: FloatArray, half_steps: FloatArray) -> Content:
+def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]) -> Content:
     fault = faulty_point(corners)
     if fault is not None:
         raise GtbError(f"facet {fault[0] // 3 + 1}: a corner {fault[1]}")
@@ -118,8 +118,7 @@ def _read_text(data: bytes) -> Content:
             words += numbers[: max(0, 3 * SAMPLED_VERTICES - len(words))]
             blocks.append(floats(numbers))
     corners = np.concatenate([np.empty(0), *blocks]).reshape(-1, 3)
-    half = half_step(words, float(largest_coordinates(corners).max()))
-    return _content(corners, np.full(3, half))
+    return _content(corners, partial(half_step, words))
 
 
 def _corners(words: list[bytes], before: int) -> list[bytes]:

@@ -104,8 +104,8 @@ def shown(word: bytes) -> str:
     return f"{text[:-1]}…{text[-1]}" if len(word) > shown_characters else text
 
 
-def half_step(words: Sequence[bytes], largest: float) -> float:
-    """The largest rounding of a number written as one of these words, at the size of the largest.
+def half_step(words: Sequence[bytes], sizes: FloatArray) -> FloatArray:
+    """(3,) largest rounding of a number written as one of these words, at the largest of some sizes.
 
     This is half a unit in the last place: of the decimals, if all words have equally many, and these are at least
     six or end in zeros; otherwise of the most significant digits that a word has. It is 0 for numbers with
@@ -113,14 +113,15 @@ def half_step(words: Sequence[bytes], largest: float) -> float:
     """
     default_digits = 6  # fewest digits, or decimals, that programs write by default; numbers with fewer count as exact
     exact_digits = 16  # number of digits from which a double may read back exactly
+    largest = float(sizes.max())
     sample = [word.lower() for word in words[: 3 * SAMPLED_VERTICES]]
     mantissas = {word.partition(b"e")[0] for word in sample}
     decimals = {len(mantissa.partition(b".")[2]) for mantissa in mantissas}
     if len(decimals) == 1 and not any(b"e" in word for word in sample):
         places = decimals.pop()
         if places >= default_digits or (places >= 2 and any(mantissa.endswith(b"0") for mantissa in mantissas)):
-            return float(0.5 * 10.0 ** -min(places, 300))
+            return np.full(3, 0.5 * 10.0 ** -min(places, 300))
     digits = max((len(mantissa.replace(b".", b"").lstrip(b"+-0")) for mantissa in mantissas), default=0)
     if not default_digits <= digits < exact_digits or not 0.0 < largest < np.inf:
-        return 0.0
-    return float(0.5 * 10.0 ** (np.floor(np.log10(largest)) + 1 - digits))
+        return np.zeros(3)
+    return np.full(3, 0.5 * 10.0 ** (np.floor(np.log10(largest)) + 1 - digits))

@@ -18,7 +18,7 @@ class KnownMesh:
     mesh : Mesh
     half_steps : (3,) float
         Largest error of a coordinate along each axis: half a unit in the last digit or bit of the file, at the size of
-        the largest coordinate, plus a few roundings.
+        the largest coordinate of a vertex that cells use, plus a few roundings.
     format : str
         One of `FORMATS`, or ``"spec"``.
     """
@@ -27,17 +27,22 @@ class KnownMesh:
     half_steps: FloatArray
     format: str
 
+    @property
+    def has_indices(self) -> bool:
+        """Whether its faces tell which vertices they share: an STL file has none, a GLB file has those of each node."""
+        return self.format not in ("stl", "glb")
+
 
 def known_exactly(mesh: Mesh) -> KnownMesh:
     """A mesh that was computed here."""
-    return KnownMesh(mesh, rounding(mesh.vertices), "spec")
+    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec")
 
 
-def rounding(vertices: FloatArray) -> FloatArray:
-    """(3,) error of computed coordinates along each axis."""
+def rounding(largest: FloatArray) -> FloatArray:
+    """(3,) error of computed coordinates along each axis, from the largest absolute values."""
     # Rounding of a few double-precision operations, as a fraction of the largest coordinate
     coordinate_rounding = 2.0**-50
-    return largest_coordinates(vertices) * coordinate_rounding
+    return largest * coordinate_rounding
 
 
 def largest_coordinates(vertices: FloatArray) -> FloatArray:

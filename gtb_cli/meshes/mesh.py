@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.topology import sides_of
+from gtb_cli.meshes.topology import are_used, sides_of
 from gtb_cli.values import by_value, frozen
 
 if TYPE_CHECKING:
@@ -171,8 +171,14 @@ class Mesh:
 
     @property
     def bounds(self) -> FloatArray:
-        """(2, 3) lowest and highest coordinates."""
-        return bounds_of(self.vertices)
+        """(2, 3) lowest and highest coordinates of the vertices that cells use, or of all where there are no cells."""
+        return bounds_of(self.used if len(self.cells) else self.vertices)
+
+    @property
+    def used(self) -> FloatArray:
+        """(u, 3) the vertices that cells use, in order."""
+        used = are_used(self.cells, len(self.vertices))
+        return self.vertices if used.all() else self.vertices[used]
 
     plot = plot
     _repr_html_ = frame
