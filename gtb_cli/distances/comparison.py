@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
 from typing import TypeAlias
@@ -17,9 +18,9 @@ from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
 from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.loading import parse
 from gtb_cli.language.scanner import Format
-from gtb_cli.meshes.difference import Difference, Kind, allowed_for, difference
+from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.known import KnownMesh, known_exactly, rounding
+from gtb_cli.meshes.known import KnownMesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.shape import Shape, shape_of
@@ -75,6 +76,7 @@ def diff(
     *,
     recipe: Recipe | None = None,
     kind: Kind = "auto",
+    ignore: Collection[Aspect] = (),
 ) -> Difference:
     """Compare two meshes, as ``gtb diff`` does.
 
@@ -89,6 +91,9 @@ def diff(
     kind : {"auto", "vertices", "surface"}
         Whether vertices are compared if the faces are the same; nothing but vertices; or surfaces. Two patches or
         models are then compared themselves, and not as meshes.
+    ignore : collection of {"orientation", "connectivity"}
+        What is no difference between meshes in the same place: faces that are turned over; and other holes or parts,
+        vertices shared in another way, and faces that are missing, there twice or without area.
 
     Returns
     -------
@@ -101,7 +106,7 @@ def diff(
         A file cannot be read, or something cannot be compared.
     """
     recipe = recipe or Recipe()
-    return compared(_operand(a, recipe), _operand(b, recipe), tolerance, kind)
+    return compared(_operand(a, recipe), _operand(b, recipe), tolerance, kind, ignore)
 
 
 def distance(a: Comparable, b: Comparable) -> Distance:
@@ -139,13 +144,19 @@ def distance(a: Comparable, b: Comparable) -> Distance:
     return replace(found, bound=found.bound + fine * size, is_proved=False)
 
 
-def compared(a: Operand, b: Operand, tolerance: float | str | None = None, kind: Kind = "auto") -> Difference:
+def compared(
+    a: Operand,
+    b: Operand,
+    tolerance: float | str | None = None,
+    kind: Kind = "auto",
+    ignore: Collection[Aspect] = (),
+) -> Difference:
     """Compare two operands; see `diff`."""
     if kind != "surface" or a.spec is None or b.spec is None:
-        return difference(a.known, b.known, tolerance, kind)
+        return difference(a.known, b.known, tolerance, kind, ignore)
     found = shape_distance(a.spec, b.spec)
     bounds = [_bounds(spec) for spec in (a.spec, b.spec)]
-    resolution = float(np.linalg.norm(np.sum([rounding(each) for each in bounds], axis=0)))
+    resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
     return Difference(

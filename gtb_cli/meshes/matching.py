@@ -76,9 +76,9 @@ def _numberings(a: Mesh, b: Mesh, tolerance: float) -> Iterator[tuple[IntArray, 
             (_, cells), (_, others) = (_places(mesh, kind) for mesh in (a, b))
         if np.array_equal(cells, others):
             yield cells, others, kind is np.float64
-    near = _by_nearness(a, b, tolerance)
-    if near is not None and near[2].all():
-        yield *near[:2], False
+    cells, others, are_all = _by_nearness(a, b, tolerance)
+    if are_all:
+        yield cells, others, False
 
 
 def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
@@ -88,10 +88,10 @@ def _places(mesh: Mesh, kind: type = np.float64) -> tuple[IntArray, IntArray]:
     return corners[first], labels.reshape(mesh.cells.shape)
 
 
-def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray, BoolArray] | None:
-    """Cells in numbers of the places of `a`, with further ones for those of `b` that are near none; and which are near.
+def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray, bool]:
+    """Cells in numbers of the places of `a`, and further ones for places of `b`; and whether there are no further ones.
 
-    None if two places of `b` are near the same one.
+    These are those that are near none within the tolerance, or beside which another place is nearer to the same one.
     """
     from scipy.spatial import cKDTree
 
@@ -99,12 +99,12 @@ def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray
     exponent = -int(np.frexp(np.abs(a.vertices[first]).max())[1])  # squares neither overflow nor underflow
     points, targets = (np.ldexp(part, exponent) for part in (a.vertices[first], b.vertices[second]))
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    place = np.asarray(tree.query(targets, distance_upper_bound=float(np.ldexp(tolerance, exponent)))[1])
-    near = place < len(first)
-    if (np.bincount(place[near], minlength=1) > 1).any():
-        return None
-    place = np.where(near, place, len(first) + np.arange(len(place)))
-    return cells, place[others], near if len(first) == len(second) else np.zeros(1, dtype=bool)
+    apart, place = map(np.asarray, tree.query(targets, distance_upper_bound=float(np.ldexp(tolerance, exponent))))
+    order = np.lexsort((apart, place))
+    order = order[(np.diff(place[order], prepend=-1) != 0) & (place[order] < len(first))]
+    numbers = len(first) + np.arange(len(place))
+    numbers[order] = place[order]
+    return cells, numbers[others], len(order) == len(first) == len(second)
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,6 @@ def unlike(
     remarks : tuple of str
         Other parts, holes, and faces that are missing, there twice or without area.
     """
-    near = _by_nearness(a.mesh, b.mesh, tolerance)
     rows = [("parts", first.components, second.components)]
     rows.append(("for vertices − edges + faces", first.euler_characteristic, second.euler_characteristic))
     if a.has_indices and b.has_indices:
@@ -220,20 +219,17 @@ def unlike(
     if bool(thin.sum()) != bool(others_thin.sum()):
         rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
-    turned, rest, others_rest = 0, ~thin, ~others_thin
-    if near is not None:
-        faces = _faces(*near[:2])
-        only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
-        if only.any() != others_only.any():
-            told.append(f"{int(only.sum())} against {int(others_only.sum())} faces that the other has not")
-        sides = sides_of(np.concatenate(near[:2])).edge
-        here, there = (
-            np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in np.split(sides, [len(only)])
-        )
-        other = int((here != there)[np.unique(sides[: len(only)][~only])].sum())
-        if other:
-            told.append(f"{other} edges of common faces with further faces in one of them only")
-        turned, rest, others_rest = faces.turned, rest & only, others_rest & others_only
+    cells, others, _ = _by_nearness(a.mesh, b.mesh, tolerance)
+    faces = _faces(cells, others)
+    only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
+    if only.any() != others_only.any():
+        told.append(f"{int(only.sum())} against {int(others_only.sum())} faces that the other has not")
+    sides = sides_of(np.concatenate([cells, others])).edge
+    here, there = (np.bincount(part.ravel(), minlength=int(sides.max()) + 1) for part in np.split(sides, [len(cells)]))
+    other = int((here != there)[np.unique(sides[: len(cells)][~only])].sum())
+    if other:
+        told.append(f"{other} edges of common faces have further faces in one of them only")
+    turned, rest, others_rest = faces.turned, ~thin & only, ~others_thin & others_only
     if not first.is_curve:
         away = _looking_away(a.mesh, rest, b.mesh, ~others_thin, tolerance)
         turned += max(away, _looking_away(b.mesh, others_rest, a.mesh, ~thin, tolerance))

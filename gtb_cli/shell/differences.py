@@ -2,31 +2,45 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gtb_cli.shell.console import Console, printable
+from gtb_cli.shell.console import printable
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
 
-def say_limits(found: Difference, names: tuple[str, str], console: Console) -> None:
-    """Warn if the answer does not quite fit the question."""
-    both = f"{names[0]}, {names[1]}"
+class Bytes(NamedTuple):
+    """Two files of which only the bytes were compared, or had to be."""
+
+    same: bool
+
+
+def limits(found: Difference | Bytes) -> list[str]:
+    """Say where the answer does not quite fit the question."""
+    if isinstance(found, Bytes):
+        return []
+    result = [f"{remark}, which is ignored" for remark in (*found.sides, *found.remarks) if remark not in found.faults]
     if found.asked and found.asked < found.tolerance:
         finest = "the numbers in the files are no finer at this size"
-        console.note(f"{both}: tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: {finest}")
-    if found.turned:
-        console.warn(f"{both}: {found.turned} faces are turned over")
-    for remark in found.remarks:
-        console.warn(f"{both}: {remark}")
+        result.append(f"tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: {finest}")
+    if found.stray is not None:
+        few = (
+            f"without a few vertices far from all others, the size is {found.stray:.3g} instead of {found.diagonal:.3g}"
+        )
+        result.append(f"{few}, which makes the tolerance {found.tolerance:.3g}")
     if not found.is_proved and found.method != "patches":
         what = f"nothing farther apart than {found.distance:.3g} was found, but it is not proved"
-        console.warn(f"{both}: {what}: between samples it could be {found.bound:.3g}")
+        result.append(f"{what}: between samples it could be {found.bound:.3g}")
+    return result
 
 
-def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
+def record(found: Difference | Bytes, names: tuple[str, str], warnings: Sequence[str]) -> dict[str, Any]:
     """Return a difference as plain data, ready for ``json.dumps``."""
+    if isinstance(found, Bytes):
+        files = {key: {"file": name} for key, name in zip("ab", names, strict=True)}
+        return {"same": found.same, "distance": 0.0 if found.same else None, "method": "bytes", **files}
     report: dict[str, Any] = {
         "same": found.same,
         "distance": found.distance,
@@ -34,12 +48,14 @@ def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
         "method": found.method,
         "bound": found.bound,
         "proved": found.is_proved,
+        "turned_faces": found.turned,
         "remarks": list(found.remarks),
+        "ignored": list(found.ignored),
+        "warnings": list(warnings),
         "mean": found.mean,
         "asked_tolerance": found.asked,
         "resolution": found.resolution,
         "diagonal": found.diagonal,
-        "turned_faces": found.turned if found.method == "vertices" else None,
         "vertices": None if found.vertex is None else [found.vertex, found.other_vertex],
         "group": found.group or None,
         "a_to_b": {"distance": found.forward.distance, "at": list(found.forward.at)},
@@ -50,27 +66,31 @@ def record(found: Difference, names: tuple[str, str]) -> dict[str, Any]:
     return report
 
 
-def text_about(found: Difference, names: tuple[str, str]) -> str:
+def text_about(found: Difference | Bytes, names: tuple[str, str]) -> str:
     """Return a line with the verdict and, if the meshes are not the same, a table of what differs."""
     verdict = "same" if found.same else "different"
     head = f"{verdict}: {printable(names[0])} and {printable(names[1])}"
+    if isinstance(found, Bytes):
+        return f"{head}: {'equal' if found.same else 'other'} bytes\n"
+    faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
         text = f"{head}: the same faces, vertices up to {found.distance:.3g} apart"
         text += f" (mean {found.mean:.3g}), tolerance {found.tolerance:.3g}\n"
         if found.same:
             return text
+        text += faults
         where = f" of {found.group}" if found.group else ""
         return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
     if found.method == "patches":
         what = "surfaces" if found.same_kind else "a curve and a surface,"
         text = f"{head}: {what} {found.distance:.3g} apart, themselves (by a search, not proved), tolerance "
-        return f"{text}{found.tolerance:.3g}\n{'' if found.same else _farthest(found)}"
+        return f"{text}{found.tolerance:.3g}\n{faults}{'' if found.same else _farthest(found)}"
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
     what = "surfaces" if found.same_kind else "a curve and a surface,"
     text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
-    text += _farthest(found)
+    text += faults + _farthest(found)
     if found.first is None or found.second is None:
         return text
     rows = [measures.record() for measures in (found.first, found.second)]

@@ -47,16 +47,20 @@ def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
 
 
 def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
-    """Match the files of two folders by name; a spec and a mesh, by name without suffix.
+    """Match all files of two folders by name; specs of a folder without meshes and meshes, by name without suffix.
 
-    Also return what cannot be read, such as links to nothing, by name, with a message for each.
+    Beside meshes, only the specs of such a folder count. Also return what cannot be read, such as links to nothing, by
+    name, with a message for each. Hidden files and manifests are left out: these say which versions made the others.
     """
     unreadable: dict[str, str] = {}
     first, second = _files(a, unreadable), _files(b, unreadable)
     if not first and not unreadable:
-        raise GtbError(f"{a}: has no meshes and no specs to compare with")
-    if _hold_specs(first) != _hold_specs(second) and second:
-        first, second = _by_stem(first), _by_stem(second)
+        raise GtbError(f"{a}: has no files to compare with")
+    meshes = [any(suffix_of(name) in FORMATS for name in files) for files in (first, second)]
+    if meshes[0] != meshes[1] and _specs(first if meshes[1] else second):
+        first, second = (
+            _by_stem(files if own else _specs(files)) for files, own in zip((first, second), meshes, strict=True)
+        )
         unreadable = {os.path.splitext(name)[0]: message for name, message in unreadable.items()}
     names = [name for name in sorted({*first, *second}) if not any(part in unreadable for part in _parts(name))]
     return [Pair(name, first.get(name), second.get(name)) for name in names], unreadable
@@ -70,16 +74,29 @@ def _parts(name: str) -> Iterator[str]:
 
 
 def _files(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
-    """Return the paths of the meshes in a folder and its subfolders, by name; if it has no meshes, of the specs."""
-    found = {name: os.path.join(folder, name) for name in _names(folder, unreadable)}
-    meshes = {name: path for name, path in found.items() if suffix_of(name) in FORMATS}
-    files = meshes or {name: path for name, path in found.items() if suffix_of(name) in SPEC_FORMATS}
+    """Return the paths of the files in a folder and its subfolders, by name."""
+    files = {name: os.path.join(folder, name) for name in _names(folder, unreadable)}
     for name, path in files.items():
         try:
             os.stat(path)
         except OSError as error:
             unreadable[name] = f"{path}: {error.strerror}"
-    return files
+    return {name: path for name, path in files.items() if not _is_manifest(path)}
+
+
+def _is_manifest(path: str) -> bool:
+    """Tell whether a file is the manifest of others."""
+    import json
+
+    most_bytes = 100_000_000
+    if suffix_of(path) != "json" or not os.path.isfile(path) or os.path.getsize(path) > most_bytes:
+        return False
+    try:
+        with open(path, "rb") as file:
+            content = json.load(file)
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()
 
 
 def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
@@ -126,14 +143,14 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
         return suffix_of(entry.name) not in (*FORMATS, *SPEC_FORMATS)
 
 
-def _hold_specs(files: dict[str, str]) -> bool:
-    return any(suffix_of(name) in SPEC_FORMATS for name in files)
+def _specs(files: dict[str, str]) -> dict[str, str]:
+    return {name: path for name, path in files.items() if suffix_of(name) in SPEC_FORMATS}
 
 
 def _by_stem(files: dict[str, str]) -> dict[str, str]:
     stems: dict[str, str] = {}
     for name, path in files.items():
-        stem = os.path.splitext(name)[0]
+        stem = os.path.splitext(name)[0] if suffix_of(name) in (*FORMATS, *SPEC_FORMATS) else name
         if stem in stems:
             raise GtbError(f"{stems[stem]} and {path}: only one of them can be compared with a spec or mesh {stem}")
         stems[stem] = path

@@ -169,21 +169,13 @@ def test_what_could_not_be_proved_is_said_everywhere(tmp_path, monkeypatch):
 
 
 def test_a_tolerance_that_the_file_cannot_hold_is_said(tmp_path):
-    write_mesh(surface(5), tmp_path / "x.ply")
-    result = gtb("diff", tmp_path / "x.ply", tmp_path / "x.ply", "--tolerance", "1e-12", "--json")
+    for suffix in ("ply", "stl"):
+        write_mesh(surface(5), tmp_path / f"x.{suffix}")
+    result = gtb("diff", tmp_path / "x.ply", tmp_path / "x.stl", "--tolerance", "1e-12", "--json", status=0)
     found = json.loads(result.out)
     assert found["asked_tolerance"] == 1e-12 < found["tolerance"] == found["resolution"]
     assert "instead of 1e-12: the numbers in the files are no finer" in result.err
-
-
-def test_faces_that_look_to_the_other_side_are_said(tmp_path):
-    one, two = tmp_path / "one.obj", tmp_path / "two.obj"
-    write_mesh(surface(4), one)
-    write_mesh(Mesh(surface(4).vertices, surface(4).cells[:, ::-1]), two)
-    result = gtb("diff", one, two, "--json")
-    assert result.status == 0
-    assert json.loads(result.out)["turned_faces"] == len(surface(4).cells)
-    assert f"{len(surface(4).cells)} faces are turned" in result.err
+    assert "instead of 1e-12" in found["warnings"][0]
 
 
 def test_the_part_of_a_model_that_differs_is_named(tmp_path):
@@ -205,7 +197,7 @@ def folders(tmp_path):
         (folder / "inner").mkdir(parents=True)
         write_mesh(surface(3), folder / "a.obj")
         write_mesh(surface(4), folder / "inner" / "b.ply")
-        (folder / "manifest.json").write_text(str(folder))
+        (folder / "manifest.json").write_text(json.dumps({"versions": str(folder), "options": {}, "files": []}))
         (folder / ".hidden.obj").write_text(str(folder))
     return one, two
 
@@ -234,7 +226,6 @@ def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
 @pytest.mark.parametrize("name", ["a.obj", "z.obj", "inner", "z"])
 @pytest.mark.parametrize("target", ["nothing", "itself"])
 def test_a_link_that_leads_nowhere_does_not_hide_the_rest(folders, name, target):
-    """Other links to nothing, such as z, could be any file, and are passed over; those to themselves, a folder."""
     one, two = folders
     link = one / name
     if link.is_dir():
@@ -242,14 +233,33 @@ def test_a_link_that_leads_nowhere_does_not_hide_the_rest(folders, name, target)
     link.unlink(missing_ok=True)
     link.symlink_to(name if target == "itself" else target)
     result = gtb("diff", one, two)
-    if target == "nothing" and "." not in name:
-        assert result.status == (1 if name == "inner" else 0)
-        return
     same = 2 if name.startswith("z") else 1
     counts = f"{same} same, 0 different, 0 missing, 0 extra, 1 unreadable"
     assert (result.status, result.text.splitlines()[-1]) == (2, counts)
     assert result.err.count(str(link)) == 1
     assert json.loads(gtb("diff", one, two, "--json", status=2).out)["errors"].keys() == {name}
+
+
+def test_every_file_of_a_folder_is_compared(folders):
+    """Files that are no meshes by their bytes; those of one folder alone are missing or extra."""
+    one, two = folders
+    for folder in folders:
+        for suffix in ("step", "iges", "brep", "vtu", "3mf", "toml", "txt"):
+            (folder / f"x.{suffix}").write_text("the same")
+    assert gtb("diff", one, two, status=0).text == "9 same, 0 different, 0 missing, 0 extra\n"
+    (two / "x.step").write_text("another")
+    (two / "x.vtu").unlink()
+    (two / "X.iges").write_text("the same")
+    result = gtb("diff", one, two, status=1)
+    assert result.text.splitlines() == [
+        f"different: {one}/x.step and {two}/x.step: other bytes",
+        f"missing: {one}/x.vtu is not in {two}",
+        f"extra: {two}/X.iges is not in {one}",
+        "7 same, 1 different, 1 missing, 1 extra",
+    ]
+    found = json.loads(gtb("diff", one, two, "--json", status=1).out)
+    (entry,) = [entry for entry in found["files"] if not entry["same"]]
+    assert (entry["name"], entry["method"], entry["distance"]) == ("x.step", "bytes", None)
 
 
 def test_linked_folders_are_compared_too(folders):
@@ -276,7 +286,7 @@ def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
     (tmp_path / "empty").mkdir()
     result = gtb("diff", tmp_path / "empty", one)
     assert result.status == 2
-    assert "no meshes and no specs" in result.err
+    assert "has no files to compare with" in result.err
 
 
 def test_a_tolerance_of_zero_is_what_the_files_can_hold(tmp_path):
@@ -309,28 +319,77 @@ def test_the_resolution_that_made_a_mesh_is_suggested(tmp_path):
     assert "-n 2" not in gtb("diff", golden, PENTAGON, "-n", 2).err
 
 
-def doubled(mesh: Mesh, cells: slice) -> Mesh:
-    return Mesh(mesh.vertices, np.concatenate([mesh.cells, mesh.cells[cells]]))
+def test_what_is_in_the_same_place_and_yet_different_is_said(folders):
+    """By the status, in the text and in JSON, also of folders; and in a warning if it is ignored."""
+    one, two = folders
+    cells = surface(3).cells.copy()
+    cells[4] = cells[4, ::-1]
+    write_mesh(Mesh(surface(3).vertices, cells), two / "a.obj")
+    write_mesh(Mesh(surface(4).vertices, surface(4).cells[:-1]), two / "inner" / "b.ply")
+    result = gtb("diff", one, two, "--tolerance", "50%", "-q", status=1)
+    assert "1 face is turned over\n" in result.text
+    assert "in the same place, but 1 against 0 faces that the other has not" in result.text
+    found = json.loads(gtb("diff", one, two, "--tolerance", "50%", "--json", status=1).out)
+    assert [(entry["same"], entry["turned_faces"], len(entry["remarks"])) for entry in found["files"]] == [
+        *((False, 1, 0), (False, 0, 1))
+    ]
+    result = gtb("diff", one, two, "--tolerance", "50%", "--ignore", "orientation, connectivity", status=0)
+    assert "1 face is turned over, which is ignored" in result.err
+    assert "2 same, 0 different" in result.text
+    assert (
+        gtb("diff", one, two, "--tolerance", "50%", "--ignore", "orientation", status=1).text.count("different:") == 1
+    )
+    assert "got 'colour'" in gtb("diff", one, two, "--ignore", "orientation,colour", status=2).err
 
 
-def test_faces_that_are_there_twice_and_parts_on_others_are_said(tmp_path):
-    one, two = tmp_path / "one.ply", tmp_path / "two.ply"
-    mesh = surface(5)
-    write_mesh(mesh, one)
-    speck = mesh.vertices[mesh.cells[7]]
-    speck = speck.mean(axis=0) + 0.01 * (speck - speck.mean(axis=0))
-    count = len(mesh.vertices)
-    part = Mesh(np.concatenate([mesh.vertices, speck]), np.concatenate([mesh.cells, [[count, count + 1, count + 2]]]))
-    for other, said in (
-        (doubled(mesh, slice(7, 8)), "edges with more than two faces"),
-        (doubled(mesh, slice(None)), "edges with more than two faces"),
-        (part, "1 against 2 parts"),
-    ):
-        write_mesh(other, two)
-        result = gtb("diff", one, two, "--tolerance", "0.1%", "--json")
-        assert result.status == 0
-        assert said in result.err
-        assert said in json.loads(result.out)["remarks"][0]
+def test_equal_bytes_are_compared_at_once(tmp_path, monkeypatch):
+    """Those of meshes: specs with equal bytes may include others, and what cannot be read is no mesh."""
+    for folder, height in (("one", 1), ("two", 2)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "part.toml").write_text(
+            f"knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {height}]]\n"
+        )
+        (tmp_path / folder / "whole.toml").write_text('include = ["part.toml"]\n')
+        (tmp_path / folder / "garbage.stl").write_bytes(b"garbage")
+        for suffix in ("obj", "stl", "ply", "glb"):
+            write_mesh(surface(5), tmp_path / folder / f"x.{suffix}")
+    assert gtb("diff", tmp_path / "one" / "whole.toml", tmp_path / "two" / "whole.toml").status == 1
+    garbage = gtb("diff", tmp_path / "one" / "garbage.stl", tmp_path / "two" / "garbage.stl", "--json", status=2)
+    assert "garbage.stl: is not an STL file" in json.loads(garbage.out)["errors"][0]
+    monkeypatch.setattr("gtb_cli.distances.comparison.decoded", None)
+    for suffix in ("obj", "stl", "ply", "glb"):
+        paths = [tmp_path / folder / f"x.{suffix}" for folder in ("one", "two")]
+        assert gtb("diff", *paths, status=0).text == f"same: {paths[0]} and {paths[1]}: equal bytes\n"
+        found = json.loads(gtb("diff", *paths, "--json", status=0).out)
+        assert (found["same"], found["method"], found["distance"]) == (True, "bytes", 0.0)
+
+
+def test_vertices_without_faces_do_not_loosen_the_tolerance(tmp_path):
+    """A line such as `v 1e9 0 0` made it 8.66."""
+    golden, new = tmp_path / "golden.obj", tmp_path / "new.obj"
+    gtb("mesh", PENTAGON, "-n", 8, "-o", golden)
+    golden.write_text(golden.read_text() + "v 1e9 0 0\n")
+    write_mesh(moved(1e-6), new)
+    for arguments in ([], ["--tolerance", "1e-7"]):
+        found = json.loads(gtb("diff", golden, new, *arguments, "--json", status=1).out)
+        assert found["tolerance"] < 2e-7
+        assert found["warnings"] == []
+    assert gtb("diff", golden, PENTAGON, "-n", 8, "--tolerance", 0).status == 0
+
+
+def test_few_vertices_that_decide_the_tolerance_are_said(tmp_path):
+    mesh = surface(8)
+    far = np.concatenate([mesh.vertices, 1e6 + np.eye(3)])
+    cells = np.concatenate([mesh.cells, len(mesh.vertices) + np.array([[0, 1, 2]])])
+    paths = []
+    for by in (0.0, 1e-4):
+        vertices = far.copy()
+        vertices[9, 2] += by
+        paths.append(tmp_path / f"{by}.obj")
+        write_mesh(Mesh(vertices, cells), paths[-1])
+    result = gtb("diff", *paths, status=0)
+    assert "without a few vertices far from all others, the size is " in result.err
+    assert gtb("diff", *paths, "--tolerance", "1e-2", status=0).err == ""
 
 
 def test_what_is_proved_is_within_the_tolerance():

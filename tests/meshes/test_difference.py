@@ -34,10 +34,13 @@ def moved(mesh: Mesh, by: float, vertex: int = 7) -> Mesh:
 
 
 def shuffled(mesh: Mesh) -> tuple[Mesh, np.ndarray]:
-    """Vertices, cells and their corners in another order; and where each vertex was."""
+    """Vertices and cells in another order, and triangles from another corner on; and where each vertex was."""
     place = RNG.permutation(len(mesh.vertices))
     cells = np.argsort(place)[mesh.cells][RNG.permutation(len(mesh.cells))]
-    return Mesh(mesh.vertices[place], RNG.permuted(cells, axis=1)), place
+    turn = RNG.integers(0, 3, (len(cells), 1)) if cells.shape[1] == 3 else RNG.integers(0, 2, (len(cells), 1))
+    return Mesh(
+        mesh.vertices[place], np.take_along_axis(cells, (turn + np.arange(cells.shape[1])) % cells.shape[1], axis=1)
+    ), place
 
 
 def flipped(n: int) -> Mesh:
@@ -115,14 +118,6 @@ def test_the_same_vertices_with_other_faces_are_another_surface():
     assert difference(known_exactly(flipped(6)), known_exactly(flipped(6))).same
 
 
-def test_faces_that_are_there_twice_are_not_those_that_are_there_once():
-    """Which of its faces a mesh has twice does not change the surface, and that is what is compared then."""
-    mesh = surface(3)
-    one, two = (Mesh(mesh.vertices, np.vstack([mesh.cells, mesh.cells[[face]]])) for face in (2, 5))
-    found = difference(known_exactly(one), known_exactly(two))
-    assert (found.same, found.method) == (True, "surface")
-
-
 def test_vertices_that_are_nearer_to_each_other_than_the_tolerance():
     found = difference(known_exactly(surface(5)), known_exactly(shuffled(surface(5))[0]), 0.5)
     assert (found.same, found.method) == (True, "vertices")  # each is nearest to its own
@@ -155,15 +150,127 @@ def test_what_coincides_in_32_bits_is_compared_in_64(offset):
     assert found.distance > step / 10  # of the surfaces: the corner is beside others
 
 
-@pytest.mark.parametrize("kind", ["spec", "obj", "stl"])
-def test_faces_that_look_to_the_other_side_are_counted(kind):
-    mesh = surface(4)
+def split(mesh: Mesh, face: int) -> Mesh:
+    """The mesh with one face cut into three at its middle: other faces of the same surface."""
+    middle, (i, j, k), m = mesh.vertices[mesh.cells[face]].mean(axis=0), mesh.cells[face], len(mesh.vertices)
+    cells = np.concatenate([np.delete(mesh.cells, face, axis=0), [[i, j, m], [j, k, m], [k, i, m]]])
+    return Mesh(np.concatenate([mesh.vertices, [middle]]), cells)
+
+
+def with_cells(mesh: Mesh, cells: np.ndarray) -> Mesh:
+    return Mesh(mesh.vertices, cells)
+
+
+def turned(mesh: Mesh, faces: slice) -> Mesh:
     cells = mesh.cells.copy()
-    cells[[3, 8]] = cells[[3, 8], ::-1]
-    found = difference(through(mesh, kind), through(Mesh(mesh.vertices, cells), kind))
-    assert (found.same, found.method, found.turned) == (True, "vertices", 2)
+    cells[faces] = cells[faces, ::-1]
+    return with_cells(mesh, cells)
+
+
+def soup(mesh: Mesh) -> Mesh:
+    return Mesh(mesh.vertices[mesh.cells.ravel()], np.arange(mesh.cells.size).reshape(-1, 3))
+
+
+def with_faces(mesh: Mesh, *faces: list[int]) -> Mesh:
+    return with_cells(mesh, np.concatenate([mesh.cells, faces]))
+
+
+def with_a_speck(mesh: Mesh) -> Mesh:
+    """A further tiny triangle, on a face."""
+    corners, count = mesh.vertices[mesh.cells[7]], len(mesh.vertices)
+    speck = corners.mean(axis=0) + 0.01 * (corners - corners.mean(axis=0))
+    return Mesh(np.concatenate([mesh.vertices, speck]), np.concatenate([mesh.cells, [[count, count + 1, count + 2]]]))
+
+
+def cut_on_one_side(mesh: Mesh) -> Mesh:
+    """A vertex in the middle of an edge of one of its two faces."""
+    (i, j, k), m = mesh.cells[-1], len(mesh.vertices)
+    cells = np.concatenate([mesh.cells[:-1], [[i, m, k], [m, j, k]]])
+    return Mesh(np.concatenate([mesh.vertices, [mesh.vertices[[i, j]].mean(axis=0)]]), cells)
+
+
+SABOTAGE = {
+    "one face turned over": (lambda mesh: turned(mesh, slice(8, 9)), "orientation"),
+    "all faces turned over": (lambda mesh: turned(mesh, slice(None)), "orientation"),
+    "a face missing": (lambda mesh: with_cells(mesh, np.delete(mesh.cells, 8, axis=0)), "connectivity"),
+    "the last face missing": (lambda mesh: with_cells(mesh, mesh.cells[:-1]), "connectivity"),
+    "a face twice": (lambda mesh: with_faces(mesh, mesh.cells[8]), "connectivity"),
+    "all faces twice": (lambda mesh: with_cells(mesh, np.concatenate([mesh.cells] * 2)), "connectivity"),
+    "both sides of a face": (lambda mesh: with_faces(mesh, mesh.cells[8, ::-1]), "connectivity"),
+    "a face without area": (lambda mesh: with_faces(mesh, [3, 3, 4]), "connectivity"),
+    "a face that is a line": (lambda mesh: with_faces(mesh, [1, 1, 1]), "connectivity"),
+    "no shared vertices": (soup, "connectivity"),
+    "a vertex that is no longer shared": (
+        lambda mesh: Mesh(
+            np.concatenate([mesh.vertices, mesh.vertices[mesh.cells[8, :1]]]),
+            np.concatenate([np.delete(mesh.cells, 8, 0), [[len(mesh.vertices), *mesh.cells[8, 1:]]]]),
+        ),
+        "connectivity",
+    ),
+    "a speck": (with_a_speck, "connectivity"),
+    "an edge cut on one side": (cut_on_one_side, "connectivity"),
+}
+
+
+@pytest.mark.parametrize("name", SABOTAGE)
+@pytest.mark.parametrize("tolerance", [None, "1%"])
+@pytest.mark.parametrize("arranged", [lambda mesh: mesh, lambda mesh: shuffled(mesh)[0], lambda mesh: split(mesh, 2)])
+def test_what_is_in_the_same_place_and_yet_different(name, tolerance, arranged):
+    """Also where vertices and faces are in another order, or other faces are cut besides; each way."""
+    change, aspect = SABOTAGE[name]
+    mesh = surface(5)
+    a, b = known_exactly(mesh), known_exactly(arranged(change(mesh)))
+    for pair in ((a, b), (b, a)):
+        found = difference(*pair, tolerance)
+        assert not found.same, found
+        far = "missing" in name  # and its place is farther from others than the tolerance
+        found = difference(*pair, "20%" if far else tolerance, ignore=[aspect])
+        assert found.same
+        assert bool(found.turned) == (aspect == "orientation")
+        assert bool(found.remarks) == (aspect == "connectivity")
+    plain = difference(known_exactly(mesh), known_exactly(arranged(mesh)), tolerance)
+    assert (plain.same, plain.turned, plain.remarks) == (True, 0, ())
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
+def test_turned_faces_in_files(kind):
+    mesh = surface(4)
+    found = difference(through(mesh, kind), through(turned(mesh, slice(3, 5)), kind))
+    assert (found.same, found.method, found.turned) == (False, "vertices", 2)
     rolled = Mesh(mesh.vertices, np.roll(mesh.cells, 1, axis=1)[::-1])
-    assert difference(through(mesh, kind), through(rolled, kind)).turned == 0
+    assert difference(through(mesh, kind), through(rolled, kind)).same
+    shared = difference(through(mesh, kind), through(soup(mesh), kind)).same
+    assert shared == (kind in ("stl", "glb"))  # where faces do not tell which vertices they share
+
+
+def test_which_face_is_there_twice_counts():
+    mesh = surface(3)
+    one, two = (with_faces(mesh, mesh.cells[face]) for face in (2, 5))
+    assert not difference(known_exactly(one), known_exactly(two)).same
+    assert difference(known_exactly(one), known_exactly(shuffled(one)[0])).same
+
+
+def test_the_order_of_faces_does_not_decide():
+    """Lists of equal indices say nothing where vertices, too, are in another order; nor does the first corner."""
+    mesh = plane(4)  # which has symmetries
+    turn = np.lexsort((mesh.vertices[:, 0], -mesh.vertices[:, 1]))
+    for other in (
+        Mesh(mesh.vertices * [-1, -1, 1], mesh.cells),
+        Mesh(mesh.vertices[turn], np.argsort(turn)[mesh.cells]),
+    ):
+        again = known_exactly(Mesh(other.vertices, np.roll(other.cells, 1, axis=1)))
+        assert difference(known_exactly(other), again).same
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    cells = np.array([[0, 1, 2], [0, 2, 3]])
+    half = known_exactly(Mesh(np.roll(square, 2, axis=0), cells))
+    found = difference(known_exactly(Mesh(square, cells)), half)
+    assert (found.same, found.method, found.distance) == (True, "vertices", 0.0)
+    slid = mesh.vertices + [0.01, 0, 0] * (np.arange(len(mesh.vertices)) == 12)[:, None]
+    results = [
+        difference(known_exactly(mesh), known_exactly(Mesh(slid, cells)))
+        for cells in (mesh.cells, mesh.cells[::-1], np.roll(mesh.cells, 1, axis=1))
+    ]
+    assert {(found.method, found.distance) for found in results} == {("vertices", results[0].distance)}
 
 
 def test_another_order_far_from_the_origin():
