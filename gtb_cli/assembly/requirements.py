@@ -1,4 +1,4 @@
-"""Requirements on a model or its mesh: watertight, unfolded, smooth up to an angle."""
+"""Requirements on a model or its mesh: watertight, solid, unfolded, smooth up to an angle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
     Raises
     ------
     DomainError
-        A word is neither "watertight" nor "unfolded" nor "smooth:ANGLE".
+        A word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
     """
     found = {}
     for word in words:
@@ -37,8 +37,8 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
                 angle = math.nan
             if not 0 <= angle <= 180:
                 raise DomainError(f"require: expected an angle in degrees, as in smooth:1deg, got {word!r}")
-        elif word not in ("watertight", "unfolded"):
-            raise DomainError(f"require: expected watertight, unfolded or smooth:1deg, got {word!r}")
+        elif word not in ("watertight", "solid", "unfolded"):
+            raise DomainError(f"require: expected watertight, solid, unfolded or smooth:1deg, got {word!r}")
         found[name] = angle
     return found
 
@@ -54,11 +54,11 @@ def require(
         See `requirements`.
     spec : Patch or Model
     mesh : Mesh
-        The mesh that must be watertight.
+        The mesh that must be watertight or solid.
     surface : Mesh, optional
         The mesh that must be unfolded: the one from which a tube or solid was made. Default: `mesh`.
     folds : sequence of str
-        Known folds of the tube or solid, one line each.
+        Known folds and crossings of the tube or solid, one line each.
 
     Raises
     ------
@@ -67,10 +67,16 @@ def require(
     """
     asked = requirements(words)
     lines = []
-    if "watertight" in asked:
-        lines += _open_edges(spec, mesh)
+    for word, faults in (("watertight", ()), ("solid", folds)):
+        if word in asked:
+            open_edges = _open_edges(spec, mesh)
+            if not open_edges and word == "solid":
+                open_edges = _inward_faces(mesh)
+            lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
     if "unfolded" in asked:
-        lines += [f"not unfolded: {line}" for line in (*_folded_places(surface or mesh), *folds)]
+        from gtb_cli.meshes.folds import folded_places
+
+        lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:
         lines += _creases(spec, asked["smooth"])
     if lines:
@@ -92,25 +98,10 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
     return lines
 
 
-def _folded_places(mesh: Mesh) -> list[str]:
-    """Say in which patches a mesh turns back on itself, and where it first does."""
-    from gtb_cli.meshes.folds import folded_pairs
-
-    if mesh.is_curve:
-        return []
-    lines = []
-    for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
-        cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
-        if len(cells):
-            place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0))
-            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near ({place})")
-    return lines
-
-
 def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     """Say, edge by edge, where a mesh is not closed."""
     if mesh.is_curve:
-        return ["not watertight: a curve has no inside (--radius R makes a tube)"]
+        return ["a curve has no inside (--radius R makes a tube)"]
     count = len(mesh.open_sides)
     if not count:
         return []
@@ -129,4 +120,12 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
             for joint in joints.shared
         ]
     lines = lines or [f"{count} sides of triangles are open"]
-    return [f"not watertight: {line}" for line in lines]
+    return lines
+
+
+def _inward_faces(mesh: Mesh) -> list[str]:
+    """Say where faces of a closed mesh do not look out of it."""
+    from gtb_cli.meshes.solidity import inward_faces, where
+
+    inward = inward_faces(mesh)
+    return [f"faces look inwards, {where(mesh, inward)}"] if len(inward) else []

@@ -300,8 +300,9 @@ def _encoded(task: Task) -> Encoded:
         facts = {**options.settings_for(spec), **measures, "inputs": sums, "warnings": warnings}
         facts["versions"] = versions()  # here, which may be another machine than that of the manifest
     assurance = options.recipe.assurance(spec)
-    size = summary(mesh) + (f", tolerance {assurance}" if assurance else "")
-    if kind == "stl" and options.recipe.leaves_open(spec):
+    is_open = options.recipe.leaves_open(spec)
+    size = summary(mesh, may_be_closed=not is_open) + (f", tolerance {assurance}" if assurance else "")
+    if kind == "stl" and is_open:
         size += ", open: --thickness D makes a solid"
     lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
     return Encoded(blocks, size, warnings, facts, lines)

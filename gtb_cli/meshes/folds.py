@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent
 
 
@@ -29,3 +30,16 @@ def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
         normals[rows[:, 1]] = normals[rows[:, 0]]
         looks[rows[:, 1]] = True
     return np.asarray(pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) < 0])
+
+
+def folded_places(mesh: Mesh) -> list[str]:
+    """Say in which patches a mesh turns back on itself, and where it first does."""
+    if mesh.is_curve:
+        return []
+    lines = []
+    for name, start, stop in mesh.groups or ((mesh.name, 0, len(mesh.cells)),):
+        cells = folded_pairs(mesh.vertices, mesh.cells[start:stop])[:, 0]
+        if len(cells):
+            place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[start + cells[0]]].mean(axis=0))
+            lines.append(f"{name} turns back on itself at {len(cells)} sides of faces, the first near ({place})")
+    return lines

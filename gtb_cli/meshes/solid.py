@@ -114,6 +114,21 @@ def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None)
     return np.flatnonzero((area > EPS**2) & ((determinant <= 0) | (trace <= 0)))
 
 
+def thinnest_wall(solid: Mesh, thickness: float) -> tuple[float, FloatArray]:
+    """Bound the wall of a solid made by `thicken`, in units of its thickness, and tell where it is thinnest.
+
+    It is not thicker than the mean displacement of the corners of a side, or of a face, which is shorter the more the
+    normals turn within the face.
+    """
+    surface, offset = np.split(solid.vertices, 2)
+    cells = solid.cells[(solid.cells < len(surface)).all(axis=1)]
+    moves = (offset - surface)[cells] / abs(thickness)
+    means = np.stack([moves.sum(axis=1) / 3, *((moves[:, k] + moves[:, k - 1]) / 2 for k in range(3))])
+    squares = (means**2).sum(axis=2).min(axis=0)
+    thinnest = int(squares.argmin())
+    return math.sqrt(squares[thinnest]), surface[cells[thinnest]].mean(axis=0)
+
+
 def _checked(mesh: Mesh, thickness: float) -> Mesh:
     if mesh.is_curve:
         raise DomainError("thickness: expected a surface; a curve takes a radius instead")

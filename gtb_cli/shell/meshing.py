@@ -126,6 +126,23 @@ def format_of_lines(output: str, option: str) -> str:
     return kind
 
 
-def summary(mesh: Mesh) -> str:
-    """Describe the size of a mesh, for messages."""
-    return f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
+def summary(mesh: Mesh, may_be_closed: bool = False) -> str:
+    """Describe the size of a mesh, for messages; with its extents and volume if it is found to be closed."""
+    text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
+    if not may_be_closed or mesh.is_curve:
+        return text
+    from gtb_cli.meshes.measures import measure
+
+    measures = measure(mesh)
+    if measures.volume is None:
+        return text
+    low, high = measures.bounds
+    extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))
+    return f"{text}, closed, {extents}, volume {_amount(measures.volume)}"
+
+
+def _amount(value: float) -> str:
+    """Four digits of a number, those of thousands apart."""
+    longest = 1e9  # from which on powers of ten are easier to read
+    rounded = float(f"{value:.4g}")
+    return f"{value:.4g}" if abs(rounded) < 1e3 or abs(rounded) >= longest else f"{rounded:,.0f}".replace(",", " ")

@@ -15,7 +15,7 @@ from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray, IntArray
+    from gtb_cli.arrays import FloatArray
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
@@ -45,7 +45,7 @@ class Recipe:
     attributes : tuple of str
         Some of `gtb_cli.vocabulary.ATTRIBUTES`.
     require : tuple of str
-        Refuse what does not have these properties: "watertight", "unfolded", "smooth:1deg", see
+        Refuse what does not have these properties: "watertight", "solid", "unfolded", "smooth:1deg", see
         `gtb_cli.assembly.requirements`. One word may stand for itself, and None for none.
     max_faces : int
         More are refused before they are made.
@@ -144,6 +144,10 @@ class Recipe:
         elif self.thickness is not None:
             mesh, found = self._solid(spec, mesh, self.thickness)
             offset_folds += found
+        if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
+            from gtb_cli.meshes.solidity import crossing_remarks
+
+            offset_folds += crossing_remarks(mesh)
         if self.require:
             from gtb_cli.assembly.requirements import require
 
@@ -178,6 +182,7 @@ class Recipe:
 
     def _tube(self, spec: Patch | Model, mesh: Mesh, radius: float, tolerance: float | None) -> tuple[Mesh, list[str]]:
         """The tube around the mesh of a curve, and where it folds."""
+        from gtb_cli.meshes.solidity import where
         from gtb_cli.meshes.tube import folded_segments, tube
         from gtb_cli.tessellation.attributes import curve_tangents
         from gtb_cli.theory.model import Model
@@ -188,28 +193,34 @@ class Recipe:
         folded = folded_segments(mesh, radius, tolerance=tolerance, tangents=tangents)
         remarks = []
         if len(folded):
-            remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {_where(mesh, folded)}")
+            remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(mesh, folded)}")
         return tube(mesh, radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces), remarks
 
     def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
-        """The solid between the mesh of a surface and its offset, and where this folds or parts of it meet."""
-        from gtb_cli.arrays import distinct
-        from gtb_cli.meshes.crossings import crossing_pairs
-        from gtb_cli.meshes.solid import folded_faces, thicken
+        """The solid between the mesh of a surface and its offset, and where the surface or the offset folds."""
+        from gtb_cli.meshes.folds import folded_places
+        from gtb_cli.meshes.solid import folded_faces, thicken, thinnest_wall
+        from gtb_cli.meshes.solidity import point, where
         from gtb_cli.tessellation.attributes import shared_normals
+        from gtb_cli.tessellation.offset import sharpest_bend
 
+        thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
         beside = shared_normals(spec, mesh, self.parametrization)
+        remarks = folded_places(mesh)
         folded = folded_faces(mesh, thickness, beside)
-        remarks = []
-        if len(folded):
-            remarks.append(f"with a thickness of {thickness:g} the offset folds: {_where(mesh, folded)}")
+        turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
+        radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
+        if len(folded) or radius < math.inf:
+            facts = [where(mesh, folded)] if len(folded) else []
+            if radius < math.inf:
+                facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
+            remarks.append(f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}")
         solid = thicken(mesh, thickness, beside)
-        crossing, is_complete = crossing_pairs(solid.vertices, solid.cells)
-        if len(crossing):
-            remarks.append(f"the solid passes through itself: {_where(solid, distinct(crossing.ravel()))}")
-        if not is_complete:
+        share, place = thinnest_wall(solid, thickness)
+        if share < thick_enough:
             remarks.append(
-                "not checked: whether more distant parts of the solid meet, too many faces are near each other"
+                f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
+                "with more faces it is thicker"
             )
         return solid, remarks
 
@@ -307,13 +318,6 @@ def _model(spec: Patch | Model) -> Model | None:
     from gtb_cli.theory.model import Model
 
     return spec if isinstance(spec, Model) else None
-
-
-def _where(mesh: Mesh, cells: IntArray) -> str:
-    """Say how many cells there are, and where the first of them is."""
-    what = "segments" if mesh.is_curve else "faces"
-    place = ", ".join(f"{x:.4g}" for x in mesh.vertices[mesh.cells[cells[0]]].mean(axis=0))
-    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near ({place})"
 
 
 def physical_memory() -> float:

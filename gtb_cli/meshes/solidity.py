@@ -1,0 +1,79 @@
+"""Solids: reasons why a mesh does not bound one with its faces outwards."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, cross, distinct, dot
+from gtb_cli.meshes.crossings import crossing_pairs
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import adjacent, are_proper
+from gtb_cli.meshes.welding import merged, weld
+
+
+def crossing_remarks(mesh: Mesh) -> list[str]:
+    """Say where triangles of a mesh pass through others or lie upon them, and whether all were compared."""
+    crossing, is_complete = crossing_pairs(mesh.vertices, mesh.faces)
+    remarks = []
+    if len(crossing):
+        remarks.append(f"the solid passes through itself: {where(mesh, distinct(crossing.ravel()))}")
+    if not is_complete:
+        remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")
+    return remarks
+
+
+def where(mesh: Mesh, cells: IntArray) -> str:
+    """Say how many cells there are, and where the first of them is."""
+    what = "segments" if mesh.is_curve else "faces"
+    first = mesh.vertices[mesh.cells[cells[0]]].mean(axis=0)
+    return f"{len(cells)} of {len(mesh.cells)} {what}, the first near {point(first)}"
+
+
+def point(place: FloatArray) -> str:
+    """The coordinates of a point, for messages."""
+    return f"({', '.join(f'{x:.4g}' for x in place)})"
+
+
+def inward_faces(mesh: Mesh) -> IntArray:
+    """Faces of a closed mesh that look into the solid, or out of a hollow in it, ascending.
+
+    Notes
+    -----
+    The mesh is closed, consistently oriented, and does not cross itself. Its winding number is then constant on each
+    side of a connected part, and must be 1 inside and 0 outside. The winding number of the other parts around a point
+    is the sum of their triangles' solid angles there, by 4π (A. Van Oosterom, J. Strackee, The solid angle of a plane
+    triangle, IEEE Trans. Biomed. Eng. 30, 1983).
+    """
+    first, places = weld(mesh.vertices)
+    cells = places[mesh.faces]
+    proper = are_proper(cells)
+    part = merged(len(cells), adjacent(cells)[0])
+    # About the middle, with extent 1, so that products keep their digits and do not overflow
+    low, high = bounds_of(mesh.vertices)
+    corners = (mesh.vertices[first] - (low / 2 + high / 2))[cells] / (float((high - low).max()) or 1.0)
+    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = dot(normals, normals)
+    numbers = distinct(part[proper])
+    members = [np.flatnonzero((part == number) & proper) for number in numbers]
+    boxes = [bounds_of(corners[rows].reshape(-1, 3)) for rows in members]
+    found = np.zeros(len(cells), dtype=bool)
+    for index, rows in enumerate(members):
+        volume = float(dot(corners[rows, 0], normals[rows]).sum())
+        point = corners[rows[areas[rows].argmax()]].mean(axis=0)
+        around = [
+            others
+            for other, (others, (below, above)) in enumerate(zip(members, boxes, strict=True))
+            if other != index and ((below <= point) & (point <= above)).all()
+        ]
+        winding = sum(round(_winding(corners[others] - point)) for others in around)
+        found[rows] = winding != (volume < 0)
+    return np.flatnonzero(found)
+
+
+def _winding(corners: FloatArray) -> float:
+    """The winding number of (k, 3, 3) triangles around the origin."""
+    a, b, c = corners.transpose(1, 0, 2)
+    one, two, three = (np.sqrt(dot(x, x)) for x in (a, b, c))
+    numerator = dot(a, cross(b, c))
+    denominator = one * two * three + dot(a, b) * three + dot(b, c) * one + dot(c, a) * two
+    return float(np.arctan2(numerator, denominator).sum()) / (2 * np.pi)
