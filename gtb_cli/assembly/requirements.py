@@ -124,8 +124,8 @@ def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
 
 
 def _inward_faces(mesh: Mesh) -> list[str]:
-    """Say where faces of a closed mesh do not look out of it."""
+    """Say where faces of a closed mesh do not look out of the solid."""
     from gtb_cli.meshes.solidity import inward_faces, where
 
     inward = inward_faces(mesh)
-    return [f"faces look inwards, {where(mesh, inward)}"] if len(inward) else []
+    return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []

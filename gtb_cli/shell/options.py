@@ -216,8 +216,9 @@ def require_option(consequence: str) -> Callable[[Function], Function]:
         callback=requirements_of,
         metavar="WHAT",
         multiple=True,
-        help=f"{consequence}, naming edges, unless the mesh is watertight, no patch turns back on itself (unfolded), "
-        "or patches meet at angles of a degree at most (smooth:1deg). May be repeated.",
+        help=f"{consequence}, naming edges or places, unless the mesh is watertight (closed), solid (closed, its faces "
+        "look outwards, and none cross or turn back), no patch or offset turns back on itself (unfolded), or patches "
+        "meet at angles of a degree at most (smooth:1deg). May be repeated.",
     )
 
 

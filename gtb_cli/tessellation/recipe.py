@@ -144,6 +144,7 @@ class Recipe:
         elif self.thickness is not None:
             mesh, found = self._solid(spec, mesh, self.thickness)
             offset_folds += found
+            remarks += _thin_wall(mesh, self.thickness)
         if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
             from gtb_cli.meshes.solidity import crossing_remarks
 
@@ -199,12 +200,11 @@ class Recipe:
     def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         """The solid between the mesh of a surface and its offset, and where the surface or the offset folds."""
         from gtb_cli.meshes.folds import folded_places
-        from gtb_cli.meshes.solid import folded_faces, thicken, thinnest_wall
+        from gtb_cli.meshes.solid import folded_faces, thicken
         from gtb_cli.meshes.solidity import point, where
         from gtb_cli.tessellation.attributes import shared_normals
         from gtb_cli.tessellation.offset import sharpest_bend
 
-        thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
         beside = shared_normals(spec, mesh, self.parametrization)
         remarks = folded_places(mesh)
         folded = folded_faces(mesh, thickness, beside)
@@ -215,14 +215,7 @@ class Recipe:
             if radius < math.inf:
                 facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
             remarks.append(f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}")
-        solid = thicken(mesh, thickness, beside)
-        share, place = thinnest_wall(solid, thickness)
-        if share < thick_enough:
-            remarks.append(
-                f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
-                "with more faces it is thicker"
-            )
-        return solid, remarks
+        return thicken(mesh, thickness, beside), remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
@@ -318,6 +311,21 @@ def _model(spec: Patch | Model) -> Model | None:
     from gtb_cli.theory.model import Model
 
     return spec if isinstance(spec, Model) else None
+
+
+def _thin_wall(solid: Mesh, thickness: float) -> list[str]:
+    """Say where the wall of a solid is thinner than it should be, as normals turn much within a face."""
+    from gtb_cli.meshes.solid import thinnest_wall
+    from gtb_cli.meshes.solidity import point
+
+    thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
+    share, place = thinnest_wall(solid, thickness)
+    if share >= thick_enough:
+        return []
+    return [
+        f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
+        "with more faces it is thicker"
+    ]
 
 
 def physical_memory() -> float:

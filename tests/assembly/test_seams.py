@@ -112,6 +112,54 @@ def test_a_fold_is_found(tmp_path):
     assert "not unfolded: with a thickness of 3 the offset folds" in thick.err
 
 
+BOW_TIE = """
+name = "bow"
+knots = [[0, 0], [0, 1], [1, 0], [1, 1]]
+control_points = [[0, 0], [1, 0], [1, 1], [0, 1]]
+"""
+
+
+def test_a_square_with_two_knots_swapped_is_no_solid(tmp_path):
+    """Its two halves look up and down, and meet in a point."""
+    path = tmp_path / "bow.toml"
+    path.write_text(BOW_TIE, encoding="utf-8")
+    result = gtb("mesh", path, "--thickness", 2, "-o", tmp_path / "bow.obj")
+    assert result.status == 0
+    assert "warning: " + str(tmp_path / "bow.obj") + ": bow turns back on itself at " in result.err
+    assert "the solid passes through itself: " in result.err
+    result = gtb("mesh", path, "--thickness", 2, "--require", "watertight", "-o", tmp_path / "closed.obj")
+    assert result.status == 0
+    result = gtb("mesh", path, "--thickness", 2, "--require", "solid", "-o", tmp_path / "solid.obj")
+    assert result.status == 1
+    assert "bow.toml: not solid: bow turns back on itself at " in result.err
+    assert "bow.toml: not solid: the solid passes through itself: " in result.err
+    assert not (tmp_path / "solid.obj").exists()
+
+
+def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
+    """The corner of the pentagon bends with a radius of 0.008, which a mesh of 32 segments does not show."""
+    out = tmp_path / "x.stl"
+    for thickness, words in (
+        (0.01, ()),
+        (-0.01, ("the offset folds: the surface bends to that side with a radius of 0.0",)),
+        (3, ("of 5120 faces, the first near", "the surface bends to that side", "the solid passes through itself")),
+    ):
+        result = gtb("mesh", PENTAGON, "--thickness", thickness, "--require", "solid", "-o", out)
+        assert result.status == bool(words)
+        for word in words:
+            assert word in result.err
+        assert result.err.count("not solid: ") == max(1, len(words) - 1) * bool(words)
+    assert gtb("mesh", CUBE, "--require", "solid", "-o", out).status == 0
+    assert gtb("mesh", SPECS / "example-3.1.toml", "--radius", 0.1, "--require", "solid", "-o", out).status == 0
+    result = gtb("mesh", SPECS / "example-3.1.toml", "--radius", 1.5, "--require", "solid", "-o", out)
+    assert result.status == 1
+    assert "not solid: a radius of 1.5 is more than that of the curve's bends" in result.err
+    assert "not solid: pentagon edge 0 is open" in gtb("mesh", PENTAGON, "--require", "solid", status=1).err
+    inner = [patch.replace(control_points=patch.control_points / 2, name=f"inner {patch.name}") for patch in load(CUBE)]
+    with pytest.raises(RequirementError, match="not solid: faces look into the solid, 4400 of 8800 faces"):
+        Recipe(10, require="solid").mesh(Model((*load(CUBE), *inner)))
+
+
 @pytest.mark.parametrize("word", ["smooth", "smooth:", "smooth:x", "smooth:-1", "smooth:nan", "smooth:1_0", "tight"])
 def test_requirements_that_are_none(word):
     with pytest.raises(DomainError, match="require: expected"):

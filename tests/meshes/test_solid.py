@@ -12,7 +12,7 @@ from stl import mesh as stl
 
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.solid import MAX_MITRE, folded_faces, thicken
+from gtb_cli.meshes.solid import MAX_MITRE, folded_faces, thicken, thinnest_wall
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
@@ -229,6 +229,22 @@ def test_folds_are_where_the_curvature_exceeds_the_thickness():
     tube = tessellate(cylinder(2.0), 32)
     assert len(folded_faces(tube, -1.98)) == 0
     assert len(folded_faces(tube, -2.02)) == len(tube.cells)
+
+
+@pytest.mark.parametrize("thickness", [0.1, -0.1])
+def test_a_wall_is_thinner_where_normals_turn_within_a_face(thickness):
+    """Three normals at 40° from their mean are shortest in the middle of the face."""
+    vertices = np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]])
+    tilt = math.radians(40)
+    around = np.array([0, 2, 4]) * math.pi / 3
+    normals = np.stack([*(math.sin(tilt) * f(around) for f in (np.cos, np.sin)), np.full(3, math.cos(tilt))], axis=1)
+    surface = Mesh(vertices, np.array([[0, 1, 2]]), normals=normals)
+    beside = np.empty((0, 3))
+    moves = thicken(surface, thickness, beside).vertices[3:] - vertices
+    moves = np.array([*moves, *((moves + np.roll(moves, 1, axis=0)) / 2), moves.mean(axis=0)]) / thickness
+    share, place = thinnest_wall(thicken(surface, thickness, beside), thickness)
+    assert share == pytest.approx(np.linalg.norm(moves, axis=1).min(), rel=DIGITS)
+    np.testing.assert_allclose(place, [3, 3, 0])
 
 
 def test_folds_are_found_face_by_face():

@@ -497,7 +497,8 @@ def test_a_curve_becomes_stl(tmp_path):
     spec, path = SPECS / "example-3.1.toml", tmp_path / "curve.stl"
     result = gtb("mesh", spec, "--radius", 0.05, "-o", path)
     assert result.status == 0
-    assert result.err == f"gtb: {path}: {33 * RING_SIDES + 2} vertices, {66 * RING_SIDES} faces\n"
+    sizes = f"{33 * RING_SIDES + 2} vertices, {66 * RING_SIDES} faces, closed, 4.097 × 1.581 × 0.1, volume 0.04042"
+    assert result.err == f"gtb: {path}: {sizes}\n"
     read = stl.Mesh.from_file(str(path))
     assert read.is_closed(exact=True)
     assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05)), rel=1e-4)
