@@ -210,8 +210,9 @@ def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
 def _conversion(powers: IntArray) -> FloatArray:
     """(D + 1, n) logarithms of C(j, k)/C(D, k) for (n,) powers k, D the largest; −inf where k > j."""
     degree = int(powers.max())
-    table = np.full((degree + 1, degree + 1), -np.inf)
-    for k in range(degree + 1):
-        for j in range(k, degree + 1):
-            table[j, k] = math.log(math.comb(j, k) / math.comb(degree, k))
-    return table[:, powers]
+    used, columns = np.unique(powers, return_inverse=True)
+    table = np.full((degree + 1, len(used)), -np.inf)
+    for column, k in enumerate(used.tolist()):
+        whole = math.comb(degree, k)
+        table[k:, column] = [math.log(math.comb(j, k) / whole) for j in range(k, degree + 1)]
+    return table[:, columns]

@@ -16,23 +16,10 @@ from gtb_cli.theory.basis import partition_of_unity_coefficients
 
 def definition(probe: Probe) -> Outcome:
     """Compare points with the definition, by its powers and without logarithms."""
-    max_powers = 1_000_000  # for the time of long doubles
-    patch, domain = probe.patch, probe.patch.domain
-    rows = slice(None, None, -(-probe.heights.size * len(domain.knots) // max_powers))
-    heights = probe.heights[:, rows].astype(np.longdouble)
-    with np.errstate(all="ignore"):
-        products = np.exp(patch.log_products.astype(np.longdouble))
-        beta = np.repeat(products[None], heights.shape[1], axis=0)
-        for h, exponents in zip(heights, domain.heights.astype(np.longdouble).T, strict=True):
-            # 0**0 is 1, and 0 to any positive power is 0.
-            beta *= h[:, None] ** exponents
-        total = beta.sum(axis=1)
-        # If the largest is near the end of the range, others that matter may be beyond it.
-        whole = np.isfinite(total) & (beta.max(axis=1) * EPS**2 > np.finfo(np.longdouble).tiny)
-        shares = (beta / total[:, None])[whole].astype(np.float64)
+    rows, whole, shares = probe.powers
     if not whole.any():
         return not_applicable("the powers of the definition are beyond the range of floats: exponents are too large")
-    value = probe.distance(shares @ patch.control_points, probe.points[rows][whole])
+    value = probe.distance(shares @ probe.patch.control_points, probe.points[rows][whole])
     return within_rounding(value, probe.distance_rounding, "largest distance from the sum of powers, of the extent")
 
 
@@ -99,7 +86,7 @@ def affine_invariance(probe: Probe) -> Outcome:
     gain = 4.0  # roundings of a mapped point per rounding of a point: sums of three products, and lengths of 1.4
     shift = affine_shift * probe.extent
     mapped = probe.patch.replace(control_points=probe.patch.control_points @ affine_map.T + shift)
-    value = probe.distance(mapped.evaluate(probe.u), probe.points @ affine_map.T + shift)
+    value = probe.distance(probe.points_of(mapped), probe.points @ affine_map.T + shift)
     return within_rounding(value, gain * probe.distance_rounding, "largest distance after a sheared map, of the extent")
 
 
@@ -115,7 +102,7 @@ def products(probe: Probe) -> Outcome:
         moved = patch.replace(weights=weights, coefficients=coefficients)
     else:
         moved = patch.replace(log_weights=patch.log_weights + np.log(factor), coefficients=coefficients)
-    value = probe.distance(moved.evaluate(probe.u), probe.points)
+    value = probe.distance(probe.points_of(moved), probe.points)
     return within_rounding(
         value, probe.distance_rounding, "largest distance with factors moved from c to ω, of the extent"
     )

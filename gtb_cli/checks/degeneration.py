@@ -37,7 +37,7 @@ def weights(probe: Probe) -> Outcome:
     shares = probe.basis * np.exp(growth)
     expected = (shares / shares.sum(axis=1, keepdims=True)) @ patch.control_points
     value = max(
-        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected)
+        probe.distance(probe.points_of(degenerate(patch, math.e, growth + common)), expected)
         for common in (0, common_factor_log)
     )
     bound = 2 * probe.distance_rounding + common_factor_log * EPS * VALUE_ROUNDINGS

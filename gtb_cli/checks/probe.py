@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TypeAlias
+from itertools import product
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
 from gtb_cli.checks.report import Outcome
+from gtb_cli.design.isocurve import unmerged_isocurve
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.basis import Location, torus_coordinates
@@ -24,6 +26,30 @@ VALUE_ROUNDINGS = 64
 
 
 Measure: TypeAlias = "Callable[[Probe], Outcome]"
+
+
+class Edges(NamedTuple):
+    """Places on edges, which depend only on the rational basis.
+
+    Attributes
+    ----------
+    numbers : list of int
+        The edges.
+    each : int
+        Places on an edge, from corner to corner.
+    locations : list of Location
+        The places of one edge after those of another.
+    torus : list of (1, each − 2) float
+        Torus coordinates, on each edge's curve, of the places between its corners.
+    leak : float
+        Largest value there of T of a knot off the edge.
+    """
+
+    numbers: list[int]
+    each: int
+    locations: list[Location]
+    torus: list[FloatArray]
+    leak: float
 
 
 @frozen
@@ -40,9 +66,9 @@ class Probe:
 
     def of(self, patch: Patch) -> Probe:
         """The probe of a patch with the same rational basis, with the data that depend only on this."""
-        shared = ["u", "heights", "inside", "torus", "basis", "knot_rounding", "rounding", "repetitions", "outcomes"]
+        own = {"patch", "points", "extent", "reach", "distance_rounding", "merged"}
         other = Probe(patch)
-        other.__dict__.update({name: value for name, value in self.__dict__.items() if name in shared})
+        other.__dict__.update({name: value for name, value in self.__dict__.items() if name not in own})
         return other
 
     @cached_property
@@ -88,7 +114,68 @@ class Probe:
     @cached_property
     def points(self) -> FloatArray:
         """(m, 3) points at `u`."""
-        return self.patch.evaluate(self.u)
+        return self.points_of(self.patch)
+
+    def points_of(self, patch: Patch) -> FloatArray:
+        """Return (m, 3) points at `u` of a patch with the same domain."""
+        return patch.points_at(self.locations, len(self.u))
+
+    @cached_property
+    def locations(self) -> list[Location]:
+        """The parameters `u`, located."""
+        return list(self.patch.rational_basis.locations(self.u))
+
+    @cached_property
+    def powers(self) -> tuple[slice, BoolArray, FloatArray]:
+        """Some rows of `u`, whether their powers are within floats, and (k, n) values of T there by the definition."""
+        max_powers = 1_000_000  # for the time of long doubles
+        domain = self.patch.domain
+        rows = slice(None, None, -(-self.heights.size * len(domain.knots) // max_powers))
+        heights = self.heights[:, rows].astype(np.longdouble)
+        with np.errstate(all="ignore"):
+            products = np.exp(self.patch.log_products.astype(np.longdouble))
+            beta = np.repeat(products[None], heights.shape[1], axis=0)
+            for h, exponents in zip(heights, domain.heights.astype(np.longdouble).T, strict=True):
+                # 0**0 is 1, and 0 to any positive power is 0.
+                beta *= h[:, None] ** exponents
+            total = beta.sum(axis=1)
+            # If the largest is near the end of the range, others that matter may be beyond it.
+            whole = np.isfinite(total) & (beta.max(axis=1) * EPS**2 > np.finfo(np.longdouble).tiny)
+            return rows, whole, (beta / total[:, None])[whole].astype(np.float64)
+
+    @cached_property
+    def edges(self) -> Edges:
+        """Places on edges of a surface: of more than 64, on an evenly spread choice."""
+        patch, domain, count = self.patch, self.patch.domain, 17
+        v = domain.vertices
+        numbers, leak, torus, u = choice(len(v), 64), 0.0, [], []
+        for edge in numbers:
+            u.append(v[edge] + np.linspace(0.0, 1.0, count)[:, None] * (v[(edge + 1) % len(v)] - v[edge]))
+            u[-1][-1] = v[(edge + 1) % len(v)]
+            inner = u[-1][1:-1]
+            leak = max(leak, largest(np.abs(patch.basis(inner)[:, ~domain.incidence[:, edge]])))
+            heights = domain.heights_of_columns(inner, 0, np.full(len(inner), domain.faces.edge(edge).number))
+            heights[edge] = 1.0
+            torus.append((domain.direction(edge) @ torus_coordinates(domain, heights))[None])
+        return Edges(numbers, count, list(patch.rational_basis.locations(np.concatenate(u))), torus, leak)
+
+    @cached_property
+    def isolines(self) -> tuple[list[Location], FloatArray]:
+        """Places on isolines of a rectangle along the axes, and (m, n) values there of the basis of their curves."""
+        domain, count = self.patch.domain, 17
+        low, high = domain.vertices.min(axis=0), domain.vertices.max(axis=0)
+        u: list[FloatArray] = []
+        values: list[FloatArray] = []
+        for axis, fraction in product((0, 1), (0.125, 0.5, 0.8)):
+            place = low + fraction * (high - low)
+            v = np.linspace(low[1 - axis], high[1 - axis], count)
+            v[-1] = high[1 - axis]
+            curve, members = unmerged_isocurve(self.patch, axis, float(place[axis]))
+            values.append(np.zeros((count, len(domain.knots))))
+            values[-1][:, members] = curve.basis(v)
+            u.append(np.column_stack([v, v]))
+            u[-1][:, axis] = place[axis]
+        return list(self.patch.rational_basis.locations(np.concatenate(u))), np.concatenate(values)
 
     @cached_property
     def outcomes(self) -> dict[str, Outcome]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import torus_coordinates
@@ -41,6 +41,13 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     ----------
     Section 4, property (d), which holds only for rectangles along the axes.
     """
+    curve, _ = unmerged_isocurve(patch, axis, value)
+    merged = product(curve, [0.0])
+    return merged if len(merged.knots) < len(curve.knots) else curve
+
+
+def unmerged_isocurve(patch: Patch, axis: int, value: float) -> tuple[Patch, IntArray]:
+    """Return the curve of `isocurve` before equal knots are merged, and the indices of its knots in the patch."""
     shape = patch.domain
     if patch.dimension == 1:
         raise DomainError("is a curve, and has no isoparametric curves")
@@ -67,8 +74,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     curve = Patch(
         patch.knots[members, other], patch.control_points[members], log_weights=logs, edge_scale=scale, name=name
     )
-    merged = product(curve, [0.0])
-    return merged if len(merged.knots) < len(curve.knots) else curve
+    return curve, members
 
 
 def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> tuple[FloatArray, FloatArray]:
