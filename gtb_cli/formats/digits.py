@@ -56,6 +56,7 @@ def obj_blocks(
     normals: FloatArray | None = None,
     uv: FloatArray | None = None,
     groups: Sequence[tuple[str, int, int]] = (),
+    normal_of: IntArray | None = None,
 ) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
@@ -68,12 +69,14 @@ def obj_blocks(
         Positions, finite.
     cells : (k, 2) or (k, 3) int
         Segments or triangles, 0-based.
-    normals : (m, 3) float, optional
-        One normal for each vertex.
+    normals : (n, 3) float, optional
+        Normals: one for each vertex, or those that `normal_of` refers to.
     uv : (m, 2) float, optional
         Texture coordinates of each vertex.
     groups : sequence of (name, start, stop)
         Ranges of `cells`, in order; names without blanks.
+    normal_of : (k, 3) int, optional
+        The normal of each corner of each triangle; default: `cells`.
 
     Returns
     -------
@@ -90,17 +93,18 @@ def obj_blocks(
             for start in range(0, len(values), BLOCK_ROWS):
                 yield number_lines(prefix, values[start : start + BLOCK_ROWS], digits)
     prefix = "f" if cells.shape[1] == 3 else "l"
-    # A reference is v, v/vt, v//vn or v/vt/vn; all are the same number here. Segments have no vn.
-    leads = [b" "]
-    if uv is not None:
-        leads.append(b"/")
+    # A reference is v, v/vt, v//vn or v/vt/vn. Numbers that are the same are written together. Segments have no vn.
+    leads = [b" "] if uv is None else [b" ", b"/"]
+    references = [(leads, cells)]
     if normals is not None and prefix == "f":
-        leads.append(b"/" if uv is not None else b"//")
+        lead = b"//" if uv is None else b"/"
+        references = [([*leads, lead], cells)] if normal_of is None else [(leads, cells), ([lead], normal_of)]
     for name, first, last in groups or [("", 0, len(cells))]:
         if name:
             yield f"g {name}\n".encode()
         for start in range(first, last, BLOCK_ROWS):
-            yield cell_lines(prefix, leads, cells[start : min(start + BLOCK_ROWS, last)])
+            rows = slice(start, min(start + BLOCK_ROWS, last))
+            yield cell_lines(prefix, [(leads, numbers[rows]) for leads, numbers in references])
 
 
 def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
@@ -156,8 +160,23 @@ def _round_exactly(fraction: FloatArray, scale: float, scaled: FloatArray) -> Fl
     return nearest
 
 
-def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
-    """Return one line for each row of `cells`: the prefix, then each 1-based reference, repeated after every lead."""
+def cell_lines(prefix: str, references: Sequence[tuple[Sequence[bytes], IntArray]]) -> bytes:
+    """Return one line for each row of numbers: the prefix, then each 1-based number, repeated after every lead.
+
+    Several arrays of numbers, of one shape and each with its leads, alternate.
+    """
+    tables = [_references(leads, cells) for leads, cells in references]
+    rows, columns = references[0][1].shape
+    words, text = _lines(prefix, rows, columns, sum(table.shape[1] for table, _ in tables))
+    stop = 0
+    for table, places in tables:
+        start, stop = stop, stop + table.shape[1]
+        words[..., start:stop] = table.take(places, axis=0)
+    return _compressed(text)
+
+
+def _references(leads: Sequence[bytes], cells: IntArray) -> tuple[Words, IntArray]:
+    """Return the words of distinct references, and the row of these of each number."""
     first, top = int(cells.min()), int(cells.max()) + 1
     if top - first <= cells.size:  # most numbers occur several times
         numbers, places = np.arange(first + 1, top + 1), cells - first
@@ -169,9 +188,7 @@ def cell_lines(prefix: str, leads: Sequence[bytes], cells: IntArray) -> bytes:
     for lead, count in zip(leads, groups, strict=True):
         start, stop = stop, stop + count + 1
         _put_whole(references[:, start:stop], numbers, _head(lead, 4 - len(lead), alone=not count), 0)
-    words, text = _lines(prefix, len(cells), cells.shape[1], references.shape[1])
-    words[...] = references.take(places, axis=0)
-    return _compressed(text)
+    return references, places
 
 
 def _groups(top: int, head_digits: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import IO
 
 import numpy as np
@@ -43,7 +44,8 @@ def write_mesh(
     ascii : bool
         Write PLY and STL as text, with numbers that read back exactly, instead of 32-bit binary. OBJ is always text.
     normals : bool
-        Write `mesh.normals` at the vertices: OBJ, PLY, GLB. STL always has the normals of its facets.
+        Write normals: where patches meet, OBJ and GLB (whose nodes have their own vertices) hold each patch's own, PLY
+        the mean. STL always has the normals of its facets.
     uv : bool
         Write `mesh.parameters`, unchanged, as texture coordinates: OBJ, PLY, GLB. The second coordinate is 0 for a
         curve.
@@ -100,7 +102,12 @@ def encode_mesh(
         )
     if ascii and holds.text == "never":
         raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with --ascii")
-    vertex_normals = _vertex_normals(mesh) if normals and holds.normals else None
+    _check_cells(mesh)
+    if not (normals and holds.normals) or mesh.is_curve:
+        mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+    elif mesh.normals is None:
+        raise ExportError("normals: the mesh has none")
+    mesh = mesh.split if kind == "glb" else mesh
     coordinates = _texture_coordinates(mesh) if uv and holds.uv else None
     attributes: dict[str, FloatArray] = {}
     if holds.attributes and mesh.attributes:
@@ -109,27 +116,26 @@ def encode_mesh(
         attributes = ply_attributes(mesh.attributes)
     name, groups = plain_name(mesh.name), _groups(mesh)
 
-    _check_cells(mesh)
-    columns = (("coordinates", mesh.vertices), ("normal", vertex_normals), ("uv", coordinates), *attributes.items())
+    columns = (("coordinates", mesh.vertices), ("normal", mesh.normals), ("uv", coordinates), *attributes.items())
     for label, values in columns:
         if values is not None:
             _check_numbers(label, values, _DOUBLE_LIMIT if holds.is_text(ascii) else _SINGLE_LIMIT)
 
     mesh = standing(mesh, kind, up)
-    vertex_normals = None if vertex_normals is None else mesh.normals
     if kind == "obj":
-        return obj_blocks(mesh.vertices, mesh.cells, vertex_normals, coordinates, groups)
+        own = mesh.normal_of if mesh.normals is not None and len(mesh.normals) > len(mesh.vertices) else None
+        return obj_blocks(mesh.vertices, mesh.cells, mesh.normals, coordinates, groups, own)
     if kind == "ply":
         from gtb_cli.formats.ply import ply_blocks
 
-        return ply_blocks(mesh, vertex_normals, coordinates, attributes, ascii=ascii)
+        return ply_blocks(mesh, mesh.vertex_normals, coordinates, attributes, ascii=ascii)
     if kind == "stl":
         from gtb_cli.formats.stl import stl_blocks
 
         return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
     from gtb_cli.formats.gltf import glb_blocks
 
-    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], vertex_normals, coordinates, up or holds.up)
+    return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], mesh.normals, coordinates, up or holds.up)
 
 
 def standing(mesh: Mesh, format: str, up: Up | None = None) -> Mesh:
@@ -166,6 +172,13 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
         messages.append(f"{shown}: holds no texture coordinates, none are written")
     if normals and mesh.is_curve:
         messages.append(f"{shown}: a curve has no normals, none are written")
+    if kind == "ply" and normals and not mesh.is_curve and round(mesh.largest_split, 6) > 1.0:
+        messages.append(
+            f"PLY: holds one normal a vertex, the mean where several meet, here at up to {mesh.largest_split:.3g} "
+            "degrees; OBJ and GLB hold all"
+        )
+    if kind == "obj" and normals and not mesh.is_curve and mesh.largest_split:
+        messages.append("OBJ: meshio reads no file with several normals at a vertex, as where patches meet at an angle")
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))
         if 0.0 < extent < 1e-3 * min(1.0, size):
@@ -210,12 +223,6 @@ def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
     if np.isfinite(rows[bad]).all():
         reason = "too large for 32-bit numbers" if limit == _SINGLE_LIMIT else "too large"
     raise ExportError(f"vertex {bad}: {label}: {reason}, got {' '.join(f'{value:g}' for value in rows[bad])}")
-
-
-def _vertex_normals(mesh: Mesh) -> FloatArray | None:
-    if mesh.normals is None and not mesh.is_curve:
-        raise ExportError("normals: the mesh has none")
-    return None if mesh.is_curve else mesh.normals
 
 
 def _texture_coordinates(mesh: Mesh) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field, replace
 from types import MappingProxyType
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
+from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, as_indices, bounds_of, index_type
 from gtb_cli.display import frame, plot
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.shading import Normals
 from gtb_cli.meshes.topology import are_used, sides_of
 from gtb_cli.values import by_value, frozen
 
@@ -31,16 +33,10 @@ class Origin:
         The patch in whose domain each vertex has its parameters; the first one if several share the vertex.
     turned : (p,) bool
         The patches whose orientation the mesh reverses.
-    shared : (q, 2) int
-        Vertices with several parameters, and the patch of each further parameter; only if normals were asked for.
-    places : (q, d) float
-        These further parameters.
     """
 
     patch: IntArray
     turned: BoolArray
-    shared: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    places: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @by_value
@@ -60,12 +56,18 @@ class Mesh:
         counter-clockwise in the domain. 32 bits, where these suffice for the vertices: products need more.
     parameters : (m, d) float, optional
         Domain parameter of each vertex; for a model, in the patch given by `origin`.
-    normals : (m, 3) float, or a function that returns them, optional
-        Unit normal of each vertex; a function is called when they are first asked for.
+    normals : (k, 3) float, or a function that returns `Normals` or None, optional
+        Unit normals: first one of each vertex, then more of some vertices, as each patch has its own where it meets
+        others at an angle. A function is called when they are first asked for.
     groups : tuple of (name, start, stop)
         Ranges of `cells`, one for each patch; empty for a single patch.
     origin : Origin, optional
         For a model.
+    normal_of : (f, 3) int, optional
+        The normal of each corner of each face: that of its vertex, or one of those behind. Default:
+        `cells`.
+    exact_normals : bool
+        Whether all normals are the surface's own, and none is estimated from facets.
     attributes : mapping of name to (m,) float
         Further scalars, one per vertex.
     name : str
@@ -80,6 +82,8 @@ class Mesh:
     attributes: Mapping[str, FloatArray] = field(default_factory=lambda: MappingProxyType({}))
     name: str = "patch"
     origin: Origin | None = None
+    normal_of: IntArray = field(default_factory=lambda: None)  # type: ignore[arg-type,return-value]
+    exact_normals: bool = field(default_factory=lambda: False)
 
     def __post_init__(self) -> None:
         self._take("vertices", np.float64)
@@ -90,6 +94,7 @@ class Mesh:
         self._take("parameters", np.float64)
         if callable(self.normals):
             object.__setattr__(self, "_make_normals", self.__dict__.pop("normals"))
+            del self.__dict__["normal_of"], self.__dict__["exact_normals"]
         attributes = {name: _view(values, np.float64) for name, values in self.attributes.items()}
         object.__setattr__(self, "attributes", MappingProxyType(attributes))
         if self.cells.ndim != 2 or self.cells.shape[1] not in (2, 3):
@@ -101,17 +106,28 @@ class Mesh:
             self._take_normals()
 
     def __getattr__(self, name: str) -> Any:
-        make = self.__dict__.get("_make_normals") if name == "normals" else None
+        make = self.__dict__.get("_make_normals") if name in ("normals", "normal_of", "exact_normals") else None
         if make is None:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
-        object.__setattr__(self, "normals", make())
+        for label, value in zip(("normals", "normal_of", "exact_normals"), make() or (None, None, False), strict=True):
+            object.__setattr__(self, label, value)
         self._take_normals()
-        return self.normals
+        return getattr(self, name)
 
     def _take_normals(self) -> None:
+        count = len(self.vertices)
         self._take("normals", np.float64)
-        if self.normals is not None and len(self.normals) != len(self.vertices):
-            raise DomainError(f"normals: {len(self.normals)} rows for {len(self.vertices)} vertices")
+        if self.normals is None or len(self.normals) == count:
+            object.__setattr__(self, "normal_of", self.cells)
+            return
+        if len(self.normals) < count or self.normal_of is None:
+            raise DomainError(f"normals: {len(self.normals)} rows for {count} vertices")
+        self._take("normal_of", index_type(len(self.normals)))
+        low, high = self.normal_of.min(initial=0), self.normal_of.max(initial=0)
+        if self.normal_of.shape != self.cells.shape or low < 0 or high >= len(self.normals):
+            raise DomainError("normal_of: expected a row of normals for each corner of each face")
+        if (self.vertex_of_normal[self.normal_of] != self.cells).any():
+            raise DomainError("normal_of: a normal is of another vertex than the corner")
 
     def _take(self, label: str, kind: type) -> None:
         values = getattr(self, label)
@@ -164,10 +180,59 @@ class Mesh:
         def turned(rows: FloatArray) -> FloatArray:
             return np.column_stack([rows[:, 0], rows[:, 2], 0.0 - rows[:, 1]])  # not -0
 
-        def normals() -> FloatArray | None:
-            return None if self.normals is None else turned(self.normals)
+        def normals() -> Normals | None:
+            return None if self.normals is None else Normals(turned(self.normals), self.normal_of, self.exact_normals)
 
-        return replace(self, vertices=turned(self.vertices), normals=normals)  # type: ignore[arg-type]
+        return replace(self, vertices=turned(self.vertices), normals=normals, normal_of=None, exact_normals=False)  # type: ignore[arg-type]
+
+    @property
+    def vertex_of_normal(self) -> IntArray:
+        """(k,) the vertex of each normal."""
+        assert self.normals is not None
+        vertex = np.arange(len(self.normals))
+        vertex[self.normal_of] = self.cells
+        return vertex
+
+    @property
+    def vertex_normals(self) -> FloatArray | None:
+        """(m, 3) one unit normal of each vertex: the mean of those that it has."""
+        if self.normals is None or len(self.normals) == len(self.vertices):
+            return self.normals
+        sums = np.zeros_like(self.vertices)
+        np.add.at(sums, self.vertex_of_normal, self.normals)
+        lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+        return np.where(lengths > EPS, sums / np.where(lengths > EPS, lengths, 1.0), self.normals[: len(sums)])
+
+    @property
+    def split(self) -> Mesh:
+        """The mesh with a vertex for each normal: the same ones, then a copy of a vertex for each further normal."""
+        if self.normals is None or len(self.normals) == len(self.vertices):
+            return self
+        vertex = self.vertex_of_normal
+        return Mesh(
+            self.vertices[vertex],
+            self.normal_of,
+            None if self.parameters is None else self.parameters[vertex],
+            self.normals,
+            exact_normals=self.exact_normals,
+            groups=self.groups,
+            attributes={name: values[vertex] for name, values in self.attributes.items()},
+            name=self.name,
+            origin=None if self.origin is None else Origin(self.origin.patch[vertex], self.origin.turned),
+        )
+
+    @property
+    def largest_split(self) -> float:
+        """The largest angle in degrees between two normals of a vertex."""
+        if self.normals is None or len(self.normals) == len(self.vertices):
+            return 0.0
+        vertex = self.vertex_of_normal
+        order = np.argsort(vertex, kind="stable")
+        vertex, normals, chord, apart = vertex[order], self.normals[order], 0.0, 1
+        while len(same := np.flatnonzero(vertex[apart:] == vertex[:-apart])):
+            chord = max(chord, float(np.linalg.norm(normals[same] - normals[same + apart], axis=1).max()))
+            apart += 1
+        return math.degrees(2 * math.asin(min(chord / 2, 1.0)))
 
     @property
     def bounds(self) -> FloatArray:
@@ -193,7 +258,7 @@ class Mesh:
             lines = [trimesh.path.entities.Line(run) for run in runs]
             return trimesh.path.Path3D(entities=lines, vertices=self.vertices.copy(), process=False)
         return trimesh.Trimesh(
-            vertices=self.vertices, faces=self.cells, vertex_normals=self.normals, process=False, validate=False
+            vertices=self.vertices, faces=self.cells, vertex_normals=self.vertex_normals, process=False, validate=False
         )
 
 

@@ -8,9 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot, paired, shifted, unit
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, distinct, dot, paired, shifted, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
 
@@ -22,26 +23,24 @@ SMOOTH_COSINE = math.cos(math.radians(15))
 MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thickness: the offset at an edge of 60°
 
 
-def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> Mesh:
+def thicken(mesh: Mesh, thickness: float) -> Mesh:
     """Close a surface with its offset, to a solid between the two.
 
     Parameters
     ----------
     mesh : Mesh
-        Triangles, with unit normals; an oriented manifold, with or without boundary.
+        Triangles, with unit normals; an oriented manifold, with or without boundary. If the normals are not exact,
+        those of patches at an edge are estimated from the facets.
     thickness : float
         Distance of the offset, in model units: along the normals if positive, against them if negative. The surface
         itself remains one side of the solid.
-    beside : (q, 3) float, optional
-        The surface's unit normals at `Origin.shared`, NaN where undefined. Without them, the normals of patches at an
-        edge are estimated from the facets.
 
     Returns
     -------
     Mesh
         Closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its part of
         the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
-        offset; normals on the rim are those of the two sides. Parameters and attributes are the surface's on both.
+        offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
 
     Raises
     ------
@@ -59,23 +58,33 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)
-    offset = mesh.vertices + thickness * _displacements(mesh, beside)
+    vertices = np.concatenate([mesh.vertices, mesh.vertices + thickness * _displacements(mesh)])
     rim, rim_cell = _boundary(mesh)
     below, above = (0, count) if thickness > 0 else (count, 0)
     start, end = rim.T.astype(np.int64)
     sides = np.stack([start + below, end + below, end + above, start + below, end + above, start + above], axis=1)
-    cells = np.concatenate([shifted(mesh.cells, above), shifted(mesh.cells[:, ::-1], below), sides.reshape(-1, 3)])
+    sides = sides.reshape(-1, 3)
+    cells = np.concatenate([shifted(mesh.cells, above), shifted(mesh.cells[:, ::-1], below), sides])
     part = _cell_groups(mesh)
     parts = np.concatenate([part, part, np.repeat(part[rim_cell], 2)])
     order = np.argsort(parts, kind="stable")
     breaks = np.searchsorted(parts[order], np.arange(len(mesh.groups) + 1)).tolist()
-    assert mesh.normals is not None
-    outward = math.copysign(1.0, thickness) * mesh.normals
+
+    def normals() -> Normals:
+        """Those of the surface on both sides, and the facets' on the rim."""
+        assert mesh.normals is not None
+        rim = facet_normals(vertices, sides)
+        rows = np.concatenate([mesh.normal_of, len(mesh.normals) + mesh.normal_of[:, ::-1]])
+        assert rim.corners is not None
+        rows = np.concatenate([rows, 2 * len(mesh.normals) + rim.corners])
+        vectors = np.concatenate([mesh.normals, -mesh.normals, rim.vectors])
+        return normals_of_corners(cells[order], len(vertices), vectors, rows[order])
+
     return Mesh(
-        np.concatenate([mesh.vertices, offset]),
+        vertices,
         cells[order],
         parameters=None if mesh.parameters is None else np.concatenate([mesh.parameters, mesh.parameters]),
-        normals=np.concatenate([-outward, outward]),
+        normals=normals,  # type: ignore[arg-type]
         groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
         attributes=MappingProxyType(
             {name: np.concatenate([values, values]) for name, values in mesh.attributes.items()}
@@ -85,7 +94,7 @@ def thicken(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> M
     )
 
 
-def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None) -> IntArray:
+def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
     """Triangles whose offset is turned over, because a principal radius of curvature is less than the thickness.
 
     Parameters are those of `thicken`.
@@ -102,7 +111,7 @@ def folded_faces(mesh: Mesh, thickness: float, beside: FloatArray | None = None)
     """
     mesh = _checked(mesh, thickness)
     corners = mesh.vertices[mesh.cells]
-    moved = corners + thickness * _displacements(mesh, beside)[mesh.cells]
+    moved = corners + thickness * _displacements(mesh)[mesh.cells]
     (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in (corners, moved))
     scale = np.abs(np.stack([first, second])).max(axis=(0, 2))[:, None]
     scale[scale == 0] = 1.0
@@ -168,27 +177,18 @@ def _welded(mesh: Mesh) -> Mesh:
     if not proper.any():
         raise DomainError(f"thickness: the surface {mesh.name!r} is a single point")
     before = np.concatenate([[0], np.cumsum(proper)])
-    assert mesh.normals is not None
-    sums = np.zeros_like(mesh.normals)
-    np.add.at(sums, label, mesh.normals)
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    normals = np.where(length > EPS, sums / np.where(length > EPS, length, 1.0), mesh.normals)
     used, cells = compacted(cells[proper])
-    origin = mesh.origin
-    if origin is not None:
-        place = np.full(len(label), -1)
-        place[used] = np.arange(len(used))
-        shared = np.column_stack([place[label[origin.shared[:, 0]]], origin.shared[:, 1]])
-        origin = replace(origin, patch=origin.patch[used], shared=shared)
+    assert mesh.normals is not None
+    normals = normals_of_corners(cells, len(used), mesh.normals, mesh.normal_of[proper])
     return Mesh(
         mesh.vertices[used],
         cells,
         None if mesh.parameters is None else mesh.parameters[used],
-        normals[used],
+        lambda: normals._replace(are_exact=mesh.exact_normals),  # type: ignore[arg-type]
         tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
         MappingProxyType({name: values[used] for name, values in mesh.attributes.items()}),
         mesh.name,
-        origin,
+        None if mesh.origin is None else replace(mesh.origin, patch=mesh.origin.patch[used]),
     )
 
 
@@ -200,14 +200,15 @@ def _cell_groups(mesh: Mesh) -> IntArray:
     return result
 
 
-def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
+def _displacements(mesh: Mesh) -> FloatArray:
     """(m, 3) displacement of each vertex for an offset by 1: its normal, if all patches around it share it.
 
-    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the surface's own, or the
-    means of the facets if these normals are unknown or differ from the facets beside an open edge.
+    Otherwise ⟨n, w⟩ = 1 is solved for w by least squares, with the normals n of the patches: the mesh's, or the means
+    of the facets if the mesh's are not exact, or beside an open edge, and differ from the facets.
     """
     same_normal_cosine = 1 - 1e-9  # cosine of the angle, nine seconds of arc, within which two normals count as equal
     assert mesh.normals is not None
+    vertex_normals = mesh.normals[: len(mesh.vertices)]
     count, groups = len(mesh.vertices), max(1, len(mesh.groups))
     keys = paired(mesh.cells, _cell_groups(mesh)[:, None], groups)
     pairs, place = np.arange(count), keys
@@ -215,14 +216,21 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
         pairs, place = np.unique(keys, return_inverse=True)
     vertex = pairs // groups
     facets, by_area = _facet_normals(mesh, place.reshape(-1, 3), len(pairs))
-    own, known = _own_normals(mesh, pairs, beside)
+    own = vertex_normals[vertex]
+    if len(mesh.normals) > count:
+        pair, normal = distinct(np.stack([place.ravel(), mesh.normal_of.ravel()], axis=1)).T
+        sums = np.zeros_like(own)
+        np.add.at(sums, pair, mesh.normals[normal])
+        own = np.where((np.linalg.norm(sums, axis=1) > SMOOTH_COSINE)[:, None], unit(sums), own)
+    is_open = np.zeros(count, dtype=bool)
+    is_open[_boundary(mesh)[0]] = True
     # Tiny facets, as at a pole, may stand upright because of rounding: they have angles, but no area.
     agree = np.maximum(*(dot(each, own) for each in (facets, by_area))) >= SMOOTH_COSINE
-    agree |= known | ~facets.any(axis=1)
+    agree |= (mesh.exact_normals & ~is_open[vertex]) | ~facets.any(axis=1)
     normals = np.where(agree[:, None], own, facets)
-    wrong = np.unique(vertex[dot(normals, mesh.normals[vertex]) < same_normal_cosine])
+    wrong = np.unique(vertex[dot(normals, vertex_normals[vertex]) < same_normal_cosine])
     if not len(wrong):
-        return mesh.normals
+        return vertex_normals
     chosen = np.flatnonzero(np.isin(vertex, wrong))
     first = np.flatnonzero(np.diff(vertex[chosen], prepend=-1))
     normals = normals[chosen]
@@ -235,32 +243,9 @@ def _displacements(mesh: Mesh, beside: FloatArray | None) -> FloatArray:
     blade = np.linalg.norm(w, axis=1) < SMOOTH_COSINE
     w[blade] = MAX_MITRE * unit(right[blade])
     length = np.linalg.norm(w, axis=1, keepdims=True)
-    result = mesh.normals.copy()
+    result = vertex_normals.copy()
     result[wrong] = np.where(length > 0, w * np.minimum(1.0, MAX_MITRE / np.maximum(length, 1.0)), result[wrong])
     return result
-
-
-def _own_normals(mesh: Mesh, pairs: IntArray, beside: FloatArray | None) -> tuple[FloatArray, BoolArray]:
-    """(p, 3) surface normals for ascending pairs of a vertex and a group, and which of them are reliable.
-
-    The vertex normal is returned where the surface has none, or none is given.
-    """
-    assert mesh.normals is not None
-    groups = max(1, len(mesh.groups))
-    own = mesh.normals[pairs // groups]
-    if beside is None:
-        return own, np.zeros(len(pairs), dtype=bool)
-    if mesh.origin is not None and len(beside):
-        at, patch = mesh.origin.shared.T
-        there = (at >= 0) & np.isfinite(beside[:, 0])
-        row = np.searchsorted(pairs, paired(at, patch, groups)[there])
-        sums = np.zeros_like(own)
-        np.add.at(sums, row, beside[there])
-        found = np.linalg.norm(sums, axis=1) > SMOOTH_COSINE
-        own[found] = unit(sums[found])
-    is_open = np.zeros(len(mesh.vertices), dtype=bool)
-    is_open[_boundary(mesh)[0]] = True
-    return own, ~is_open[pairs // groups]
 
 
 def _facet_normals(mesh: Mesh, place: IntArray, count: int) -> tuple[FloatArray, FloatArray]:

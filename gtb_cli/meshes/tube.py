@@ -17,6 +17,7 @@ from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.paths import MIN_SEGMENT_ROUNDINGS, MIN_TANGENT_COSINE, Path, paths
+from gtb_cli.meshes.shading import normals_of_corners
 from gtb_cli.meshes.topology import are_proper, compacted
 from gtb_cli.meshes.welding import merged
 from gtb_cli.values import frozen
@@ -78,8 +79,8 @@ def tube(
     of a segment replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold
     it. The frame comes from double reflection; its error is of fourth order in the length of
     segments. The frame of a closed tube misses itself by an angle; this angle, less whole sides, is spread over the
-    length. If the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`. Vertices on
-    the rim of a cap have the normals of the tube.
+    length. If the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`. Caps have
+    normals of their own.
 
     References
     ----------
@@ -99,10 +100,15 @@ def tube(
     breaks = np.cumsum([0, *(len(sweep.cells) for sweep in sweeps)]).tolist()
     names = [_name(mesh, path) for path, _ in planned]
     owner = np.concatenate([sweep.owners for sweep in sweeps])
+    cells, rows = (
+        np.concatenate([part + start for part, start in zip(parts, first, strict=False)])
+        for parts in ([sweep.cells for sweep in sweeps], [sweep.normal_of for sweep in sweeps])
+    )
+    vectors = np.concatenate([sweep.normals for sweep in sweeps])
     return Mesh(
         np.concatenate([sweep.vertices for sweep in sweeps]),
-        np.concatenate([sweep.cells + start for sweep, start in zip(sweeps, first, strict=False)]),
-        normals=np.concatenate([sweep.normals for sweep in sweeps]),
+        cells,
+        normals=lambda: normals_of_corners(cells, len(owner), vectors, rows),  # type: ignore[arg-type]
         groups=tuple(zip(names, breaks[:-1], breaks[1:], strict=True)) if len(names) > 1 else (),
         attributes=MappingProxyType({name: values[owner] for name, values in mesh.attributes.items()}),
         name=mesh.name,
@@ -191,6 +197,13 @@ class _Sweep:
     owners: IntArray
     cells: IntArray
     folded: BoolArray
+    is_capped: bool = False
+
+    @property
+    def normal_of(self) -> IntArray:
+        """(k, 3) vertices whose normals the corners have: in a cap, its centre, one of the last two."""
+        is_cap = self.is_capped & (self.cells >= len(self.vertices) - 2).any(axis=1, keepdims=True)
+        return np.where(is_cap, self.cells.max(axis=1, keepdims=True), self.cells)
 
 
 @frozen
@@ -323,6 +336,7 @@ def _capped(tube: _Sweep, path: Path, sections: _Sections, sides: int) -> _Sweep
         normals=np.concatenate([tube.normals, -sections.before[:1], sections.after[-1:]]),
         owners=np.concatenate([tube.owners, path.vertices[[0, -1]]]),
         cells=np.concatenate([tube.cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)]),
+        is_capped=True,
     )
 
 

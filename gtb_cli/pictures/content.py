@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent
+from gtb_cli.meshes.welding import weld
 from gtb_cli.pictures.look import subscript
 from gtb_cli.pictures.nets import net_of
 from gtb_cli.pictures.sequences import Frames
@@ -49,14 +51,17 @@ class Content:
         Ranges of `cells` with names of their own.
     lines : mapping of name to (m, 2) int
         Pairs of vertices: ``border`` between groups, ``open`` without a neighbour, and ``folds`` within a group, where
-        the normals of both triangles are more than 90 degrees apart; pairs of control points: ``net``.
+        the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150
+        degrees at an edge. Pairs of control points: ``net``.
     net_names, knot_names : tuple of str
     knots : (n, 3) float
         Points of the surface at the knots.
     scalars : mapping of name to (m,) float
         "mean" and "gaussian" curvature.
-    exact : bool
-        Whether the normals are the surface's own at the vertices, not means of the triangles'.
+    vertices : int
+        How many there are; one with several normals is several rows of a keyframe.
+    normals : str
+        A word about the normals at the vertices.
     """
 
     name: str
@@ -68,7 +73,8 @@ class Content:
     knots: FloatArray = field(default_factory=lambda: NO_POINTS)
     knot_names: tuple[str, ...] = ()
     scalars: Mapping[str, FloatArray] = field(default_factory=dict)
-    exact: bool = True
+    vertices: int = 0
+    normals: str = ""
 
     @property
     def is_curve(self) -> bool:
@@ -82,11 +88,8 @@ def content_of(shape: Patch | Model, resolution: int | None = None, name: str | 
     surface = shape.dimension == 2
     fine = 256 if not surface else 40 if len(patches) <= 4 else 14  # looks smooth; many patches are small
     mesh = tessellate(shape, resolution or fine, parametrization="linear")
-    scalars = {}
     if surface:
-        kinds = ("mean", "gaussian")
-        found = with_attributes(shape, mesh, [f"{kind}_curvature" for kind in kinds], "linear")[0].attributes
-        scalars = {kind: found[f"{kind}_curvature"] for kind in kinds}
+        mesh = with_attributes(shape, mesh, ["mean_curvature", "gaussian_curvature"], "linear")[0]
     net: list[IntArray] = []
     net_names: list[str] = []
     knot_names: list[str] = []
@@ -101,23 +104,34 @@ def content_of(shape: Patch | Model, resolution: int | None = None, name: str | 
     lines = sides(mesh, groups)
     if isinstance(shape, Patch):  # its edges are not left open by mistake
         lines |= {"border": lines["open"], "open": lines["border"]}
+    shown = mesh.split
     return Content(
         title,
-        (_keyframe(mesh, "", np.concatenate([patch.control_points for patch in patches])),),
-        mesh.cells,
+        (_keyframe(shown, "", np.concatenate([patch.control_points for patch in patches])),),
+        shown.cells,
         groups,
         lines | {"net": np.concatenate(net)},
         tuple(net_names),
         np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
         tuple(knot_names),
-        scalars,
+        {kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface},
+        len(mesh.vertices),
+        _word(mesh),
     )
 
 
 def content_of_mesh(mesh: Mesh, name: str) -> Content:
-    """Return the contents for a mesh; if it has no normals, with the means of the triangles' normals."""
+    """Return the contents for a mesh; if it has no normals, with the means of the triangles' normals.
+
+    Vertices at the same place, as in files that hold each patch or triangle by itself, then count as one.
+    """
     groups = mesh.groups or ((name, 0, len(mesh.cells)),)
-    return Content(name, (_keyframe(mesh),), mesh.cells, groups, sides(mesh, groups), exact=mesh.normals is not None)
+    word, count = _word(mesh), len(mesh.vertices)
+    if mesh.normals is None and not mesh.is_curve:
+        first, labels = weld(mesh.vertices)
+        mesh = with_normals(Mesh(mesh.vertices[first], labels[mesh.cells]))
+    shown = mesh.split
+    return Content(name, (_keyframe(shown),), shown.cells, groups, sides(mesh, groups), vertices=count, normals=word)
 
 
 def content_of_frames(frames: Frames, name: str) -> Content:
@@ -129,7 +143,8 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     return Content(
         name,
         tuple(
-            _keyframe(mesh, label, frames.net_points) for label, mesh in zip(frames.titles, frames.meshes, strict=True)
+            _keyframe(with_normals(mesh, smooth=True), label, frames.net_points)
+            for label, mesh in zip(frames.titles, frames.meshes, strict=True)
         ),
         first.cells,
         ((name, 0, len(first.cells)),),
@@ -140,7 +155,8 @@ def content_of_frames(frames: Frames, name: str) -> Content:
             "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
         },
         tuple(subscript("b", i) for i in range(len(frames.net_points))),
-        exact=first.normals is not None,
+        vertices=len(first.vertices),
+        normals="means of the triangles'" if first.normals is None else _word(first),
     )
 
 
@@ -182,7 +198,8 @@ def joined(contents: Sequence[Content]) -> Content:
             name: np.concatenate([content.scalars[name] for content in contents])
             for name in sorted(set.intersection(*(set(content.scalars) for content in contents)))
         },
-        all(content.exact for content in contents),
+        sum(content.vertices for content in contents),
+        " and ".join(dict.fromkeys(content.normals for content in contents)),
     )
 
 
@@ -196,14 +213,25 @@ def sides(mesh: Mesh, groups: Sequence[tuple[str, int, int]]) -> dict[str, IntAr
     between = group[first] != group[second]
     size = float(np.abs(mesh.vertices - mesh.vertices.mean(axis=0)).max()) or 1.0
     corners = mesh.vertices[mesh.faces] / size
-    normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    back = dot(normals[first], normals[second]) < 0
+    facing = unit(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    # Both triangles have the normals of the edge's ends, so that the surface is smooth there: it turns back from 90°.
+    smooth = np.ones(len(pairs), dtype=bool)
+    for end in ends.T:
+        rows = [mesh.normal_of[pair, (mesh.faces[pair] == end[:, None]).argmax(axis=1)] for pair in (first, second)]
+        smooth &= rows[0] == rows[1]
+    back = dot(facing[first], facing[second]) < np.where(smooth, 0.0, math.cos(math.radians(150)))
     return {"border": ends[between], "open": mesh.open_sides, "folds": ends[back & ~between], "net": ends[:0]}
 
 
+def _word(mesh: Mesh) -> str:
+    """Say whose the normals at the vertices of a mesh are."""
+    if mesh.normals is None:
+        return "means of the triangles', which part at edges sharper than 35°"
+    return "exact at vertices" if mesh.exact_normals else "not all exact"
+
+
 def _keyframe(mesh: Mesh, label: str = "", points: FloatArray = NO_POINTS) -> Keyframe:
-    normals = with_normals(mesh).normals
-    return Keyframe(label, mesh.vertices, NO_POINTS if normals is None else normals, points)
+    return Keyframe(label, mesh.vertices, NO_POINTS if mesh.normals is None else mesh.normals, points)
 
 
 def _tuple(numbers: ArrayLike) -> str:

@@ -113,13 +113,11 @@ def page_data(content: Content) -> dict[str, Any]:
 
 
 def _facts(content: Content) -> str:
-    count = len(content.keyframes[0].vertices)
     if content.is_curve:
-        return f"{count} vertices, {len(content.cells)} segments"
-    normals = "exact at vertices" if content.exact else "means of the triangles'"
+        return f"{content.vertices} vertices, {len(content.cells)} segments"
     count_open = len(content.lines["open"])
     open_sides = f", {count_open} open sides" if count_open else ""
-    return f"{count} vertices, {len(content.cells)} triangles{open_sides}; normals {normals}"
+    return f"{content.vertices} vertices, {len(content.cells)} triangles{open_sides}; normals {content.normals}"
 
 
 def _corner_texts(low: list[float], high: list[float], size: float) -> list[str]:

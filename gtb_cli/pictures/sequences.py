@@ -125,9 +125,9 @@ def _draw_space(
     axes: Sequence[Axes], frames: Frames, look: Look, net: Sequence[FloatArray], net_points: FloatArray
 ) -> None:
     curves = frames.meshes[0].is_curve
-    surfaces = [None if curves else surface_of(with_normals(mesh)) for mesh in frames.meshes]
+    surfaces = [None if curves else surface_of(with_normals(mesh, smooth=True)) for mesh in frames.meshes]
     if frames.film is not None and surfaces[-1] is not None:
-        surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film))
+        surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film, smooth=True))
     scenes = scenes_of(look.camera, surfaces, [*(mesh.vertices for mesh in frames.meshes), net_points])
     for ax, scene, mesh in zip(axes, scenes, frames.meshes, strict=True):
         view = View(ax, scene)

@@ -12,13 +12,14 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.shading import facet_normals, filled_normals
 from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_of
 from gtb_cli.pictures.planar import HALO, basis_values, note
 from gtb_cli.pictures.scene import Surface, View, plain, scene_of, scenes_of
 from gtb_cli.tessellation.attributes import with_attributes
-from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
+from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -38,7 +39,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     parameter_lines = "#1F3A52"
     patches = shape.patches
     fine = look.resolution or (MODEL_SEGMENTS if len(patches) > 4 else PATCH_SEGMENTS)
-    mesh = tessellate(shape, fine, parametrization="linear")
+    mesh = tessellate(shape, fine, parametrization="linear").split
     surface = surface_of(mesh, len(patches))
     if look.curvature is not None:
         surface = _by_curvature(ax, shape, mesh, surface, look)
@@ -61,7 +62,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
 
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     """Draw a mesh: its segments, or its triangles and open sides."""
-    surface = None if mesh.is_curve else surface_of(with_normals(mesh), max(len(mesh.groups), 1))
+    surface = None if mesh.is_curve else surface_of(with_normals(mesh).split, max(len(mesh.groups), 1))
     scene = scene_of(look.camera, surface, [mesh.vertices])
     view = View(ax, scene)
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
@@ -78,12 +79,16 @@ def surface_of(mesh: Mesh, patches: int = 1) -> Surface:
     return Surface(mesh.vertices, mesh.faces, mesh.normals, colours)
 
 
-def with_normals(mesh: Mesh) -> Mesh:
-    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals."""
+def with_normals(mesh: Mesh, *, smooth: bool = False) -> Mesh:
+    """Return a mesh with normals: a mesh from a file has none, and gets the means of its faces' normals.
+
+    Faces that meet at a sharp edge have different means, unless the mesh is of a `smooth` surface.
+    """
     if mesh.normals is not None or mesh.is_curve:
         return mesh
-    missing = np.full_like(mesh.vertices, np.nan)
-    return replace(mesh, normals=vertex_normals(missing, mesh.vertices, mesh.faces))
+    if not smooth:
+        return replace(mesh, normals=lambda: facet_normals(mesh.vertices, mesh.faces))  # type: ignore[arg-type]
+    return replace(mesh, normals=filled_normals(np.full_like(mesh.vertices, np.nan), mesh.vertices, mesh.faces))
 
 
 def borders(shape: Patch | Model) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -164,7 +169,7 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     highest = np.where(values.max(axis=0) > 0, values.max(axis=0), 1.0)
     surfaces = []
     for column in (values / highest).T:
-        graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces))
+        graph = with_normals(Mesh(np.column_stack([plane, GRAPH_HEIGHT * column]), mesh.faces), smooth=True)
         surfaces.append(replace(surface_of(graph), scalars=column.clip(0, 1), colour_map=colour_map))
     floor = np.column_stack([corners, np.zeros(len(corners))])
     box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])

@@ -11,17 +11,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.tessellate import vertex_normals
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.knot_limit import knot_limit
 from gtb_cli.theory.patch import Patch
@@ -103,12 +104,20 @@ class MeshSequence:
             yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
-        normals, cells = None, self._mosaic.cells
+        normals, cells, are_exact = None, self._mosaic.cells, False
         where = self._mosaic.patch, self._mosaic.parameters, self._mosaic.face
         vertices = sampler.points(*where)
         if self._normals and cells.shape[1] == 3:
-            normals = vertex_normals(sampler.normals(*where), vertices, cells)
-        return Mesh(vertices, cells, parameters=self._mosaic.parameters, normals=normals, name=self.name)
+            found = sampler.normals(*where)
+            normals, are_exact = filled_normals(found, vertices, cells), not np.isnan(found).any()
+        return Mesh(
+            vertices,
+            cells,
+            parameters=self._mosaic.parameters,
+            normals=normals,
+            name=self.name,
+            exact_normals=are_exact,
+        )
 
     @cached_property
     def members(self) -> tuple[Member, ...]:

@@ -92,10 +92,10 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     assert mesh.origin is not None
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
     sampler = Sampler(shape.patches, parametrization, shared_edges=True)
+    face = sampler.faces_at(mesh.origin.patch, u)
     for index in np.unique(mesh.origin.patch).tolist():
-        patch, rows = shape.patches[index], np.flatnonzero(mesh.origin.patch == index)
-        face = patch.domain.faces.at(patch.domain.heights_of_columns(u[rows]))
-        gaussian, mean = curvature_at(patch, sampler.locations(index, u[rows], face), len(rows))
+        rows = np.flatnonzero(mesh.origin.patch == index)
+        gaussian, mean = curvature_at(shape.patches[index], sampler.locations(index, u[rows], face[rows]), len(rows))
         found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
     return found
 
@@ -119,19 +119,6 @@ def filled(mesh: Mesh, values: FloatArray) -> FloatArray:
         result[found] = np.bincount(known[:, 0], share, len(values))[found]
         finite |= found
     return result
-
-
-def shared_normals(shape: Patch | Model, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:
-    """(q, 3) unit normals at the places that `Origin.shared` of a surface's mesh lists, NaN where there is none."""
-    if mesh.origin is None or not isinstance(shape, Model):
-        return np.empty((0, 3))
-    patch, places = mesh.origin.shared[:, 1], mesh.origin.places
-    sampler = Sampler(shape.patches, parametrization, shared_edges=True, flipped=mesh.origin.turned.tolist())
-    face = np.empty(len(patch), dtype=np.int64)
-    for index in np.unique(patch).tolist():
-        rows, domain = np.flatnonzero(patch == index), shape.patches[index].domain
-        face[rows] = domain.faces.at(domain.heights_of_columns(places[rows]))
-    return sampler.normals(patch, places, face)
 
 
 def curve_tangents(patch: Patch, mesh: Mesh, parametrization: Parametrization = "linear") -> FloatArray:

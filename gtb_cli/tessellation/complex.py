@@ -89,17 +89,20 @@ class Complex:
         return cells[proper], proper
 
     @property
-    def further_places(self) -> tuple[IntArray, FloatArray]:
+    def further_places(self) -> tuple[IntArray, FloatArray, IntArray, IntArray]:
         """(q, 2) vertices and patches, (q, d) parameters: further places of the vertices of `without_collapsed`.
 
         They are on edges that patches share, on edges that are one point, and on an edge that its patch has twice.
+        Also the (c,) corners that have them, counted through all cells, and the (c,) place of each.
         """
         cells, rows = self.without_collapsed
         row, k = np.nonzero(self.face[cells] != INTERIOR)
         vertex, patch, places = cells[row, k], self.cell_patch[rows][row], self.corners[rows][row, k]
         others = (patch != self.patch[vertex]) | (places != self.parameters[vertex]).any(axis=1)
-        found = np.unique(np.column_stack([vertex, patch, places])[others], axis=0)
-        return found[:, :2].astype(np.int64), found[:, 2:]
+        table = np.column_stack([vertex, patch, places])[others]
+        found, number = np.unique(table, axis=0, return_inverse=True)
+        corners = (cells.shape[1] * row + k)[others]
+        return found[:, :2].astype(np.int64), found[:, 2:], corners, number.ravel()
 
     @property
     def is_whole(self) -> bool:

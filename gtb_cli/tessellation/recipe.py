@@ -202,12 +202,10 @@ class Recipe:
         from gtb_cli.meshes.folds import folded_places
         from gtb_cli.meshes.solid import folded_faces, thicken
         from gtb_cli.meshes.solidity import point, where
-        from gtb_cli.tessellation.attributes import shared_normals
         from gtb_cli.tessellation.offset import sharpest_bend
 
-        beside = shared_normals(spec, mesh, self.parametrization)
         remarks = folded_places(mesh)
-        folded = folded_faces(mesh, thickness, beside)
+        folded = folded_faces(mesh, thickness)
         turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
         radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
         if len(folded) or radius < math.inf:
@@ -215,7 +213,7 @@ class Recipe:
             if radius < math.inf:
                 facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
             remarks.append(f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}")
-        return thicken(mesh, thickness, beside), remarks
+        return thicken(mesh, thickness), remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""

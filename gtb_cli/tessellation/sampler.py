@@ -75,6 +75,14 @@ class Sampler:
                 result[rows[begin:end]] = sign * self.evaluated[index].normals_at(own, end - begin)
         return result
 
+    def faces_at(self, patch: IntArray, parameters: FloatArray) -> IntArray:
+        """(m,) numbers of the faces of the patches' domains on which (m, d) parameters lie."""
+        result = np.empty(len(patch), dtype=np.int64)
+        for index in np.unique(patch).tolist():
+            rows, domain = np.flatnonzero(patch == index), self.patches[index].domain
+            result[rows] = domain.faces.at(domain.heights_of_columns(parameters[rows]))
+        return result
+
     def near(
         self, patch: IntArray, parameters: FloatArray, face: IntArray, guesses: FloatArray, within: float
     ) -> tuple[FloatArray, FloatArray]:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot
+from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, distinct, dot, index_type, paired
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count
 from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, joined_complex
@@ -167,25 +168,36 @@ def _mesh(
         used, cells = compacted(cells)
         cell_patch = cell_patch[rows]
         vertices, patch, parameters, face = points[used], patch[used], parameters[used], face[used]
-    shared: tuple[IntArray, FloatArray] | tuple[()] = ()
     inward = np.zeros(len(sampler.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
         inward = inside_out(vertices, cells, cell_patch, face != INTERIOR, len(sampler.patches))
-        if inward.any():
-            cells = np.where(inward[cell_patch, None], cells[:, [0, 2, 1]], cells)
+    turned = np.flatnonzero(inward[cell_patch]) if inward.any() else cells[:0, 0]
 
-    def normals() -> FloatArray:
+    def outwards(rows: IntArray) -> IntArray:
+        """Reverse the triangles of patches that look inwards."""
+        if len(turned):
+            rows = rows.copy()
+            rows[turned] = rows[turned][:, [0, 2, 1]]
+        return rows
+
+    def normals() -> Normals:
+        """Normals of the vertices in their patches, and those in further patches, or at further places of a tip."""
         found = sampler.normals(patch, parameters, face)
-        if inward.any():
-            found = np.where(inward[patch, None], -found, found)
-        return vertex_normals(found, vertices, cells)
+        if joints is None:
+            return Normals(filled_normals(found, vertices, cells), None, not np.isnan(found).any())
+        owners, places, corners, number = mosaic.further_places
+        vertex = np.searchsorted(used, owners[:, 0]) if len(mosaic.collapsed) else owners[:, 0]
+        found = np.concatenate([found, sampler.normals(owners[:, 1], places, sampler.faces_at(owners[:, 1], places))])
+        of_patch, of_vertex = np.append(patch, owners[:, 1]), np.append(np.arange(len(patch)), vertex)
+        found = np.where(inward[of_patch, None], -found, found)
+        kept, number = np.unique(_same_normals(found, of_patch, of_vertex)[len(patch) + number], return_inverse=True)
+        further = kept >= len(patch)
+        rows = cells.astype(index_type(len(found)))
+        rows.ravel()[corners] = np.where(further, len(patch) - 1 + np.cumsum(further), kept)[number]
+        chosen = np.append(np.arange(len(patch)), kept[further])
+        found, rows = found[chosen], outwards(rows)
+        return Normals(filled_normals(found, vertices[of_vertex[chosen]], rows), rows, not np.isnan(found).any())
 
-    with_normals = with_normals and cells.shape[1] == 3
-    if with_normals and joints is not None:
-        owners, places = mosaic.further_places
-        if len(mosaic.collapsed):
-            owners[:, 0] = np.searchsorted(used, owners[:, 0])
-        shared = (owners, places)
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
         starts = np.searchsorted(cell_patch, np.arange(len(shape.patches) + 1)).tolist()
@@ -193,13 +205,27 @@ def _mesh(
         groups = tuple(zip(names, starts[:-1], starts[1:], strict=True))
     return Mesh(
         vertices,
-        cells,
+        outwards(cells),
         parameters=parameters,
-        normals=normals if with_normals else None,  # type: ignore[arg-type]
+        normals=normals if with_normals and cells.shape[1] == 3 else None,  # type: ignore[arg-type]
         groups=groups,
         name=name,
-        origin=None if joints is None else Origin(patch, inward ^ np.array(joints.flipped), *shared),
+        origin=None if joints is None else Origin(patch, inward ^ np.array(joints.flipped)),
     )
+
+
+def _same_normals(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:
+    """(k,) the row to keep in place of each normal of vertices in patches: where they agree, the vertex's own.
+
+    The first rows are the vertices' own. A vertex without a normal (NaN) in a patch has one row there.
+    """
+    visible = 1e-7  # least distance between normals that files of 32-bit numbers tell apart
+    result = np.where(np.linalg.norm(normals - normals[vertex], axis=1) <= visible, vertex, np.arange(len(vertex)))
+    missing = np.flatnonzero(np.isnan(normals[:, 0]))
+    keys = paired(vertex[missing], patch[missing], int(patch.max()) + 1)
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    result[missing] = missing[first[number]]
+    return result
 
 
 def inside_out(
@@ -223,20 +249,3 @@ def inside_out(
         p, q, r = (vertices[corner] - middle for corner in faces[rows].T)
         volume += np.bincount(body[face_patch[rows]], dot(p, cross(q, r)), minlength=count)
     return np.asarray((volume < 0)[body] & ~is_open[body])
-
-
-def vertex_normals(normals: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Replace normals that the surface does not have (NaN) by the mean of the adjacent faces, weighted by area."""
-    missing = np.isnan(normals[:, 0])
-    if not missing.any():
-        return normals
-    touching = missing[faces].any(axis=1)
-    corners = vertices[faces[touching]]
-    area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = np.zeros_like(vertices)
-    for k in range(3):
-        np.add.at(sums, faces[touching, k], area)
-    scale = np.abs(sums).max(axis=1, keepdims=True)
-    sums = np.where(scale > 0, sums / np.where(scale > 0, scale, 1), [0.0, 0.0, 1.0])
-    sums /= np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.asarray(np.where(missing[:, None], sums, normals))

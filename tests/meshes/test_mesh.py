@@ -12,6 +12,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.shading import Normals
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests import tiny_meshes as meshes
@@ -118,6 +119,6 @@ def test_normals_are_computed_when_they_are_asked_for(monkeypatch):
 
 
 def test_normals_of_another_number_than_the_vertices_are_refused_when_they_come():
-    mesh = replace(tessellate(pentagon(), 2), normals=lambda: np.zeros((1, 3)))
+    mesh = replace(tessellate(pentagon(), 2), normals=lambda: Normals(np.zeros((1, 3))))
     with pytest.raises(DomainError, match="normals: 1 rows for 16 vertices"):
         _ = mesh.normals

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stl import mesh as stl
 
+from gtb_cli.arrays import cross, unit
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.solid import MAX_MITRE, folded_faces, thicken, thinnest_wall
@@ -186,8 +187,7 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
         move = solid.vertices[len(surface.vertices) + ridge] - surface.vertices[ridge]
         length = np.linalg.norm(move, axis=1) / 0.1
         wanted = 1 / math.cos(a / 2)
-        # Angles that may be due to facets are not told from a smooth surface.
-        np.testing.assert_allclose(length, 1 if angle < 15 else min(wanted, MAX_MITRE), rtol=DIGITS)
+        np.testing.assert_allclose(length, min(wanted, MAX_MITRE), rtol=DIGITS)
         if 15 < angle < 120:
             for normal in ([0, 0, 1], [math.sin(a), 0, math.cos(a)]):
                 np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)
@@ -282,15 +282,23 @@ def test_normals_and_attributes():
     assert outer.name == "shell"
     # The pole, seven vertices at one place, is one vertex now.
     assert count == len(surface.vertices) - 6
-    np.testing.assert_array_equal(outer.normals[:count], -outer.normals[count:])
-    radial = outer.vertices[count:] / np.linalg.norm(outer.vertices[count:], axis=1, keepdims=True)
-    regular = surface.parameters[:, 1] < 2
-    np.testing.assert_allclose(outer.normals[count:-1], radial[:-1], atol=DIGITS)
-    assert regular.sum() == count - 1
+    radial = outer.vertices / np.linalg.norm(outer.vertices, axis=1, keepdims=True)
+    for side, sign in ((outer.cells < count, -1), (outer.cells >= count, 1)):
+        faces = side.all(axis=1)
+        assert faces.sum() == len(surface.cells) - 6
+        corners = radial[outer.cells[faces]]
+        np.testing.assert_allclose(outer.normals[outer.normal_of[faces]], sign * corners, atol=1e-6)
+    # Those of the rim are across the edges of the octant, in the planes of the coordinates, and nearly its facets'.
+    rim = ((outer.cells < count).any(axis=1)) & ((outer.cells >= count).any(axis=1))
+    facets = unit(
+        cross(*(outer.vertices[outer.cells[rim][:, k]] - outer.vertices[outer.cells[rim][:, 0]] for k in (1, 2)))
+    )
+    assert np.einsum("fkd,fd->fk", outer.normals[outer.normal_of[rim]], facets).min() > 0.99
     np.testing.assert_array_equal(outer.attributes["u"], np.tile(outer.parameters[:count, 0], 2))
     np.testing.assert_array_equal(outer.parameters[:count], outer.parameters[count:])
     inner = thicken(surface, -0.5)
-    np.testing.assert_array_equal(inner.normals[:count], outer.normals[count:])
+    own = [solid.normals[solid.normal_of[(solid.cells < count).all(axis=1)]] for solid in (inner, outer)]
+    np.testing.assert_allclose(own[0][:, ::-1], -own[1], atol=DIGITS)
     np.testing.assert_array_equal(inner.vertices[:count], outer.vertices[:count])
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import gtb_cli
 from gtb_cli.pictures.content import content_of, sides
+from gtb_cli.pictures.solid import with_normals
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
 
@@ -75,7 +76,7 @@ def test_open_sides_and_patches_of_a_model():
 
 def test_a_fold_within_a_patch_is_marked():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.7, 0.01]])
-    mesh = gtb_cli.Mesh(vertices, np.array([[0, 1, 2], [2, 1, 3]]))
+    mesh = with_normals(gtb_cli.Mesh(vertices, np.array([[0, 1, 2], [2, 1, 3]])))
     assert sides(mesh, [("all", 0, 2)])["folds"].tolist() == [[1, 2]]
     lines = sides(mesh, [("one", 0, 1), ("other", 1, 2)])
     assert (lines["border"].tolist(), len(lines["folds"])) == ([[1, 2]], 0)

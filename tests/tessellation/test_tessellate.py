@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError, ToleranceError
+from gtb_cli.meshes.shading import filled_normals
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.tessellation.complex import joined_complex
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
-from gtb_cli.tessellation.tessellate import tessellate, vertex_normals
+from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -67,7 +68,7 @@ def assert_sphere(mesh) -> None:
 def test_a_closed_model_is_watertight_and_looks_outwards(make, options):
     mesh = tessellate(make(), **options)
     assert_sphere(mesh)
-    outward = np.einsum("ij,ij->i", mesh.normals, mesh.vertices)
+    outward = np.einsum("ij,ij->i", mesh.split.normals, mesh.split.vertices)
     assert outward.min() > 0.5
 
 
@@ -218,7 +219,7 @@ def test_missing_normals_are_the_mean_of_adjacent_faces():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, -1, 0], [5, 5, 5.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]])
     normals = np.array([[np.nan] * 3, [0, 0, 1], [0, 1, 0], [1, 0, 0], [np.nan] * 3])
-    filled = vertex_normals(normals, vertices, faces)
+    filled = filled_normals(normals, vertices, faces)
     assert filled[0].tolist() == [0, 0, 1]
     assert filled[1:4].tolist() == normals[1:4].tolist()
     assert np.isfinite(filled).all()

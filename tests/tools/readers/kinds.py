@@ -195,9 +195,13 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     if expected != read:
         raise Different(f"{len(found['cells'])} of {len(mesh.cells)} cells, {sum((expected & read).values())} the same")
     kept = []
-    for name, values, error in (("normals", _normals(kind), unit), ("uv", _uv(kind), tolerance)):
+    normals, their_vertices = _normals(kind)
+    for name, values, error, at in (
+        ("normals", normals, unit, label[their_vertices]),
+        ("uv", _uv(kind), tolerance, label),
+    ):
         if values is not None and found.get(name):
-            _compare_values(name, values, np.asarray(found[name], dtype=float), label, places, error)
+            _compare_values(name, values, np.asarray(found[name], dtype=float), at, places, error)
             kept.append(name)
     theirs = found.get("attributes", {})
     known = [name for name in mesh.attributes if name in theirs] if kind.format == "ply" else []
@@ -216,8 +220,13 @@ def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> l
     return kept + _parts_kept(kind, found)
 
 
-def _normals(kind: Kind) -> np.ndarray | None:
-    return kind.mesh.normals if kind.options.recipe.normals and kind.format != "stl" else None
+def _normals(kind: Kind) -> tuple[np.ndarray | None, np.ndarray]:
+    """Return the normals in a file, and the vertex of each."""
+    if not kind.options.recipe.normals or kind.format == "stl" or kind.mesh.is_curve:
+        return None, np.arange(0)
+    if kind.format == "ply":
+        return kind.mesh.vertex_normals, np.arange(len(kind.mesh.vertices))
+    return kind.mesh.normals, kind.mesh.vertex_of_normal
 
 
 def _uv(kind: Kind) -> np.ndarray | None:

@@ -1,0 +1,90 @@
+"""Normals of meshes: one a vertex, or several where faces meet at an angle; and those of facets."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, cross, dot, paired, unit
+from gtb_cli.meshes.topology import adjacent
+from gtb_cli.meshes.welding import merged
+
+SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file that look like a smooth surface
+
+
+class Normals(NamedTuple):
+    """Unit normals of a mesh.
+
+    Attributes
+    ----------
+    vectors : (k, 3) float
+        First those of the m vertices; then more of some of them, such as of further patches that meet there.
+    corners : (f, 3) int or None
+        The normal of each corner of each face. None: that of its vertex.
+    are_exact : bool
+        Whether all are the surface's own, and none is estimated from facets.
+    """
+
+    vectors: FloatArray
+    corners: IntArray | None = None
+    are_exact: bool = False
+
+
+def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: IntArray) -> Normals:
+    """Return the normals of a mesh with `count` vertices from the (f, 3) rows of vectors that the corners have.
+
+    The first one of those that a vertex has is the vertex's.
+    """
+    keys, place = np.unique(paired(cells, rows, len(vectors)).ravel(), return_inverse=True)
+    vertex, row = np.divmod(keys, len(vectors))
+    further = np.diff(vertex, prepend=-1) == 0
+    number = np.where(further, count - 1 + np.cumsum(further), vertex)
+    result = np.tile([0.0, 0.0, 1.0], (count + int(further.sum()), 1))  # for vertices without faces
+    result[number] = vectors[row]
+    return Normals(result, number[place].reshape(cells.shape))
+
+
+def facet_normals(vertices: FloatArray, cells: IntArray, sharpest: float = SHARPEST) -> Normals:
+    """Return the means of the normals of facets around each vertex, weighted by area.
+
+    Facets that meet at an edge sharper than this angle, in degrees, have different means.
+    """
+    size = float(np.abs(vertices).max(initial=0.0)) or 1.0
+    a, b, c = (vertices[corner] / size for corner in cells.T)
+    areas = cross(b - a, c - a)
+    facing = unit(areas / (np.abs(areas).max(initial=0.0) or 1.0))
+    pairs, ends = adjacent(cells)
+    smooth = dot(facing[pairs[:, 0]], facing[pairs[:, 1]]) >= math.cos(math.radians(sharpest))
+    pairs, ends = pairs[smooth], ends[smooth]
+    links = [np.column_stack([3 * pair + (cells[pair] == end[:, None]).argmax(axis=1) for pair in pairs.T])
+             for end in ends.T]  # fmt: skip
+    _, rows = np.unique(merged(cells.size, np.concatenate(links)), return_inverse=True)
+    sums: FloatArray = np.stack([np.bincount(rows, np.repeat(column, 3)) for column in areas.T], axis=1)
+    return normals_of_corners(cells, len(vertices), unit(sums), rows.reshape(cells.shape))
+
+
+def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -> FloatArray:
+    """Replace normals that a surface does not have (NaN) by means of the facets that have them, weighted by area.
+
+    Parameters
+    ----------
+    normals, places : (k, 3) float
+        Normals, and where they are.
+    corners : (f, 3) int
+        The normal of each corner of each face.
+    """
+    missing = np.isnan(normals[:, 0])
+    if not missing.any():
+        return normals
+    touching = missing[corners].any(axis=1)
+    a, b, c = (places[corner] for corner in corners[touching].T)
+    area = cross(b - a, c - a)
+    sums = np.zeros_like(normals)
+    for k in range(3):
+        np.add.at(sums, corners[touching, k], area)
+    scale = np.abs(sums).max(axis=1, keepdims=True)
+    sums = np.where(scale > 0, sums / np.where(scale > 0, scale, 1), [0.0, 0.0, 1.0])
+    sums /= np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.asarray(np.where(missing[:, None], sums, normals))
