@@ -63,12 +63,13 @@ def view(
     Make a page that shows specs, meshes, or the FOLDER of a sequence in a browser. It needs no network.
 
     Turn, move and zoom with mouse, keys or fingers. Patch colours, control net, knots, edges of patches, open edges,
-    folds (where a patch turns by more than 90 degrees between two triangles) and axes can be switched on and off;
-    shading may be curvature with its scale, zebra stripes or isophotes. Normals and curvature of a spec are exact at
-    the vertices of its mesh and interpolated at each pixel between them; -n makes the mesh finer. Normals in mesh files
-    are not read: the means of the triangles' normals are used instead. Names appear under the pointer. A sequence has
-    a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge and --steps
-    (a knot limit).
+    folds (where a patch turns by more than 90 degrees between two triangles, or by more than 150 at an edge of a mesh)
+    and axes can be switched on and off; shading may be curvature with its scale, zebra stripes or isophotes. Normals
+    and curvature of a spec are exact at the vertices of its mesh and interpolated at each pixel between them; -n makes
+    the mesh finer. Where patches meet, each has its own normals. Normals in mesh files are not read: the means of the
+    triangles' normals are used instead, which part at edges sharper than 35 degrees. Names appear under the pointer. A
+    sequence has a slider and plays: that of a FOLDER, or of a SPEC with -x or --lifting (a degeneration), or --merge
+    and --steps (a knot limit).
 
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.

@@ -284,7 +284,7 @@ def mesh_options(*more: str) -> Callable[[Function], Function]:
             type=click.Choice((*FORMATS, *more), case_sensitive=False),
             help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
         )
-        @click.option("--normals", is_flag=True, help="Write the unit normal of the surface at each vertex.")
+        @click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex.")
         @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
         @click.option(
             "--up",

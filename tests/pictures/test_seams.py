@@ -31,7 +31,9 @@ def bent(angle: float) -> Model:
     a = math.radians(angle)
     far = np.array([math.cos(a), 0, -math.sin(a)])
     left = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]], name="left")
-    right = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 0, 0], far, [0, 1, 0], far + [0, 1, 0]], name="right")
+    right = Patch(
+        [[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 0, 0], far, [0, 1, 0], far + np.array([0, 1, 0])], name="right"
+    )
     return Model((left, right), name="bent")
 
 
@@ -83,7 +85,7 @@ def test_nodes_of_glb_have_their_own_normals(angle):
         node = scene.geometry[name]
         assert len(node.vertices) == (SIDES + 1) ** 2
         x, y, z = normal
-        np.testing.assert_allclose(node.vertex_normals, np.zeros((25, 3)) + [x, z, -y], atol=UNIT)
+        np.testing.assert_allclose(node.vertex_normals, [[x, z, -y]] * 25, atol=UNIT)
 
 
 @pytest.mark.parametrize("angle", ANGLES)
