@@ -238,11 +238,10 @@ def test_a_wall_is_thinner_where_normals_turn_within_a_face(thickness):
     tilt = math.radians(40)
     around = np.array([0, 2, 4]) * math.pi / 3
     normals = np.stack([*(math.sin(tilt) * f(around) for f in (np.cos, np.sin)), np.full(3, math.cos(tilt))], axis=1)
-    surface = Mesh(vertices, np.array([[0, 1, 2]]), normals=normals)
-    beside = np.empty((0, 3))
-    moves = thicken(surface, thickness, beside).vertices[3:] - vertices
+    surface = Mesh(vertices, np.array([[0, 1, 2]]), normals=normals, exact_normals=True)
+    moves = thicken(surface, thickness).vertices[3:] - vertices
     moves = np.array([*moves, *((moves + np.roll(moves, 1, axis=0)) / 2), moves.mean(axis=0)]) / thickness
-    share, place = thinnest_wall(thicken(surface, thickness, beside), thickness)
+    share, place = thinnest_wall(thicken(surface, thickness), thickness)
     assert share == pytest.approx(np.linalg.norm(moves, axis=1).min(), rel=DIGITS)
     np.testing.assert_allclose(place, [3, 3, 0])
 
