@@ -7,14 +7,14 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.description import description
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, principal_axes
-from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
+from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.moment.solve import RESIDUAL
 from gtb_cli.theory.basis import partition_of_unity_coefficients
 
 
-def definition(probe: Probe) -> Outcome:
+def definition(probe: Probe) -> Finding:
     """Compare points with the definition, by its powers and without logarithms."""
     rows, whole, shares = probe.powers
     if not whole.any():
@@ -23,18 +23,18 @@ def definition(probe: Probe) -> Outcome:
     return within_rounding(value, probe.distance_rounding, "largest distance from the sum of powers, of the extent")
 
 
-def nonnegativity(probe: Probe) -> Outcome:
+def nonnegativity(probe: Probe) -> Finding:
     """Look for values below zero: rounding cannot make sums and quotients of exponentials negative."""
     return at_most(largest(-probe.basis), 0.0, "largest negative value of the basis")
 
 
-def partition_of_unity(probe: Probe) -> Outcome:
+def partition_of_unity(probe: Probe) -> Finding:
     """Compare the sums of the basis with 1."""
     bound = EPS * (VALUE_ROUNDINGS + len(probe.patch.knots))
     return at_most(largest(np.abs(probe.basis.sum(axis=1) - 1)), bound, "largest difference of the sum from 1")
 
 
-def corners(probe: Probe) -> Outcome:
+def corners(probe: Probe) -> Finding:
     """Compare T with 1 for the knot at each corner; coincident knots share it in proportion c ω."""
     patch, domain = probe.patch, probe.patch.domain
     members = domain.faces.knots[domain.faces.corners]
@@ -50,7 +50,7 @@ def corners(probe: Probe) -> Outcome:
     return within_rounding(max(difference, distance), 0.0 if simple else probe.distance_rounding, reason)
 
 
-def hull(probe: Probe) -> Outcome:
+def hull(probe: Probe) -> Finding:
     """Measure how far points are outside the convex hull of the control points."""
     flat_width = 1e-9  # of the extent: narrower control points are flat, without a solid hull
     control = probe.patch.control_points
@@ -78,7 +78,7 @@ def hull(probe: Probe) -> Outcome:
     )
 
 
-def affine_invariance(probe: Probe) -> Outcome:
+def affine_invariance(probe: Probe) -> Finding:
     """Compare the image of the patch under an affine map with the patch of the mapped control points."""
     # Neither a rotation nor a scaling; its rows are no longer than 1.4
     affine_map = np.array([[0.6, -0.8, 0.3], [0.5, 0.9, -0.4], [-0.2, 0.7, 1.1]])
@@ -90,7 +90,7 @@ def affine_invariance(probe: Probe) -> Outcome:
     return within_rounding(value, gain * probe.distance_rounding, "largest distance after a sheared map, of the extent")
 
 
-def products(probe: Probe) -> Outcome:
+def products(probe: Probe) -> Finding:
     """Check that factors moved from the coefficients to the weights change nothing."""
     patch = probe.patch
     factor = np.where(np.arange(len(patch.knots)) % 2, 0.5, 2.0)
@@ -108,7 +108,7 @@ def products(probe: Probe) -> Outcome:
     )
 
 
-def edge_scale(probe: Probe) -> Outcome:
+def edge_scale(probe: Probe) -> Finding:
     """Compare points with the points of other edge scales that have the same moments μ = Σ T_i a_i."""
     max_steepness = 1e6  # extents per size of the hull: steeper places would magnify the solver's error, `RESIDUAL`
     patch, domain = probe.patch, probe.patch.domain
@@ -153,13 +153,13 @@ def _steepness(probe: Probe, shares: FloatArray) -> FloatArray:
     return np.asarray(np.nan_to_num(np.sqrt((gradients**2).sum(axis=(1, 2))), nan=np.inf))
 
 
-def linear_precision(probe: Probe) -> Outcome:
+def linear_precision(probe: Probe) -> Finding:
     """Measure how far the toric parametrisation is from linear."""
     error = description(probe.patch).linear_precision_error / probe.patch.domain.size
     return number(error, "largest |Σ T_i a_i − u| in the toric parametrization, of the hull's size")
 
 
-def linear_precision_of_linear(probe: Probe) -> Outcome:
+def linear_precision_of_linear(probe: Probe) -> Finding:
     """Compare the patch with its knots as control points, in the linear parametrisation, with the identity."""
     patch, domain = probe.patch, probe.patch.domain
     knots = np.zeros((len(patch.knots), 3))
@@ -168,7 +168,7 @@ def linear_precision_of_linear(probe: Probe) -> Outcome:
     try:
         images = patch.replace(control_points=knots).points_at(probe.linear.locations(p), len(p))
     except ToleranceError as error:
-        return Outcome("fails", None, None, str(error))
+        return Finding("fails", None, None, str(error))
     expected = np.zeros_like(images)
     expected[:, : domain.dimension] = (p - domain.center) / domain.size
     value = largest(np.abs(images - expected))
@@ -181,7 +181,7 @@ def linear_samples(probe: Probe, rows: IntArray) -> FloatArray:
     return np.asarray(probe.u[rows[:: -(-len(rows) // 300)]])
 
 
-def coefficients_of_unity(probe: Probe) -> Outcome:
+def coefficients_of_unity(probe: Probe) -> Finding:
     """Solve (8); nothing guarantees that the solution is positive."""
     max_system_knots = 300  # largest number of knots for which the dense system (8) is solved
     domain = probe.patch.domain

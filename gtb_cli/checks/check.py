@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gtb_cli.checks.joints import joint_findings
 from gtb_cli.checks.probe import Measure, Probe
 from gtb_cli.checks.properties import PROPERTIES
-from gtb_cli.checks.report import ModelReport, Outcome, Report, not_applicable
+from gtb_cli.checks.report import Finding, ModelReport, Report, not_applicable
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import RationalBasis
@@ -52,14 +54,14 @@ def _checked(probe: Probe) -> Report:
     for prop in PROPERTIES:
         reference = prop.of_curves if patch.dimension == 1 else prop.of_surfaces
         if reference is not None:
-            outcome = probe.outcomes.get(prop.name) or _measured(prop.measure, probe)
+            found = probe.of_basis.get(prop.name) or _measured(prop.measure, probe)
             if prop.of_basis:
-                probe.outcomes[prop.name] = outcome
-            findings.append(outcome.of(prop.name, reference))
+                probe.of_basis[prop.name] = found
+            findings.append(replace(found, name=prop.name, reference=reference))
     return Report(patch.name, tuple(findings))
 
 
-def _measured(measure: Measure, probe: Probe) -> Outcome:
+def _measured(measure: Measure, probe: Probe) -> Finding:
     """Measure a property; it fails for a patch that cannot be evaluated.
 
     Some properties are measured in the linear parametrisation, which has a finding of its own: if it is not found, they
@@ -70,4 +72,4 @@ def _measured(measure: Measure, probe: Probe) -> Outcome:
     except ToleranceError as error:
         return not_applicable(f"could not be measured: {error}")
     except GtbError as error:
-        return Outcome("fails", None, None, f"could not be measured: {error}")
+        return Finding("fails", None, None, f"could not be measured: {error}")

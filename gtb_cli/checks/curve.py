@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice, evenly, principal_axes
-from gtb_cli.checks.report import Outcome, at_most, not_applicable, number, within_rounding
+from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
 from gtb_cli.knots.decomposition import lifting_of_knot
 from gtb_cli.moment.torus import exponents
 from gtb_cli.theory.basis import torus_coordinates
@@ -25,7 +25,7 @@ MIN_CHORD = 1e-3  # of the extent: a shorter chord is joined with the next, as i
 PLANE_WIDTH = 1e-12  # of the extent: control points in a slab as thin lie in a plane
 
 
-def total_positivity(probe: Probe) -> Outcome:
+def total_positivity(probe: Probe) -> Finding:
     """Measure minors of the collocation matrix of the rational basis, relative to the sum of their products' sizes."""
     minors, bound = _minors(probe)
     if not len(minors):
@@ -36,7 +36,7 @@ def total_positivity(probe: Probe) -> Outcome:
     )
 
 
-def strict_total_positivity(probe: Probe) -> Outcome:
+def strict_total_positivity(probe: Probe) -> Finding:
     """Measure the same minors, which are positive at parameters inside Δ for distinct knots."""
     if probe.repetitions:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
@@ -88,7 +88,7 @@ def _sign(permutation: tuple[int, ...]) -> int:
     return -1 if inversions % 2 else 1
 
 
-def progressive_iteration(probe: Probe) -> Outcome:
+def progressive_iteration(probe: Probe) -> Finding:
     """Measure the spectral radius of I − C, where C is the collocation matrix at the knots: errors shrink by it."""
     most = 300  # for the time of dense eigenvalues
     patch = probe.patch
@@ -109,7 +109,7 @@ def progressive_iteration(probe: Probe) -> Outcome:
     return at_most(radius, 1.0, reason)
 
 
-def variation_diminishing(probe: Probe) -> Outcome:
+def variation_diminishing(probe: Probe) -> Finding:
     """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
     count = 100  # lines, or planes
     grazing_distance = 1e-6  # of the extent: lines as near to a control point are left out
@@ -141,7 +141,7 @@ def _changes(values: FloatArray, tolerance: float) -> IntArray:
     return np.asarray((filled[:, 1:] * filled[:, :-1] < 0).sum(axis=1))
 
 
-def convexity(probe: Probe) -> Outcome:
+def convexity(probe: Probe) -> Finding:
     """Check that a curve with a convex control polygon turns one way, and once around with its chord."""
     turn_tolerance = 1e-6  # in radians, of the sum of a polygon's turns
     control = _polygon(probe)
@@ -186,7 +186,7 @@ def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
     return max(0.0, float(wrong.max())), turning
 
 
-def one_weight(probe: Probe) -> Outcome:
+def one_weight(probe: Probe) -> Finding:
     """Check that every point inside Δ goes to a knot's control point if its weight outgrows all others."""
     infinite_weight_log = 120.0  # logarithm of the ratio between one knot's share and all others
     patch = probe.patch

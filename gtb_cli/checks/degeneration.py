@@ -8,13 +8,13 @@ import numpy as np
 
 from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice
-from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
+from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.degeneration import cells_of, degenerate
 
 
-def multiple_knots(probe: Probe) -> Outcome:
+def multiple_knots(probe: Probe) -> Finding:
     """Compare a patch with repeated knots with the patch in which these are merged."""
     if not probe.repetitions:
         return not_applicable("no knot is repeated")
@@ -24,7 +24,7 @@ def multiple_knots(probe: Probe) -> Outcome:
     )
 
 
-def weights(probe: Probe) -> Outcome:
+def weights(probe: Probe) -> Finding:
     """Compare the patch of weights x^λ ω with the basis times x^λ, also for weights beyond the range of floats.
 
     A common factor of the weights changes no point; this one is so large that they must be logarithms.
@@ -45,7 +45,7 @@ def weights(probe: Probe) -> Outcome:
     return within_rounding(value, bound, f"largest distance from the basis times the factors {of}, of the extent")
 
 
-def toric_degeneration(probe: Probe) -> Outcome:
+def toric_degeneration(probe: Probe) -> Finding:
     """Compare the patch, with weights far along the lifting, with the cells of the regular control curve or surface."""
     faded_log = 30 * math.log(10)  # logarithm of the factor by which the nearest knot under a cell's plane has faded
     sufficient_log = 14 * math.log(10)  # if the range of the lifting is thousands of times its smallest gap

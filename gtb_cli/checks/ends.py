@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, largest, points_at_torus
-from gtb_cli.checks.report import Outcome, at_most, not_applicable, within_rounding
+from gtb_cli.checks.report import Finding, at_most, not_applicable, within_rounding
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 
@@ -17,15 +17,15 @@ DEPTH_LOG = 600.0  # logarithm of the largest trusted ratio between values of th
 MAX_NEGLECTED = 0.1  # with a larger neglected share, the limit is not reached within the range of floats
 
 
-def end_tangents(probe: Probe) -> Outcome:
+def end_tangents(probe: Probe) -> Finding:
     """Compare directions near the ends with those to the next distinct control point."""
     return _worst(_end_tangent(probe, _End(probe, end)) for end in (0, 1))
 
 
-def _worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the first outcome that does not hold, otherwise the one with the largest violation."""
-    worst = Outcome("holds", 0.0, 0.0, "")
-    for found in outcomes:
+def _worst(findings: Iterable[Finding]) -> Finding:
+    """Return the first finding that does not hold, otherwise the one with the largest violation."""
+    worst = Finding("holds", 0.0, 0.0, "")
+    for found in findings:
         if found.status != "holds":
             return found
         if (found.value or 0.0) >= (worst.value or 0.0):
@@ -33,7 +33,7 @@ def _worst(outcomes: Iterable[Outcome]) -> Outcome:
     return worst
 
 
-def _end_tangent(probe: Probe, end: _End) -> Outcome:
+def _end_tangent(probe: Probe, end: _End) -> Finding:
     layer_log = 32.0  # logarithm of the factor by which knots beyond the next one have faded at the place
     lead = end.lead
     if lead is None:
@@ -67,7 +67,7 @@ def _end_tangent(probe: Probe, end: _End) -> Outcome:
     return at_most(max(sine, off), bound, reason) if off <= bound else at_most(off, bound, f"{reason}: of the tangent")
 
 
-def end_tangent_lengths(probe: Probe) -> Outcome:
+def end_tangent_lengths(probe: Probe) -> Finding:
     """Compare difference quotients at the ends with the paper's formula, with its k_0 and k_1."""
     ends = [_End(probe, end) for end in (0, 1)]
     if ends[0].lead is None:
@@ -77,7 +77,7 @@ def end_tangent_lengths(probe: Probe) -> Outcome:
     return _worst(_end_tangent_length(probe, end, near, far) for end, near, far in pairs)
 
 
-def _end_tangent_length(probe: Probe, end: _End, near: float, far: float) -> Outcome:
+def _end_tangent_length(probe: Probe, end: _End, near: float, far: float) -> Finding:
     length = end.places[-1]
     scales = np.array([near, far] if end.sign > 0 else [far, near])
     moved = probe.merged.replace(control_points=end.vectors, edge_scale=scales)

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
 from gtb_cli.checks.probe import Probe
-from gtb_cli.checks.report import Outcome, not_applicable, number
+from gtb_cli.checks.report import Finding, not_applicable, number
 from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
 
 MAX_TRIPLES = 1_000_000  # a tenth of a second: all triples of up to 182 knots, some of more
@@ -16,7 +16,7 @@ MAX_TRIPLES = 1_000_000  # a tenth of a second: all triples of up to 182 knots, 
 SPATIAL_NOTE = "the control points are not in a plane"
 
 
-def for_all_weights(probe: Probe) -> Outcome:
+def for_all_weights(probe: Probe) -> Finding:
     """Tell whether no choice of weights folds the patch: all triangles of knots and of control points turn alike.
 
     A patch is injective for all positive weights exactly if det(1, a_i; 1, a_j; 1, a_k) and
@@ -46,7 +46,7 @@ def for_all_weights(probe: Probe) -> Outcome:
     return number(1.0, f"yes: all {total} triples of knots turn their control points the same way")
 
 
-def jacobian_sign(probe: Probe) -> Outcome:
+def jacobian_sign(probe: Probe) -> Finding:
     """Measure the share of sample parameters, among those with a sign, at which the patch is turned over."""
     points = planar(probe.patch.control_points)
     if points is None:

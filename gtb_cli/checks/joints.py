@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.assembly.seams import bends, joints
-from gtb_cli.checks.report import Finding, Outcome, at_most, not_applicable, number
+from gtb_cli.checks.report import Finding, at_most, not_applicable, number
 from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_points_at
 from gtb_cli.theory.joints import FAR_ROUNDING
 from gtb_cli.theory.model import Model
@@ -20,7 +21,7 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
     shared = model.joints
     what = "edges" if model.dimension == 2 else "ends"
     gap = max((distance for _, _, distance in shared.almost), default=0.0) / _size(model)
-    outcomes = {
+    measured = {
         "joined edges": _joined(model),
         **_welded(model),
         "open edges": number(len(shared.open), f"number of {what} with no neighbour"),
@@ -31,10 +32,11 @@ def joint_findings(model: Model) -> tuple[Finding, ...]:
         ),
     }
     # By this theorem an edge is the curve of its own knots.
-    return tuple(outcome.of(name, "Thm 4.0") for name, outcome in {**outcomes, **_smoothness(model)}.items())
+    found = {**measured, **_smoothness(model)}
+    return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
 
 
-def _smoothness(model: Model) -> dict[str, Outcome]:
+def _smoothness(model: Model) -> dict[str, Finding]:
     """Return the largest angle and difference of curvatures at the seams of surfaces, if there are seams."""
     seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
     if not seams:
@@ -51,7 +53,7 @@ def _smoothness(model: Model) -> dict[str, Outcome]:
     return found
 
 
-def _welded(model: Model) -> dict[str, Outcome]:
+def _welded(model: Model) -> dict[str, Finding]:
     """Return how far apart welded edges were, if any were welded."""
     distances = [joint.distance for joint in model.joints.shared if joint.distance]
     if not distances:
@@ -60,7 +62,7 @@ def _welded(model: Model) -> dict[str, Outcome]:
     return {"welded edges": number(max(distances) / _size(model), reason)}
 
 
-def _joined(model: Model) -> Outcome:
+def _joined(model: Model) -> Finding:
     tolerance = 8 * CURVE_TOLERANCE  # to which control points, knots and weights of joined edges may differ
     shared = [joint for joint in model.joints.shared if not joint.distance]
     if not shared:

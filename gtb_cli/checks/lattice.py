@@ -8,12 +8,12 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray
 from gtb_cli.checks.probe import Probe
-from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
+from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 
 
-def classical_bezier(probe: Probe) -> Outcome:
+def classical_bezier(probe: Probe) -> Finding:
     """Compare the patch with the rational Bézier curve, triangle or tensor product patch on the same lattice."""
     most, max_numbers = 200, 2_000_000  # parameters, and floats in a table of the recurrence, for high degrees
     domain = probe.patch.domain

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray
-from gtb_cli.checks.report import Outcome
+from gtb_cli.checks.report import Finding
 from gtb_cli.design.isocurve import unmerged_isocurve
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count, triangulation
@@ -25,7 +25,7 @@ from gtb_cli.values import frozen
 VALUE_ROUNDINGS = 64
 
 
-Measure: TypeAlias = "Callable[[Probe], Outcome]"
+Measure: TypeAlias = "Callable[[Probe], Finding]"
 
 
 class Edges(NamedTuple):
@@ -178,8 +178,8 @@ class Probe:
         return list(self.patch.rational_basis.locations(np.concatenate(u))), np.concatenate(values)
 
     @cached_property
-    def outcomes(self) -> dict[str, Outcome]:
-        """Outcomes of properties of the rational basis, by name."""
+    def of_basis(self) -> dict[str, Finding]:
+        """Findings about the rational basis, by name."""
         return {}
 
     @cached_property

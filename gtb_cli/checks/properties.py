@@ -11,7 +11,7 @@ from gtb_cli.checks.probe import Measure
 class Property(NamedTuple):
     """A property: where the paper states it for curves and for surfaces (None: not at all), and its measure.
 
-    Patches with the same rational basis have the outcomes of properties `of_basis` in common.
+    Patches with the same rational basis have the findings about properties `of_basis` in common.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Results of checks: outcomes of measurements, findings about properties, and reports."""
+"""Results of checks: findings about properties, and reports."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ Status: TypeAlias = Literal["holds", "fails", "not applicable", "measured"]
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Outcome of a check.
+class Finding:
+    """A property, measured.
 
     Attributes
     ----------
@@ -25,24 +25,26 @@ class Outcome:
         What rounding may do to this patch: the property holds if ``value <= bound``.
     reason : str
         What was measured, or the condition that the patch does not fulfil.
+    name : str
+        Name of the property, the same in every version, for scripts; empty until it is known.
+    reference : str
+        Where the paper states it.
     """
 
     status: Status
     value: float | None
     bound: float | None
     reason: str
-
-    def of(self, name: str, reference: str) -> Finding:
-        """Return the finding about a property."""
-        return Finding(name, reference, self.status, self.value, self.bound, self.reason)
+    name: str = ""
+    reference: str = ""
 
 
-def at_most(value: float, bound: float, reason: str) -> Outcome:
+def at_most(value: float, bound: float, reason: str) -> Finding:
     """Return that a property holds if its largest violation is within a bound, and fails otherwise, also for NaN."""
-    return Outcome("holds" if value <= bound else "fails", value, bound, reason)
+    return Finding("holds" if value <= bound else "fails", value, bound, reason)
 
 
-def within_rounding(value: float, bound: float, reason: str) -> Outcome:
+def within_rounding(value: float, bound: float, reason: str) -> Finding:
     """Return that a property holds if its largest violation, as a fraction of sizes, is within rounding.
 
     If rounding may do too much to tell, it is not applicable.
@@ -53,36 +55,14 @@ def within_rounding(value: float, bound: float, reason: str) -> Outcome:
     return at_most(value, bound, reason)
 
 
-def number(value: float | None, reason: str) -> Outcome:
+def number(value: float | None, reason: str) -> Finding:
     """Return a measurement without a verdict."""
-    return Outcome("measured", value, None, reason)
+    return Finding("measured", value, None, reason)
 
 
-def not_applicable(condition: str) -> Outcome:
+def not_applicable(condition: str) -> Finding:
     """Return that a property is not claimed for this patch, by the condition that fails."""
-    return Outcome("not applicable", None, None, condition)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A property and its outcome.
-
-    Attributes
-    ----------
-    name : str
-        Name of the property, the same in every version, for scripts.
-    reference : str
-        Where the paper states it.
-    status, value, bound, reason
-        See `Outcome`.
-    """
-
-    name: str
-    reference: str
-    status: Status
-    value: float | None
-    bound: float | None
-    reason: str
+    return Finding("not applicable", None, None, condition)
 
 
 def counts(findings: Iterable[Finding]) -> str:

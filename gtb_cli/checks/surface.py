@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gtb_cli.checks.probe import Probe, points_at_torus
-from gtb_cli.checks.report import Outcome, not_applicable, within_rounding
+from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 
 
-def boundaries(probe: Probe) -> Outcome:
+def boundaries(probe: Probe) -> Finding:
     """Check that T of knots off an edge is 0 on it, and that the surface there is the curve of the knots on it."""
     patch, edges = probe.patch, probe.edges
     worst = edges.leak
@@ -20,7 +20,7 @@ def boundaries(probe: Probe) -> Outcome:
     return within_rounding(worst, 2 * probe.distance_rounding, reason)
 
 
-def isoparametric_curves(probe: Probe) -> Outcome:
+def isoparametric_curves(probe: Probe) -> Finding:
     """Compare P(u*, v) on a rectangle with the curve of the knots' other coordinates, weights c ω exp(u_i θ(u*))."""
     domain = probe.patch.domain
     if len(domain.vertices) != 4 or ((domain.normals != 0).sum(axis=1) != 1).any():

@@ -15,7 +15,7 @@ from gtb_cli.checks.description import description, descriptions
 from gtb_cli.checks.lattice import de_casteljau
 from gtb_cli.checks.probe import Probe, evenly
 from gtb_cli.checks.properties import PROPERTIES
-from gtb_cli.checks.report import Outcome
+from gtb_cli.checks.report import Finding
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients
 from gtb_cli.theory.degeneration import MAX_WEIGHT_LOG, degenerate, regular_control_surface
@@ -37,7 +37,7 @@ def spec(name: str) -> Patch:
     return patch
 
 
-def finding(patch: Patch, name: str) -> Outcome:
+def finding(patch: Patch, name: str) -> Finding:
     (measure,) = (prop.measure for prop in PROPERTIES if prop.name == name)
     return measure(Probe(patch))
 

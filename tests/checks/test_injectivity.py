@@ -10,7 +10,7 @@ import pytest
 from gtb_cli.checks.check import check_patch
 from gtb_cli.checks.injectivity import for_all_weights, jacobian_sign, planar
 from gtb_cli.checks.probe import Probe
-from gtb_cli.checks.report import Outcome
+from gtb_cli.checks.report import Finding
 from gtb_cli.theory.patch import Patch
 from tests.patches import integer_pentagon
 
@@ -21,11 +21,11 @@ BENT[4] = [2.5, 1.5]
 """Control points whose middle has left the square."""
 
 
-def verdict(patch: Patch) -> Outcome:
+def verdict(patch: Patch) -> Finding:
     return for_all_weights(Probe(patch))
 
 
-def jacobian(patch: Patch) -> Outcome:
+def jacobian(patch: Patch) -> Finding:
     return jacobian_sign(Probe(patch))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from gtb_cli.checks import check as room
 from gtb_cli.checks.properties import PROPERTIES
-from gtb_cli.checks.report import Outcome
+from gtb_cli.checks.report import Finding
 from gtb_cli.shell.versions import versions
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process
 
@@ -30,11 +30,11 @@ def failing(monkeypatch):
 
     def replaced(prop):
         if prop.name == "partition of unity":
-            return prop._replace(measure=lambda probe: Outcome("fails", 0.25, 1e-14, "largest difference"))
+            return prop._replace(measure=lambda probe: Finding("fails", 0.25, 1e-14, "largest difference"))
         if prop.name == "convex hull":
-            return prop._replace(measure=lambda probe: Outcome("fails", None, None, "could not be measured"))
+            return prop._replace(measure=lambda probe: Finding("fails", None, None, "could not be measured"))
         if prop.name == "corners":
-            return prop._replace(measure=lambda probe: Outcome("fails", float("inf"), 0.0, "not a number"))
+            return prop._replace(measure=lambda probe: Finding("fails", float("inf"), 0.0, "not a number"))
         return prop
 
     monkeypatch.setattr(room, "PROPERTIES", tuple(map(replaced, PROPERTIES)))
