@@ -19,33 +19,50 @@ AS_JSON = "gtb_cli.as_json"  # key in the context of `gtb`: whether --json is am
 # Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
 
-# Each command's name, the place from which it is imported when it is called, and its summary in one line
-COMMANDS = {
-    "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
-    "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
-    "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
-    "decompose": ("gtb_cli.commands.decompose:decompose", "Print the regular decomposition that a lifting induces."),
-    "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
-    "knot-limit": ("gtb_cli.commands.knot_limit:knot_limit", "Mesh a patch whose knots move to others, and the limit."),
-    "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
-    "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
-    "plot": ("gtb_cli.commands.plot:plot", "Draw a figure for print: PNG, SVG or PDF."),
-    "view": ("gtb_cli.commands.view:view", "Make a page to look at surfaces in a browser."),
-    "expand": ("gtb_cli.commands.expand:expand", "Print a spec with names, copies and included files carried out."),
-    "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
-    "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
-    "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
-    "isocurve": ("gtb_cli.commands.isocurve:isocurve", "Print the curve on which a parameter keeps its value."),
-    "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
-    "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where possible."),
-    "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
-    "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides and exact tangent planes."),
-    "fair": ("gtb_cli.commands.fair:fair", "Choose inner control points that make a surface fair."),
-    "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
-    "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
-    "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
-    "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
+# Groups of commands: the place from which each is imported when it is called, and its summary in one line
+GROUPS = {
+    "Make": {
+        "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
+        "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
+        "knot-limit": (
+            "gtb_cli.commands.knot_limit:knot_limit",
+            "Mesh a patch whose knots move to others, and the limit.",
+        ),
+        "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
+        "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
+        "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides and exact tangent planes."),
+        "fair": ("gtb_cli.commands.fair:fair", "Choose inner control points that make a surface fair."),
+    },
+    "Look and compare": {
+        "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
+        "view": ("gtb_cli.commands.view:view", "Make a page to look at surfaces in a browser."),
+        "plot": ("gtb_cli.commands.plot:plot", "Draw a figure for print: PNG, SVG or PDF."),
+        "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
+        "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
+    },
+    "Bring in and out": {
+        "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
+        "expand": ("gtb_cli.commands.expand:expand", "Print a spec with names, copies and included files carried out."),
+        "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
+        "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
+    },
+    "Mathematics": {
+        "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
+        "decompose": (
+            "gtb_cli.commands.decompose:decompose",
+            "Print the regular decomposition that a lifting induces.",
+        ),
+        "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
+        "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
+        "isocurve": ("gtb_cli.commands.isocurve:isocurve", "Print the curve on which a parameter keeps its value."),
+        "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where possible."),
+    },
+    "Help": {
+        "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
+        "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
+    },
 }
+COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
 
 
 class LazyGroup(click.Group):
@@ -79,9 +96,11 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+        """List the commands by groups, without importing them."""
+        width = max(map(len, COMMANDS))  # so that the summaries of all groups are in line
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(width), summary) for name, (_, summary) in commands.items()])
 
 
 def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias, TypeVar
 
 import click
 
@@ -38,7 +38,7 @@ from gtb_cli.shell.streams import (
 )
 from gtb_cli.shell.surfaces import surface_format, write_surfaces
 from gtb_cli.shell.workers import Workers, workers_option
-from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -50,7 +50,29 @@ Result = TypeVar("Result")
 Write: TypeAlias = Callable[[str, Iterable[bytes]], None]
 
 
-@click.command
+class GroupedOptions(click.Command):
+    """A command whose help lists its options in groups."""
+
+    GROUPS: ClassVar = {
+        "What is made": "parametrization radius thickness weld normals uv attributes",
+        "How fine": "resolution tolerance certify max_faces",
+        "What must hold": "require",
+        "Where it goes, and how it is written": "output format ascii up unit",
+        "For CI": "manifest resume prune deps",
+        "For many specs and machines": "jobs cluster",
+    }
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the options in their groups, and the others last."""
+        options = [param for param in self.get_params(ctx) if isinstance(param, click.Option)]
+        left = {option.name: record for option in options if (record := option.get_help_record(ctx))}
+        groups = {title: [left.pop(name) for name in names.split()] for title, names in self.GROUPS.items()}
+        for title, records in (groups | {"Others": list(left.values())}).items():
+            with formatter.section(title):
+                formatter.write_dl(records)
+
+
+@click.command(cls=GroupedOptions)
 @specs_argument
 @output_option
 @mesh_options(*CAD_FORMATS, *CELL_FORMATS)
@@ -127,7 +149,7 @@ def mesh(
     if prune and not (resume and folder is not None):
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
-    kind = options.format_for(place)
+    kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
     book = None if manifest is None else _manifest(manifest, options, kind, place, spec_format, resume)
 
     several = folder is not None  # then an error in one spec does not stop the others

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import NamedTuple, cast
 
 from gtb_cli.errors import SpecError
-from gtb_cli.language.document import MAX_BYTES
+from gtb_cli.language.document import MAX_BYTES, kind_of
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
 from gtb_cli.theory.model import Model
@@ -105,8 +105,11 @@ def _read(path: str, data: bytes, format: str | None) -> Found:
             continue
     if len(takers) == 1:
         return takers[0][1]
+    if not takers and (kind := kind_of(data)):
+        why = ": triangles cannot become patches" if kind.endswith("mesh") else ""
+        raise SpecError(f"{path}: is {kind}, and holds no patches{why}")
     reason = f"may be {' or '.join(name for name, _ in takers)}" if takers else "is in no format that is read"
-    raise SpecError(f"{path}: {reason}; --from says which of {', '.join(READERS)} it is")
+    raise SpecError(f"{path}: {reason}; name one of {', '.join(READERS)} as its format")
 
 
 def _with(format: str, data: bytes, path: str) -> Found:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.language.document import Faults, shown
+from gtb_cli.language.document import shown
 from gtb_cli.language.names import COUNTER
 from gtb_cli.language.reader import COPY_KEYS
 from gtb_cli.language.scanner import Path
@@ -20,9 +20,7 @@ from gtb_cli.language.values import (
     Check,
     Table,
     Values,
-    likely_word,
     name_fault,
-    suggestion,
 )
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -240,7 +238,7 @@ def carried_out(
             if link in made:
                 continue
             copy = copies[link]
-            found = _original(copy, named, source, made, values)
+            found = _original(copy, named, source, made)
             if found is not None and len(copy.names) * len(found.knots) > left:
                 fault = "makes more than 2000000 control points, together with the copies before"
                 values.faults.add(copy.path, fault)
@@ -256,19 +254,13 @@ def _original(
     named: Mapping[str, Patch | None],
     source: Mapping[str, tuple[int, int]],
     made: Mapping[int, list[Patch] | None],
-    values: Values,
 ) -> Patch | None:
-    max_suggested = 1000  # names searched for the one that was probably meant
-    if copy.original in named:
-        return named[copy.original]
-    if copy.original in source:
-        number, k = source[copy.original]
-        originals = made[number]
-        return None if originals is None else originals[k]
-    known = [*named, *source][:max_suggested]
-    likely = likely_word(copy.original, known) if values.faults.count < Faults.SHOWN else None
-    values.faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{suggestion(likely)}")
-    return None
+    """Return the patch that is copied, or None where it, or the copy of it, is wrong."""
+    if copy.original in named or copy.original not in source:
+        return named.get(copy.original)
+    number, k = source[copy.original]
+    originals = made[number]
+    return None if originals is None else originals[k]
 
 
 def _checked(copy: Copy, original: Patch, values: Values) -> list[Patch] | None:

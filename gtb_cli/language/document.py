@@ -24,8 +24,6 @@ _OTHER_FILES = {
     "an OBJ mesh": re.compile(rb"(?:[ \t\r\n]++|#[^\n]*+)*+(?:v[nt]? [-+.\d]|(?:mtllib|[og]) [^=\n]*\n)"),
 }
 
-_BARE_EXPRESSION = re.compile(r"[ \t]*(?:[-+*/(]|(?:sqrt|sin|cos|tan|exp|log|pi|e)\b)")
-
 
 @frozen
 class Document:
@@ -181,11 +179,15 @@ def _check_kind(data: bytes, source: str) -> None:
     """Refuse a file whose beginning shows that it is not a spec."""
     if data.startswith(LFS_POINTER):
         raise SpecError(f"{source}: {LFS_FAULT}")
-    kind = next((kind for kind, pattern in _OTHER_FILES.items() if pattern.match(data)), None)
-    if kind is None and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
-        kind = "an STL mesh"
-    if kind is not None:
+    if (kind := kind_of(data)) is not None:
         raise SpecError(f"{source}: is {kind}, and a spec is expected")
+
+
+def kind_of(data: bytes) -> str | None:
+    """Say which other kind of file begins so, such as a mesh; None if it is not known."""
+    if len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        return "an STL mesh"
+    return next((kind for kind, pattern in _OTHER_FILES.items() if pattern.match(data)), None)
 
 
 def _decode(data: bytes | str, source: str) -> str:
@@ -250,9 +252,12 @@ def _parse(text: str, source: str, format: Format, repeated: tuple[Repeated, ...
 
 
 def _malformed(text: str, source: str, language: str, line: int, column: int, reason: str) -> SpecError:
-    rest = text.split("\n")[line - 1][column - 1 :]
-    if _BARE_EXPRESSION.match(rest) and "property name" not in reason:
-        reason += " (an expression must stand in quotes)"
+    before, rest = (part := text.split("\n")[line - 1])[: column - 1], part[column - 1 :]
+    # A name, an expression, or a number with a unit in the place of a value; a second statement on a line is none.
+    is_value = "key" not in reason and "property name" not in reason
+    is_value &= not reason.startswith("Expected newline") or before[-1:].isdigit()
+    if is_value and re.match(r"[ \t]*(?:[-+*(A-Za-z_]|/(?![/*]))", rest):
+        reason += " (names and expressions go in quotes; numbers have no unit)"
     return SpecError(f"{source}:{line}:{column}: is not valid {language}, {reason[:1].lower()}{reason[1:]}")
 
 

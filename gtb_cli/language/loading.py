@@ -132,7 +132,7 @@ class _Files:
         self._second_row = second_row
         self._library = Library(source)
         self._budget = Budget()
-        self._faults: list[Faults | SpecError] = []
+        self._faults: list[tuple[Faults | SpecError, str]] = []  # and what stands after their messages
 
     def whole(self, text: bytes | str, format: Format | None) -> Patch | Model:
         """Read the spec, or raise an error that lists all faults."""
@@ -144,14 +144,15 @@ class _Files:
     def spec(
         self, text: bytes | str, source: str, format: Format | None, readers: tuple[str, ...]
     ) -> Patch | Model | None:
-        """Read the text of one file, which the last of `readers` includes."""
+        """Read the text of one file, the last of `readers`, each of which includes the next."""
+        note = f" (included by {readers[-2]})" if len(readers) > 1 else ""
         try:
             document = read(text, source, format)
         except SpecError as error:
-            self._faults.append(error)
+            self._faults.append((error, note))
             return None
         faults = Faults(document, source)
-        self._faults.append(faults)
+        self._faults.append((faults, note))
 
         def include(name: str) -> tuple[Patch, ...]:
             path, data = self._library.taken(name, readers)
@@ -164,10 +165,10 @@ class _Files:
     @property
     def count(self) -> int:
         """The number of faults of all files."""
-        return sum(faults.count if isinstance(faults, Faults) else 1 for faults in self._faults)
+        return sum(faults.count if isinstance(faults, Faults) else 1 for faults, _ in self._faults)
 
     def __str__(self) -> str:
-        lines = [line for faults in self._faults if (text := str(faults)) for line in text.split("\n")]
+        lines = [line + note for faults, note in self._faults if (text := str(faults)) for line in text.split("\n")]
         if len(self._faults) == 1 or len(lines) <= Faults.SHOWN:
             return "\n".join(lines)
         return "\n".join([*lines[: Faults.SHOWN], f"... and {max(self.count, len(lines)) - Faults.SHOWN} more"])

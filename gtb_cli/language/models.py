@@ -11,7 +11,7 @@ from gtb_cli.language.document import shown
 from gtb_cli.language.names import named_numbers
 from gtb_cli.language.reader import MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import POSITIVE, Table, Values
+from gtb_cli.language.values import POSITIVE, Table, Values, likely_word, suggestion
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -119,6 +119,8 @@ class ModelReader:
 
         patches: dict[int, list[Patch]] = {}
         copies: dict[int, Copy] = {}
+        asked: list[tuple[Path, str]] = []  # originals, those of wrong copies as well
+        wrong: list[str] = []  # with what the names of wrong copies begin
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
         twice: set[str] = set()
         count = len(included) + len(tables)
@@ -126,7 +128,11 @@ class ModelReader:
             path: Path = ("patches", i)
             if isinstance(table, dict) and "copy" in table:
                 copy = read_copy(table, path, self.values, MAX_PATCHES - count + 1)
-                if copy is not None:
+                if isinstance(table["copy"], str):
+                    asked.append((path, table["copy"]))
+                if copy is None:
+                    wrong += [str(table.get("name", table["copy"]))]
+                else:
                     copies[i] = copy
                     count += len(copy.names) - 1
                 continue
@@ -141,10 +147,24 @@ class ModelReader:
                 twice.add(name)
             named[name] = patch
         self._check_names(copies, named, twice)
+        self._check_originals(asked, [*named, *(name for copy in copies.values() for name in copy.names)], wrong)
         if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
             for i, made in carried_out(copies, named, self.values).items():
                 patches[i] = made or []
         return [patch for i in sorted(patches) for patch in patches[i]]
+
+    def _check_originals(self, asked: list[tuple[Path, str]], known: list[str], wrong: list[str]) -> None:
+        """Note copies of patches that are not there; a wrong copy may be there under a longer name."""
+        some = known[:1000]  # names searched for the one that was probably meant
+        there = set(known)
+        for path, original in asked:
+            if original in there or any(original.startswith(start) and original != start for start in wrong):
+                continue
+            others = [name for name in some if not name.startswith(f"{original}-")]  # which this copy would make
+            likely = likely_word(original, others) if self.faults.count < self.faults.SHOWN else None
+            there_are = ", ".join(map(shown, others[:10])) + ", ..." * (len(others) > 10)
+            hint = f", there are {there_are}" if others else ", and no other has a name"
+            self.faults.add((*path, "copy"), f"there is no patch {shown(original)}{suggestion(likely) or hint}")
 
     def _check_names(self, copies: dict[int, Copy], named: dict[str, Patch | None], twice: set[str]) -> None:
         """Note names of copies that are taken, and names of originals that several patches have."""

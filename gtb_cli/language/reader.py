@@ -193,4 +193,7 @@ def _check_size(knots: FloatArray) -> None:
 def _coefficients(domain: Domain, name: str) -> FloatArray:
     if name == "partition-of-unity" and len(domain.knots) > MAX_UNITY:
         raise DomainError(f"coefficients: {name} is for at most {MAX_UNITY} knots, got {len(domain.knots)}")
-    return COEFFICIENTS[name](domain)
+    try:
+        return COEFFICIENTS[name](domain)
+    except DomainError as error:
+        raise DomainError(f"{error}; without coefficients they are 1, or give a list") from None

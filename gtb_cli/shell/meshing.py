@@ -90,8 +90,10 @@ class MeshOptions:
             messages.append(f"{kind.upper()} cannot hold attributes, and none are written; PLY can")
         return messages
 
-    def format_for(self, output: str) -> str:
+    def format_for(self, output: str, more: Iterable[str] = ()) -> str:
         """Return the format of an output: that of -f, or of the suffix of a file; OBJ for a folder or a stream.
+
+        Messages also name the suffixes in `more`.
 
         Raises
         ------
@@ -103,7 +105,7 @@ class MeshOptions:
             kind = suffix_of(output)
             if kind not in FORMATS:
                 if output != STANDARD and not is_folder(output) and not is_device(output):
-                    known = ", ".join(f".{name}" for name in FORMATS)
+                    known = ", ".join(f".{name}" for name in (*FORMATS, *more))
                     name = output or repr(output)
                     raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")
                 kind = "obj"

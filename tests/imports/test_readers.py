@@ -194,7 +194,7 @@ def test_what_is_wrong_is_said(name: str, old: bytes, new: bytes, message: str) 
     ("path", "data", "message"),
     [
         ("x.bzr", b"", "x.bzr: is empty"),
-        ("<stdin>", b"hello", "<stdin>: is in no format that is read; --from says which of trp, bv"),
+        ("<stdin>", b"hello", "<stdin>: is in no format that is read; name one of trp, bv"),
         ("x.igs", b"hello", "x.igs: has no directory"),
         ("x.json", b"{", "x.json:1:2: is not valid JSON"),
         ("x.bpt", b"1 " * 6_000_000, "x.bpt: is too large, at most 10 MB are read"),

@@ -220,7 +220,9 @@ def test_errors_of_included_files_have_their_own_lines(tmp_path):
     lines = refusal(path)
     assert lines[0] == "main.toml:1: include[1]: none.toml: No such file or directory"
     assert lines[1].startswith("lid.toml:2: x: is not a key of a spec")
-    assert lines[2] == f"parts{os.sep}knob.toml:3: control_points: must be lists of 2 or 3 coordinates, got lists of 1"
+    assert lines[1].endswith(" (included by main.toml)")
+    what = "control_points: must be lists of 2 or 3 coordinates, got lists of 1"
+    assert lines[2] == f"parts{os.sep}knob.toml:3: {what} (included by lid.toml)"
 
 
 def test_names_of_included_patches_that_clash(tmp_path):
@@ -233,9 +235,10 @@ def test_names_of_included_patches_that_clash(tmp_path):
 
 def test_circles_and_repetitions_of_files_are_named(tmp_path):
     path = folder(tmp_path, main='include = ["a.toml"]\n', a='include = ["b.toml"]\n', b='include = ["a.toml"]\n')
-    assert refusal(path) == ["b.toml:1: include[0]: a.toml: includes itself: a.toml -> b.toml -> a.toml"]
+    (line,) = refusal(path)
+    assert line == "b.toml:1: include[0]: a.toml: includes itself: a.toml -> b.toml -> a.toml (included by a.toml)"
     folder(tmp_path, a='include = ["main.toml"]\n')
-    assert refusal(path)[0].endswith("main.toml: includes itself: main.toml -> a.toml -> main.toml")
+    assert refusal(path)[0].endswith("main.toml -> a.toml -> main.toml (included by main.toml)")
     folder(tmp_path, main='include = ["a.toml", "b.toml"]\n', a='include = ["b.toml"]\n', b=PATCH)
     assert "b.toml: is included already, by a.toml" in refusal(path)[0]
 
@@ -268,7 +271,8 @@ def test_standard_input_includes_nothing():
 def test_wide_and_deep_includes_are_bounded(tmp_path):
     chain = {f"f{i}": f'include = ["f{i + 1}.toml"]\n' for i in range(150)}
     path = folder(tmp_path, main='include = ["f0.toml"]\n', **chain)
-    assert refusal(path) == ["f99.toml:1: include[0]: f100.toml: at most 100 files can be included"]
+    what = "include[0]: f100.toml: at most 100 files can be included"
+    assert refusal(path) == [f"f99.toml:1: {what} (included by f98.toml)"]
 
 
 def test_large_includes_are_bounded_together(tmp_path):
