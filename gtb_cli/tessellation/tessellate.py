@@ -17,6 +17,7 @@ from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.tessellation.complex import Complex, joined_complex
+from gtb_cli.tessellation.recipe import refuse_faces
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model
@@ -93,10 +94,10 @@ def tessellate(
     flipped, even = joints.flipped if joints else (), 0 if tolerance else resolution
     sampler = Sampler(patches, parametrization, isinstance(shape, Model), flipped, resolution=even)
     if tolerance is None:
-        refuse_too_many(sum(cell_count(patch.domain, resolution) for patch in patches), max_faces)
+        refuse_faces(sum(cell_count(patch.domain, resolution) for patch in patches), resolution, max_faces)
         mosaic = joined_complex(patches, joints, resolution)
         # Patches that share two edges are cut around their centres, into more cells than others.
-        refuse_too_many(len(mosaic.cells), max_faces)
+        refuse_faces(len(mosaic.cells), resolution, max_faces)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
         moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
@@ -121,12 +122,6 @@ def tolerance_for(shape: Patch | Model, percent: str) -> float:
     if diagonal == 0:
         raise DomainError(f"tolerance: {percent} of the size of a single point is nothing")
     return share * diagonal
-
-
-def refuse_too_many(cells: int, max_faces: int) -> None:
-    """Raise `ToleranceError` if a mesh would have more than `max_faces` cells."""
-    if cells > max_faces:
-        raise ToleranceError(f"the mesh would have {cells} faces, more than {max_faces}: lower -n or raise --max-faces")
 
 
 def refined(

@@ -195,7 +195,8 @@ def test_groups_name_the_patches():
     [
         ({"resolution": 0}, "resolution: expected a whole number of at least 1, got 0"),
         ({"resolution": 2, "parametrization": "polar"}, "parametrization: expected toric or linear, got 'polar'"),
-        ({"resolution": 10**7}, "would have [18]00000000000000 faces, more than 5000000"),
+        ({"resolution": 10**7}, "makes [18]00000000000000 faces, more than 5000000"),
+        ({"resolution": 10**7, "max_faces": 10**18}, "makes [18]00000000000000 faces and needs about .* GB of memory"),
         ({"tolerance": 0.1, "parametrization": "toric"}, "parametrization: a tolerance chooses the parameters itself"),
         *(({"tolerance": wrong}, "tolerance: must be positive") for wrong in (0.0, -1.0, math.nan, math.inf)),
     ],
