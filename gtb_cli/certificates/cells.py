@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups
 from gtb_cli.certificates.curve import CurveCertificate
-from gtb_cli.certificates.surface import WAY_OUT, SurfaceCertificate
-from gtb_cli.errors import ToleranceError
+from gtb_cli.certificates.planar import PlanarCertificate
+from gtb_cli.certificates.surface import SurfaceCertificate
+from gtb_cli.theory.knot_limit import merge_knots
 from gtb_cli.theory.patch import Patch
-
-# Knots times parts of surfaces that are bounded: about a minute, as 1.2 to 3.6 µs were measured for each
-MAX_WORK = 30_000_000
 
 
 class Certificates:
@@ -22,12 +22,21 @@ class Certificates:
     Parameters
     ----------
     patches : sequence of Patch
+    seconds : float
+        Of the processor, that surfaces may take.
     """
 
-    def __init__(self, patches: Sequence[Patch]) -> None:
-        self.patches = patches
+    def __init__(self, patches: Sequence[Patch], seconds: float = math.inf) -> None:
+        self.patches, self.deadline = patches, time.process_time() + seconds
         self.curves: dict[int, CurveCertificate] = {}
         self.surfaces: dict[int, SurfaceCertificate] = {}
+        self.planes: dict[int, PlanarCertificate] = {}
+
+    def is_plane(self, index: int, tolerance: float) -> bool:
+        """Tell whether a surface is certified by its boundary alone: all of its triangles together, see `failing`."""
+        if index not in self.planes:
+            self.planes[index] = PlanarCertificate(self.patches[index])
+        return self.planes[index].serves(tolerance)
 
     def failing(self, patch: IntArray, u: FloatArray, corners: FloatArray, tolerance: float) -> BoolArray:
         """Tell which cells are not certain to be within the tolerance.
@@ -43,11 +52,10 @@ class Certificates:
 
         Raises
         ------
-        ToleranceError
+        Uncertified
             Triangles take too long to certify.
         """
         if u.shape[1] == 3:
-            self._refuse_too_many(patch, u, corners, tolerance)
             return self._failing_triangles(patch, u, corners, tolerance)
         fails = np.zeros(len(patch), dtype=bool)
         for index, own in groups(patch):
@@ -57,29 +65,21 @@ class Certificates:
             fails[own] = curve.failing(curve.torus_coordinates(u[own]), corners[own], tolerance)
         return fails
 
-    def _refuse_too_many(self, patch: IntArray, u: FloatArray, corners: FloatArray, tolerance: float) -> None:
-        """Raise `ToleranceError` if some of many triangles foretell that all take too long."""
-        few, worth, ratio = 64, 32, 1.5  # triangles that are tried; times as many that are worth it; beyond doubt
-        if len(patch) < worth * few:
-            return
-        some, before = slice(None, None, len(patch) // few), self._work
-        self._failing_triangles(patch[some], u[some], corners[some], tolerance)
-        needed = (self._work - before) / len(patch[some]) * len(patch)
-        if needed > ratio * MAX_WORK:
-            raise ToleranceError(
-                f"tolerance: {tolerance:g} takes too long to certify, {len(patch)} faces about "
-                f"{needed / MAX_WORK:.2g} times as long as is allowed: {WAY_OUT}"
-            )
-
     def _failing_triangles(self, patch: IntArray, u: FloatArray, corners: FloatArray, tolerance: float) -> BoolArray:
         fails = np.zeros(len(patch), dtype=bool)
         for index, own in groups(patch):
+            if self.is_plane(index, tolerance):
+                fails[own] = self.planes[index].failing(u[own], corners[own], tolerance)
+                continue
             if index not in self.surfaces:
-                self.surfaces[index] = SurfaceCertificate(self.patches[index])
+                self.surfaces[index] = SurfaceCertificate(without_copies(self.patches[index]), self.deadline)
             surface = self.surfaces[index]
-            fails[own] = surface.failing(u[own], corners[own], tolerance, MAX_WORK - self._work + surface.work)
+            fails[own] = surface.failing(u[own], corners[own], tolerance)
         return fails
 
-    @property
-    def _work(self) -> int:
-        return sum(surface.work for surface in self.surfaces.values())
+
+def without_copies(patch: Patch) -> Patch:
+    """Return the same surface with one knot in place of several at one place, which act as one (Thm 4.1)."""
+    _, first, number = np.unique(patch.knots, axis=0, return_index=True, return_inverse=True)
+    moves = {k: q for k, q in enumerate(first[number.ravel()].tolist()) if k != q}
+    return merge_knots(patch, moves) if moves else patch

@@ -238,9 +238,16 @@ class Coverings:
 
 def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
     """(3, p, m) barycentric coordinates of (p, 2) points in (m, 3, 2) triangles."""
-    ones = np.ones((*corners.shape[:2], 1))
-    solved = np.linalg.inv(np.concatenate([corners, ones], axis=2))  # (m, coordinate, corner)
-    return np.asarray(np.einsum("mdk,pd->kpm", solved[:, :2], points) + solved[:, 2].T[:, None])
+    (x, y), (px, py) = np.moveaxis(corners, 2, 0).swapaxes(1, 2), points.T[:, :, None]
+    found = []
+    with np.errstate(divide="ignore", invalid="ignore"):  # NaN in triangles that are lines
+        for k in range(3):
+            start, end = k - 2, k - 1
+            dx, dy = x[end] - x[start], y[end] - y[start]
+            found.append(
+                ((px - x[start]) * dy - (py - y[start]) * dx) / ((x[k] - x[start]) * dy - (y[k] - y[start]) * dx)
+            )
+    return np.stack(found)
 
 
 def _enlarged(corners: FloatArray, push: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ In the linear parametrisation Σ T_i a_i = u. So for the affine map l from a tri
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from itertools import permutations
 from typing import NamedTuple
@@ -19,7 +20,6 @@ from gtb_cli.errors import ToleranceError
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.patch import Patch
 
-WAY_OUT = "take a larger one, or leave out --certify"
 SPENT_SHARE = 0.02  # of the tolerance: what is known this well, yet not to hold, is too far
 MAX_CUTS = 4  # of a triangle of Δ in quarters, if it is too curved in torus coordinates; then it fails
 SLIVER_RATIO = 1e-6  # height of a triangle over its longest side, below which it counts as this side
@@ -29,6 +29,10 @@ QUARTER_CORNERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 # (4, 3, 3): barycentric coordinates of the corners of the quarters of a triangle
 QUARTERS = np.concatenate([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2])[QUARTER_CORNERS]
+
+
+class Uncertified(ToleranceError):
+    """Cells cannot be certified, or take too long to."""
 
 
 class Triangles(NamedTuple):
@@ -156,9 +160,15 @@ class SurfaceCertificate:
     within the tolerance of the surface, too: the points nearest to a piece with such a boundary cover the triangle.
     Errors are bounded across the plane; along it only beyond sides, as a point may slide inside the triangle. The
     bounds include rounding.
+
+    Parameters
+    ----------
+    patch : Patch
+    deadline : float
+        The processor's time, `time.process_time`, at which this gives up.
     """
 
-    def __init__(self, patch: Patch) -> None:
+    def __init__(self, patch: Patch, deadline: float = math.inf) -> None:
         self.coverings = Coverings(patch)
         domain = patch.domain
         self.points = patch.control_points - patch.control_points.mean(axis=0)
@@ -174,9 +184,9 @@ class SurfaceCertificate:
         self.ahead = np.where(at_corner, 0.0, ahead.sum(axis=2))
         alive = 6  # arrays as large as the bounds of T
         self.block = max(64, block_length(len(patch.knots)) // alive)
-        self.work, self.most_work = 0, math.inf
+        self.deadline = deadline
 
-    def failing(self, u: FloatArray, points: FloatArray, tolerance: float, most_work: float = math.inf) -> BoolArray:
+    def failing(self, u: FloatArray, points: FloatArray, tolerance: float) -> BoolArray:
         """Tell which triangles are not certified.
 
         Parameters
@@ -186,16 +196,14 @@ class SurfaceCertificate:
         points : (k, 3, 3) float
             Their corners in the mesh, nearly the points of the surface at u.
         tolerance : float
-        most_work : float
-            Knots times places and pieces, that `work` may grow to.
 
         Raises
         ------
-        ToleranceError
-            It would grow further.
+        Uncertified
+            The deadline has passed.
         """
         max_corner_cuts = 48  # of triangles at corners of Δ, which are cut until what is left is nearly a point
-        coverings, self.most_work = self.coverings, most_work
+        coverings = self.coverings
         whole = triangles(u - coverings.domain.center, points - self.middle)
         fails = np.zeros(len(u), dtype=bool)
         face, s = coverings.located(u.reshape(-1, 2))
@@ -208,7 +216,7 @@ class SurfaceCertificate:
                     some = rows[begin : begin + self.block]
                     some = some[~fails[todo.owner[some]]]
                     here = rows_of(todo, some)
-                    self._spend(len(some), tolerance)
+                    self._refuse_late()
                     found, pieces, which = coverings.covering(number - 1, here.u, here.face, here.s)
                     left.append(some[~found])
                     self._bound(number - 1, pieces, here.owner[which], whole, tolerance, fails)
@@ -220,14 +228,19 @@ class SurfaceCertificate:
             open_[rows] = ~self._near_corner(rows_of(todo, rows), rows_of(whole, todo.owner[rows]), tolerance)
             if not open_.any():
                 return fails
-            todo = rows_of(todo, open_).quartered(coverings, at_corner[open_])
+            todo, at_corner = rows_of(todo, open_), at_corner[open_]
+            quarters = []
+            for begin in range(0, len(todo.owner), self.block):
+                self._refuse_late()
+                part = slice(begin, begin + self.block)
+                quarters.append(rows_of(todo, part).quartered(coverings, at_corner[part]))
+            todo = joined(quarters)
         fails[todo.owner] = True
         return fails
 
-    def _spend(self, places: int, tolerance: float) -> None:
-        self.work += len(self.points) * places
-        if self.work > self.most_work:
-            raise ToleranceError(f"tolerance: {tolerance:g} takes too long to certify: {WAY_OUT}")
+    def _refuse_late(self) -> None:
+        if time.process_time() > self.deadline:
+            raise Uncertified("takes too long to certify")
 
     def _near_corner(self, here: Parts, whole: Triangles, tolerance: float) -> BoolArray:
         """Tell whether the error is within the tolerance because all T_i but those of the corner's knots are small.
@@ -272,7 +285,7 @@ class SurfaceCertificate:
                 rows = rows[~fails[owner[rows]]]
                 if not len(rows):
                     continue
-                self._spend(len(rows), tolerance)
+                self._refuse_late()
                 far, open_ = self._compared(number, rows_of(pieces, rows), rows_of(whole, owner[rows]), tolerance)
                 fails[owner[rows[far]]] = True
                 left.append(rows_of(pieces, rows[open_]))

@@ -309,7 +309,7 @@ def _encoded(task: Task) -> Encoded:
     """Make a mesh and the bytes of its file."""
     _, path, spec, options, kind, sums = task
     with about(shown_input(path)):
-        mesh, remarks = options.recipe.mesh(spec)
+        mesh, remarks = options.made(spec, kind)
         blocks = options.encoded(mesh, kind)
     warnings = [*remarks, *options.warnings(mesh, kind)]
     facts = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import IO
 
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.digits import BLOCK_ROWS, obj_blocks
+from gtb_cli.formats.content import single_half_steps
+from gtb_cli.formats.digits import BLOCK_ROWS, decimals, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
@@ -254,6 +255,17 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
     if mesh.groups and end != len(mesh.cells):
         raise ExportError(f"groups: they end at cell {end} of {len(mesh.cells)}")
     return groups
+
+
+def rounding_in(kind: str, hull: Sequence[FloatArray], ascii: bool = False) -> float:
+    """Bound how far a format moves vertices in the hull of (n, 3) points, as its numbers have fewer digits.
+
+    Text that is written on request has all digits.
+    """
+    points = np.concatenate(hull)
+    if FORMATS[kind].is_single(ascii):
+        return float(np.linalg.norm(single_half_steps(np.abs(points).max(axis=0))))
+    return 0.0 if FORMATS[kind].text == "on request" else 3**0.5 / 2 * 10.0 ** -decimals(points)
 
 
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:

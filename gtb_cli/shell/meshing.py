@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import ExportError
+from gtb_cli.errors import ExportError, ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.streams import is_device, is_folder, is_terminal, write_blocks
 from gtb_cli.tessellation.recipe import Recipe
@@ -74,6 +74,27 @@ class MeshOptions:
         if self.recipe.tolerance is None:
             return {}
         return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
+
+    def made(self, spec: Patch | Model, kind: str) -> tuple[Mesh, list[str]]:
+        """Make a mesh for a format, and remarks: what is certified, is so of the numbers in the file.
+
+        Raises
+        ------
+        ToleranceError
+            The numbers of the format move vertices farther than a tolerance that is to be certified.
+        """
+        tolerance, rounding = self.recipe.tolerance_for(spec), 0.0
+        if tolerance is not None and self.recipe.assurance(spec) == "certified":
+            from gtb_cli.formats.export import rounding_in
+
+            rounding = rounding_in(kind, [patch.control_points for patch in spec.patches], self.ascii)
+            if rounding >= tolerance:
+                way_out = "--ascii keeps" if FORMATS[kind].text == "on request" else "PLY with --ascii keeps"
+                raise ToleranceError(
+                    f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, whose numbers move vertices by "
+                    f"up to {rounding:.2g}: {way_out} all digits"
+                )
+        return self.recipe.mesh(spec, rounding)
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Return the bytes of a mesh in a format, block by block."""

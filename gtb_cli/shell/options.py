@@ -274,7 +274,8 @@ def mesh_options(*more: str) -> Callable[[Function], Function]:
         @click.option(
             "--certify",
             is_flag=True,
-            help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, or refuse. Slower.",
+            help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, for the numbers in "
+            "the file, or refuse within a minute. Slower.",
         )
         @parametrization_option
         @threads_option

@@ -6,7 +6,6 @@ The command line reads its options with this module, so whatever computes is imp
 from __future__ import annotations
 
 import math
-import os
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
@@ -91,8 +90,10 @@ class Recipe:
 
             requirements(words)
 
-    def mesh(self, spec: Patch | Model) -> tuple[Mesh, list[str]]:
+    def mesh(self, spec: Patch | Model, rounding: float = 0.0) -> tuple[Mesh, list[str]]:
         """Make the mesh of a patch or model, and say what is unusual about its shape.
+
+        Vertices may move by `rounding` afterwards, as in a file: a tolerance then holds for the moved ones.
 
         Raises
         ------
@@ -116,7 +117,7 @@ class Recipe:
         around = self._faces_around(tolerance)
         try:
             cells = self.max_faces // around
-            make = partial(tessellate, normals=normals, max_faces=cells, certify=self.certify)
+            make = partial(tessellate, normals=normals, max_faces=cells, certify=self.certify, rounding=rounding)
             mesh = make(spec, None if tolerance else self.resolution, tolerance, self.parametrization)
         except ToleranceError as error:
             if around == 1:
@@ -264,23 +265,9 @@ class Recipe:
         """
         if self.tolerance is not None:
             return
+        from gtb_cli.tessellation.budget import refuse_faces
+
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)
-
-
-def refuse_faces(faces: int, resolution: int, max_faces: int) -> None:
-    """Raise `ToleranceError` if a uniform mesh has more faces than are allowed, or than the machine's memory holds."""
-    estimate = f"-n {resolution} makes {faces} faces"
-    if faces > max_faces:
-        raise ToleranceError(
-            f"{estimate}, more than {max_faces}: take a smaller -n, or allow them with --max-faces {faces}"
-        )
-    bytes_per_face = 100  # measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
-    needed, there = faces * bytes_per_face, physical_memory()
-    if needed > there:
-        raise ToleranceError(
-            f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
-            "take a smaller -n"
-        )
 
 
 def _check_numbers(recipe: Recipe) -> None:
@@ -328,11 +315,3 @@ def _thin_wall(solid: Mesh, thickness: float) -> list[str]:
         f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
         "with more faces it is thicker"
     ]
-
-
-def physical_memory() -> float:
-    """Bytes of memory that the machine has, or infinity where the system does not say."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):
-        return math.inf

@@ -8,12 +8,14 @@ each that fails is split. Triangles are certified last, if that is asked for.
 
 from __future__ import annotations
 
+import math
 from functools import reduce
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, column_dot, cross_of_columns, dot, rows_of
 from gtb_cli.certificates.cells import Certificates
+from gtb_cli.certificates.surface import Uncertified
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import to_segments
@@ -35,6 +37,7 @@ def refine(
     max_cells: int,
     points_in_all: int = MIN_SAMPLES,
     certify: bool = False,
+    seconds: float = math.inf,
 ) -> tuple[Complex, FloatArray]:
     """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
 
@@ -52,6 +55,8 @@ def refine(
         If cells are few, they are sampled at about so many points together.
     certify : bool
         Whether every point of a surface must be within the tolerance, not only every sample.
+    seconds : float
+        Of the processor, that certificates of surfaces may take.
 
     Returns
     -------
@@ -63,6 +68,8 @@ def refine(
     ------
     ToleranceError
         More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
+    Uncertified
+        Surfaces are not certified in time, or not at all.
 
     Notes
     -----
@@ -70,7 +77,7 @@ def refine(
     at their centroids, and at and between knots; if the samples differ from a quadratic surface, on a lattice of
     `FINE_LATTICE_STEPS` steps.
     """
-    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify).finished()
+    mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify, seconds).finished()
     return mesh.result(), mesh.points
 
 
@@ -78,7 +85,14 @@ class _Refinement:
     """A subdivision, and what decides which of its edges are split."""
 
     def __init__(
-        self, start: Complex, sampler: Sampler, tolerance: float, max_cells: int, points_in_all: int, certify: bool
+        self,
+        start: Complex,
+        sampler: Sampler,
+        tolerance: float,
+        max_cells: int,
+        points_in_all: int,
+        certify: bool,
+        seconds: float,
     ) -> None:
         is_surface = start.cells.shape[1] == 3
         sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
@@ -88,15 +102,21 @@ class _Refinement:
         points = sampler.points(start.patch, start.parameters, start.face)
         refuse_rounding(tolerance, points)
         self.mesh = Subdivision(start, points, sampler.patches, thin_height)
-        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.evaluated)
+        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.evaluated, seconds)
         self.certify, self.rounds = certify or not is_surface, 0
         self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
-        self.flat = np.array([is_surface and not certify and is_flat(patch, tolerance) for patch in sampler.evaluated])
+        self.flat = np.array([is_surface and self.is_flat(index) for index in range(len(sampler.evaluated))])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby = 0.0  # part of Δ's size by which a sample may be off along the surface
         self.foreseen_at = 0  # cells when their final number was last foreseen
+
+    def is_flat(self, index: int) -> bool:
+        """Tell whether a point of a surface may slide out of its cell, as all cells together hold it."""
+        if self.certify:
+            return self.certificates.is_plane(index, self.asked)
+        return is_flat(self.sampler.evaluated[index], self.asked)
 
     def finished(self) -> Subdivision:
         """Split edges until all cells are within the tolerance."""
@@ -152,7 +172,8 @@ class _Refinement:
             why = "is not reached where parameters are too close to tell apart"
         if why:
             raise ToleranceError(
-                f"tolerance: {self.asked:g} {why}; with {now} the distance is still {edges.error.max():.3g}"
+                f"tolerance: {self.asked:g} {why}; with {now} samples are still up to {edges.error.max():.3g} "
+                "from their edges"
             )
 
     def mark_worst(self, marked: BoolArray, failing: IntArray) -> None:
@@ -196,10 +217,7 @@ class _Refinement:
         self.rounds += 1
         if mesh.is_surface and self.rounds > max_rounds and fails.any():
             place = ", ".join(f"{x:.4g}" for x in corners[fails][0].mean(axis=0))
-            raise ToleranceError(
-                f"tolerance: {self.asked:g} cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near "
-                f"({place})"
-            )
+            raise Uncertified(f"cannot be certified for {fails.sum()} of {len(mesh)} faces, the first near ({place})")
         mesh.cells.certified[todo] = ~fails
         self.mark_worst(marked, todo[fails])
         return marked

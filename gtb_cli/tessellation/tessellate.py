@@ -16,8 +16,8 @@ from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
+from gtb_cli.tessellation.budget import refuse_faces
 from gtb_cli.tessellation.complex import Complex, joined_complex
-from gtb_cli.tessellation.recipe import refuse_faces
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model
@@ -43,6 +43,7 @@ def tessellate(
     normals: bool = True,
     max_faces: int = MAX_FACES,
     certify: bool = False,
+    rounding: float = 0.0,
 ) -> Mesh:
     """Mesh a patch or a model, as ``gtb mesh`` does. `Recipe` has tubes, solids and attributes, too.
 
@@ -62,6 +63,8 @@ def tessellate(
         More faces than this are refused before they are made.
     certify : bool
         Whether the tolerance must be certain for a surface, too, as it is for a curve; else it is sampled.
+    rounding : float
+        How far vertices may move afterwards: the tolerance then holds for the moved ones.
 
     Returns
     -------
@@ -103,9 +106,10 @@ def tessellate(
         moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
         if moved > tolerance:
             raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
-        # Welding moves the vertices of a certified mesh, too.
-        certain = float(tolerance) - (moved if certify else 0.0)
-        mosaic, points = refined(patches, joints, sampler, certain, max_faces, certify)
+        if certify:  # welding, and the numbers of a file, move vertices of a certified mesh, too
+            mosaic, points = certified(patches, joints, sampler, float(tolerance), moved + rounding, max_faces)
+        else:
+            mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
     if joints is not None and any(joint.distance for joint in joints.shared):
         from gtb_cli.tessellation.welded import welded_points
 
@@ -131,6 +135,7 @@ def refined(
     tolerance: float,
     max_faces: int,
     certify: bool = False,
+    seconds: float = math.inf,
 ) -> tuple[Complex, FloatArray]:
     """Refine the coarsest complex that serves until it holds a tolerance; return it with the points of its vertices."""
     from gtb_cli.tessellation.refinement import refine
@@ -139,10 +144,44 @@ def refined(
         start = joined_complex(patches, joints, coarsest)
         if not start.is_simplicial and coarsest < FIRST_RESOLUTIONS[-1]:
             continue
-        mosaic, points = refine(start, sampler, tolerance, max_faces, certify=certify)
+        mosaic, points = refine(start, sampler, tolerance, max_faces, certify=certify, seconds=seconds)
         if mosaic.is_whole:
             break
     return mosaic, points
+
+
+def certified(
+    patches: Sequence[Patch],
+    joints: Joints | None,
+    sampler: Sampler,
+    tolerance: float,
+    moved: float,
+    max_faces: int,
+) -> tuple[Complex, FloatArray]:
+    """Refine until a tolerance is certain also after vertices are moved, or say which tolerance is.
+
+    Raises
+    ------
+    ToleranceError
+        It is not, or that cannot be shown in half a minute.
+    """
+    from gtb_cli.certificates.surface import Uncertified
+
+    first, then = 30.0, 7.0  # seconds of the processor: for the tolerance, and for each larger one
+    if moved >= tolerance:
+        raise ToleranceError(f"tolerance: {tolerance:g} is not more than {moved:.2g}, by which vertices are rounded")
+    try:
+        return refined(patches, joints, sampler, tolerance - moved, max_faces, True, first)
+    except Uncertified as error:
+        why = f"tolerance: {tolerance:g} {error}"
+    for factor in (3, 10, 30, 100):
+        larger = float(f"{factor * tolerance:.1g}")
+        try:
+            refined(patches, joints, sampler, larger - moved, max_faces, True, then)
+        except ToleranceError:
+            continue
+        raise ToleranceError(f"{why}: {larger:g} is certified, and without --certify it is sampled")
+    raise ToleranceError(f"{why}: nor is {larger:g} certified; without --certify it is sampled")
 
 
 def _mesh(

@@ -81,10 +81,10 @@ def test_another_file_is_overwritten(folder):
 def test_an_internal_error_of_one_spec_leaves_the_others(jobs, folder, monkeypatch):
     mesh = Recipe.mesh
 
-    def broken(self, spec):
+    def broken(self, spec, rounding):
         if spec.name == "bad":
             raise IndexError("row 3")
-        return mesh(self, spec)
+        return mesh(self, spec, rounding)
 
     monkeypatch.setattr(Recipe, "mesh", broken)
     Path("bad.toml").write_bytes(SPEC.replace(b'name = "pentagon"', b'name = "bad"'))
