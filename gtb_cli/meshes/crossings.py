@@ -43,88 +43,101 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
     crossing_depth = 1e-9
     found = [np.empty((0, 2), dtype=np.int64)]
     first, places = weld(vertices)
-    vertices, cells = vertices[first], places[cells]
+    cells = places[cells]
     proper = np.flatnonzero(are_proper(cells))
-    cells = cells[proper]
-    depth = crossing_depth * float(np.ptp(bounds_of(vertices), axis=0).max()) if len(cells) else 0.0
+    corners = vertices[first][cells[proper]]
+    if len(corners) < 2:
+        return found[0], True
+    depth = crossing_depth * float(np.ptp(bounds_of(corners.reshape(-1, 3)), axis=0).max())
+    normals = _normals(corners)
     compared = 0
-    is_complete = True
-    for pairs in _near_pairs(vertices, cells) if len(cells) > 1 else ():
+    for pairs in _near_pairs(corners):
         compared += len(pairs)
         if compared > MAX_COMPARED_PAIRS:
-            is_complete = False
             break
-        one, other = cells[pairs].transpose(1, 0, 2)
-        # Neighbours along an edge cross only if they lie upon each other: most pairs, told apart sooner.
-        common = (one[:, :, None] == other[:, None]).any(axis=2).sum(axis=1)
-        apart, beside = pairs[common < 2], pairs[common == 2]
-        found += [
-            apart[_cross(vertices[cells[apart[:, 0]]], vertices[cells[apart[:, 1]]], depth)],
-            beside[_folded(vertices, cells[beside], depth)],
-            pairs[common == 3],
-        ]
-    return proper[np.sort(np.concatenate(found), axis=1)], is_complete
+        found.append(pairs[_cross(corners, normals, pairs, depth)])
+    return proper[np.sort(np.concatenate(found), axis=1)], compared <= MAX_COMPARED_PAIRS
 
 
-def _near_pairs(vertices: FloatArray, cells: IntArray) -> Iterator[IntArray]:
-    """Blocks of (p, 2) pairs of cells whose boxes overlap."""
-    pair_batch = 1 << 20  # pairs of boxes held at a time, in about 100 MB
-    corners = vertices[cells]
-    low, high = corners.min(axis=1), corners.max(axis=1)
+def _normals(corners: FloatArray) -> FloatArray:
+    """(k, 3) unit normals of (k, 3, 3) triangles; 0 for those that are lines."""
+    a, b, c = corners.transpose(1, 0, 2)
+    normals = cross(b - a, c - a)
+    longest = np.maximum(dot(b - a, b - a), dot(c - a, c - a))
+    normals[np.sqrt(dot(normals, normals)) <= 64 * EPS * longest] = 0.0
+    return unit(normals)
+
+
+def _near_pairs(corners: FloatArray) -> Iterator[IntArray]:
+    """Blocks of (p, 2) pairs of triangles whose boxes overlap."""
+    pair_batch = 1 << 18  # pairs of boxes held at a time, in about 100 MB with those inside them
+    low, high = (bound(bound(corners[:, 0], corners[:, 1]), corners[:, 2]) for bound in (np.minimum, np.maximum))
     order = spatial_order((low + high) / 2)
-    levels = [(low[order], high[order])]
-    while len(levels[-1][0]) > 1:
+    levels = [(low[order].T.copy(), high[order].T.copy())]
+    while levels[-1][0].shape[1] > 1:
         levels.append(_parents(*levels[-1]))
-    stack = [(len(levels) - 1, np.zeros((1, 2), dtype=np.int64))]
+    stack = [(len(levels) - 1, np.zeros((2, 1), dtype=np.int64))]
     while stack:
         level, pairs = stack.pop()
         if level == 0:
-            yield order[pairs]
+            yield order[pairs.T]
             continue
-        if len(pairs) > pair_batch // 4:
-            half = len(pairs) // 2
-            stack += [(level, pairs[half:]), (level, pairs[:half])]
+        if pairs.shape[1] > pair_batch:
+            half = pairs.shape[1] // 2
+            stack += [(level, pairs[:, half:]), (level, pairs[:, :half])]
             continue
         low, high = levels[level - 1]
-        below = (2 * pairs[:, None] + [[0, 0], [0, 1], [1, 0], [1, 1]]).reshape(-1, 2)
-        below = below[(below[:, 0] <= below[:, 1]) & (below[:, 1] < len(low))]
-        if level == 1:
-            below = below[below[:, 0] != below[:, 1]]
-        a, b = below.T
-        stack.append((level - 1, below[((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)]))
+        a, b = (2 * pairs[:, None] + np.array([[[0], [0], [1], [1]], [[0], [1], [0], [1]]])).reshape(2, -1)
+        left = np.flatnonzero(((a < b) if level == 1 else (a <= b)) & (b < low.shape[1]))
+        a, b = a[left], b[left]
+        for least, most in zip(low, high, strict=True):
+            left = np.flatnonzero((least[a] <= most[b]) & (least[b] <= most[a]))
+            a, b = a[left], b[left]
+        stack.append((level - 1, np.stack([a, b])))
 
 
 def _parents(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Boxes around pairs of boxes; a single last box stays as it is."""
-    first = np.arange(0, len(low), 2)
-    return np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
+    """Boxes around pairs of (3, k) boxes; a single last box stays as it is."""
+    first = np.arange(0, low.shape[1], 2)
+    return np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)
 
 
-def _cross(one: FloatArray, other: FloatArray, depth: float) -> BoolArray:
-    """(p,) true where two (p, 3, 3) triangles, with at most one corner in common, pass through each other or overlap.
+def _cross(corners: FloatArray, normals: FloatArray, pairs: IntArray, depth: float) -> BoolArray:
+    """(p,) true where the two of each pair of triangles pass through each other, or overlap in one plane.
 
     Triangles that reach through each other's planes meet these in two segments of one line. They cross if the segments
-    have a length in common.
+    have a length in common. Triangles with an edge in common cannot reach so.
     """
-    (heights, plane), (back, back_plane) = _heights(one, other), _heights(other, one)
-    has_plane = plane.any(axis=1) & back_plane.any(axis=1)
-    reach = [(rows.max(axis=1) > depth) & (rows.min(axis=1) < -depth) for rows in (heights, back)]
-    result = np.zeros(len(one), dtype=bool)
-    near = np.flatnonzero(has_plane & reach[0] & reach[1])
-    segments = [_section(other[near], heights[near]), _section(one[near], back[near])]
+    result = np.zeros(len(pairs), dtype=bool)
+    rows, one, other = np.arange(len(pairs)), *pairs.T
+    heights, reaching, flat = _heights(corners, normals, one, other, depth)
+    left = reaching | flat
+    rows, one, other, heights, reaching, flat = (x[left] for x in (rows, one, other, heights, reaching, flat))
+    back, back_reaching, back_flat = _heights(corners, normals, other, one, depth)
+    near, flat = reaching & back_reaching, flat & back_flat
+    segments = [_section(corners[other[near]], heights[near]), _section(corners[one[near]], back[near])]
     along = np.stack([segment[:, 1] - segment[:, 0] for segment in segments])
-    squares = np.stack([dot(direction, direction) for direction in along])
-    longer = squares.argmax(axis=0)
-    direction = unit(along[longer, np.arange(len(near))])
+    longer = np.stack([dot(direction, direction) for direction in along]).argmax(axis=0)
+    direction = unit(along[longer, np.arange(len(longer))])
     origin = segments[0][:, :1]
     low, high = (
         np.stack([bound(np.einsum("pij,pj->pi", segment - origin, direction), axis=1) for segment in segments])
         for bound in (np.min, np.max)
     )
-    result[near] = high.min(axis=0) - low.max(axis=0) > depth
-    flat = has_plane & (np.abs(heights) <= depth).all(axis=1) & (np.abs(back) <= depth).all(axis=1)
-    result[flat] = _overlap(one[flat], other[flat], plane[flat], depth)
+    result[rows[near]] = high.min(axis=0) - low.max(axis=0) > depth
+    result[rows[flat]] = _overlap(corners[one[flat]], corners[other[flat]], normals[one[flat]], depth)
     return result
+
+
+def _heights(
+    corners: FloatArray, normals: FloatArray, one: IntArray, other: IntArray, depth: float
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """(p, 3) heights of triangles over the planes of others; where they reach through these, and where they lie in."""
+    base, normal = corners[one, 0], normals[one]
+    heights = np.stack([dot(corners[other, k] - base, normal) for k in range(3)])
+    low, high = (bound(bound(heights[0], heights[1]), heights[2]) for bound in (np.minimum, np.maximum))
+    has_plane = dot(normal, normal) > 0
+    return heights.T, (low < -depth) & (high > depth), (low >= -depth) & (high <= depth) & has_plane
 
 
 def _section(triangle: FloatArray, heights: FloatArray) -> FloatArray:
@@ -144,43 +157,18 @@ def _section(triangle: FloatArray, heights: FloatArray) -> FloatArray:
 
 def _overlap(one: FloatArray, other: FloatArray, normal: FloatArray, depth: float) -> BoolArray:
     """(p,) true where triangles in one plane have an area in common: no line along a side of one separates them."""
-    result = np.ones(len(one), dtype=bool)
-    for ours, theirs in ((one, other), (other, one)):
-        for i in range(3):
-            edge = ours[:, i] - ours[:, i - 1]
-            inwards = cross(normal, edge) / np.sqrt(dot(edge, edge))[:, None]
-            reach, others = (np.einsum("pij,pj->pi", x - ours[:, [i]], inwards) for x in (ours, theirs))
-            result &= np.minimum(reach.max(axis=1), others.max(axis=1)) > depth + np.maximum(
-                reach.min(axis=1), others.min(axis=1)
-            )
+    left = np.arange(len(one))
+    for k in range(6):
+        ours, theirs = (one[left], other[left]) if k < 3 else (other[left], one[left])
+        start = ours[:, k % 3]
+        edge = start - ours[:, k % 3 - 1]
+        inwards = cross(normal[left], edge) / np.sqrt(dot(edge, edge))[:, None]
+        inside, beside, *others = (dot(x - start, inwards) for x in (ours[:, k % 3 - 2], *theirs.swapaxes(0, 1)))
+        low, high = beside, beside
+        for x in others:
+            low, high = np.minimum(low, x), np.maximum(high, x)
+        reach = np.minimum(np.maximum(inside, 0), high) - np.maximum(np.minimum(inside, 0), low)
+        left = left[reach > depth]
+    result = np.zeros(len(one), dtype=bool)
+    result[left] = True
     return result
-
-
-def _folded(vertices: FloatArray, cells: IntArray, depth: float) -> BoolArray:
-    """(p,) true where the two triangles of (p, 2, 3) cells with an edge in common lie upon each other."""
-    one, other = cells.transpose(1, 0, 2)
-    in_other = (one[:, :, None] == other[:, None]).any(axis=2)
-    alone = in_other.argmin(axis=1)
-    rows = np.arange(len(one))
-    start, end, top = (vertices[one[rows, (alone + k) % 3]] for k in (1, 2, 0))
-    back = vertices[other[rows, (one[:, :, None] == other[:, None]).any(axis=1).argmin(axis=1)]]
-    edge = end - start
-    edge = edge / np.sqrt(dot(edge, edge))[:, None]
-    # Heights over the edge; a triangle that is a line lies upon nothing.
-    ours, theirs = ((x - start) - dot(x - start, edge)[:, None] * edge for x in (top, back))
-    high, low = np.sqrt(dot(ours, ours)), np.sqrt(dot(theirs, theirs))
-    turned = (dot(ours, theirs) > 0) & (np.minimum(high, low) > depth)
-    across = cross(ours, theirs)
-    flat_angle = 1e-6  # at which a triangle hardly wider than the depth is no longer flat
-    return turned & (np.sqrt(dot(across, across)) <= np.minimum(depth * np.maximum(high, low), flat_angle * high * low))
-
-
-def _heights(triangle: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(p, 3) heights of the other triangles' corners over (p,) planes, and unit normals of these; 0 without a plane."""
-    a, b, c = triangle.transpose(1, 0, 2)
-    normal = cross(b - a, c - a)
-    length = np.sqrt(dot(normal, normal))
-    longest = np.maximum(dot(b - a, b - a), dot(c - a, c - a))
-    normal = normal / np.where(length > 0, length, 1.0)[:, None]
-    normal[length <= 64 * EPS * longest] = 0.0
-    return np.einsum("pij,pj->pi", other - a[:, None], normal), normal
