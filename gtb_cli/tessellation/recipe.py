@@ -125,6 +125,7 @@ class Recipe:
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
         surface = mesh
         offset_folds: list[str] = []
+        thin: list[str] = []
         remarks = self._remarks_on_model(spec, mesh)
         if self.parametrization == "toric":
             from gtb_cli.tessellation.crowding import crowding
@@ -145,7 +146,7 @@ class Recipe:
         elif self.thickness is not None:
             mesh, found = self._solid(spec, mesh, self.thickness)
             offset_folds += found
-            remarks += _thin_wall(mesh, self.thickness)
+            thin = _thin_wall(mesh, self.thickness)
         if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
             from gtb_cli.meshes.solidity import crossing_remarks
 
@@ -154,7 +155,7 @@ class Recipe:
             from gtb_cli.assembly.requirements import require
 
             require(self.require, spec, mesh, surface, offset_folds)
-        return mesh, remarks + offset_folds
+        return mesh, remarks + offset_folds + thin
 
     def _remarks_on_model(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
         """Remarks on the seams of a model, and on a mesh so coarse that sides have more than two faces."""
