@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.checks.bounds import bounds
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import EdgeNormals, domain
 from gtb_cli.knots.lattice import lattice_of
@@ -39,6 +40,8 @@ class Description:
     edge_normals : {"unit", "primitive"} or None
         The normals that "auto" has chosen; None for a curve.
     bounding_box : (2, 3) float
+        Lowest and highest coordinates of the patch, see `gtb_cli.checks.bounds.bounds`.
+    control_box : (2, 3) float
         Lowest and highest coordinates of the control points, between which the patch lies.
     linear_precision_error : float
         ``max |Σ_i T_i(u) a_i − u|`` over a sampling of Δ in the toric parametrisation, in units of the knots.
@@ -51,6 +54,7 @@ class Description:
     edges: tuple[tuple[int, ...], ...]
     edge_normals: EdgeNormals | None
     bounding_box: FloatArray
+    control_box: FloatArray
     linear_precision_error: float
     repeated_knots: tuple[tuple[int, ...], ...]
 
@@ -74,21 +78,24 @@ def description(patch: Patch) -> Description:
         degree=degree,
         edges=tuple(tuple(shape.edge_knots(edge).tolist()) for edge in range(len(shape.vertices))),
         edge_normals=_edge_normals(patch),
-        bounding_box=bounds_of(patch.control_points),
+        bounding_box=bounds([patch]),
+        control_box=bounds_of(patch.control_points),
         linear_precision_error=_linear_precision_error(patch),
         repeated_knots=_repeated_knots(patch.knots),
     )
 
 
 def descriptions(patches: Iterable[Patch]) -> list[Description]:
-    """Describe patches; those with the same basis differ only in their bounding boxes."""
+    """Describe patches; those with one basis differ only in their boxes."""
     known: dict[tuple[RationalBasis, EdgeNormals], Description] = {}
     found = []
     for patch in patches:
         key = (patch.rational_basis, patch.edge_normals)
-        if key not in known:
-            known[key] = description(patch)
-        found.append(replace(known[key], bounding_box=bounds_of(patch.control_points)))
+        if key in known:
+            control_box = bounds_of(patch.control_points)
+            found.append(replace(known[key], bounding_box=bounds([patch]), control_box=control_box))
+        else:
+            found.append(known.setdefault(key, description(patch)))
     return found
 
 

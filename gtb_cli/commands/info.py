@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -30,8 +31,8 @@ def info(request: ReportRequest, console: Console) -> None:
     Say what specs describe.
 
     That is: the kind (a rational Bézier patch or curve, a toric patch with integer knots, or a GT patch with any
-    knots), knots and edges numbered from 0, the bounding box of the control points, and how far the parametrisation is
-    from linear. Several specs, or those in a folder, get a line each, unless --long or --json asks for everything. If
+    knots), knots and edges numbered from 0, the bounding box of the surface, and how far the parametrisation is from
+    linear. Several specs, or those in a folder, get a line each, unless --long or --json asks for everything. If
     a spec cannot be read, a message says so and the exit status is 2.
     """
     in_full = request.in_full
@@ -57,6 +58,10 @@ def _kind(found: dict[str, Any]) -> str:
 
 def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full: bool) -> dict[str, Any]:
     """Return everything that is reported about a spec; unless in full, only the joints that are listed."""
+    import numpy as np
+
+    from gtb_cli.arrays import bounds_of
+    from gtb_cli.checks.bounds import bounds
     from gtb_cli.checks.description import descriptions
     from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
@@ -64,14 +69,16 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
     with spec_of(spec, spec_format) as read:
         loaded = welded(read, weld)
     if isinstance(loaded, Model):
-        patches = [_report(*pair) for pair in zip(loaded.patches, descriptions(loaded.patches), strict=True)]
+        all_shown = in_full or len(loaded.patches) <= MAX_PATCHES_SHOWN
+        found = descriptions(loaded.patches) if all_shown else []
         return {
             "name": loaded.name,
             "kind": "model",
-            "dimension": patches[0]["dimension"],
-            "bounding_box": _union([patch["bounding_box"] for patch in patches]),
-            **_joints(loaded, in_full or len(patches) <= MAX_PATCHES_SHOWN),
-            "patches": patches,
+            "dimension": loaded.dimension,
+            "bounding_box": bounds(loaded.patches).tolist(),
+            "control_box": bounds_of(np.concatenate([patch.control_points for patch in loaded.patches])).tolist(),
+            **_joints(loaded, all_shown),
+            "patches": [*map(_report, loaded.patches, found)] or [{}] * len(loaded.patches),
         }
     return _report(loaded, *descriptions([loaded]))
 
@@ -127,13 +134,9 @@ def _report(patch: Patch, found: Description) -> dict[str, Any]:
         "edge_normals": found.edge_normals,
         "repeated_knots": [list(group) for group in found.repeated_knots],
         "bounding_box": found.bounding_box.tolist(),
+        "control_box": found.control_box.tolist(),
         "linear_precision_error": found.linear_precision_error,
     }
-
-
-def _union(boxes: list[list[list[float]]]) -> list[list[float]]:
-    lows, highs = zip(*boxes, strict=True)
-    return [[min(column) for column in zip(*lows, strict=True)], [max(column) for column in zip(*highs, strict=True)]]
 
 
 def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> str:
@@ -174,7 +177,8 @@ def _text(found: dict[str, Any], indent: str = "", *, in_full: bool = False) -> 
         if found["edge_normals"]:
             lines.append(("edge normals", found["edge_normals"]))
         lines.append(("linear precision", f"off by up to {error:.3g}"))
-    lines += [("lowest", _row(found["bounding_box"][0])), ("highest", _row(found["bounding_box"][1]))]
+    lines += zip(("lowest", "highest"), _corners(found["bounding_box"]), strict=True)
+    lines.append(("control points", "from {} to {}".format(*_corners(found["control_box"]))))
     text = "".join(f"{indent}{label:17} {value}\n" for label, value in lines)
     return text + "".join("\n" + _text(patch, indent + "  ") for patch in patches)
 
@@ -195,6 +199,12 @@ def _joint_text(joint: dict[str, Any]) -> str:
     text += f": {joint['angle']:.2g} degrees near ({place})"
     bend = joint["curvature_difference"]
     return text if bend is None else f"{text}, curvatures across differ by {bend:.3g}"
+
+
+def _corners(box: list[list[float]]) -> list[str]:
+    """Write the lowest and highest coordinates of a box to eight digits of its size."""
+    digits = 8 - math.ceil(math.log10(max(map(operator.sub, *reversed(box))) or 1.0))
+    return [_row([round(x, digits) + 0.0 for x in corner]) for corner in box]
 
 
 def _row(values: list[float]) -> str:

@@ -1,0 +1,66 @@
+"""Bounds of curves and surfaces, which lie inside those of their control points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of
+from gtb_cli.knots.triangulation import triangulation
+from gtb_cli.theory.patch import Patch
+
+
+def bounds(patches: Sequence[Patch]) -> FloatArray:
+    """(2, 3) lowest and highest coordinates of patches together.
+
+    Notes
+    -----
+    Found from samples, about the best of which smaller and smaller copies of Δ are sampled: exact to eight digits of
+    the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge.
+    """
+    corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
+    boxes = np.array([bounds_of(patch.control_points) for patch in patches])
+    found = bounds_of(corners)
+    rounding = 1e-12 * float(np.ptp(boxes.reshape(-1, 3), axis=0).max())
+
+    def excess() -> FloatArray:
+        return np.asarray(np.maximum(found[0] - boxes[:, 0], boxes[:, 1] - found[1]))
+
+    for number in np.argsort(-excess().max(axis=1), kind="stable").tolist():
+        if excess()[number].max() > rounding:  # else it lies within what others reach
+            beyond = np.ravel([found[0] - boxes[number, 0], boxes[number, 1] - found[1]]) > rounding
+            found = bounds_of(np.concatenate([found, _extremes(patches[number], np.flatnonzero(beyond))]))
+    return found
+
+
+def _extremes(patch: Patch, ways: IntArray) -> FloatArray:
+    """(k, 3) points of a patch that are farthest along k of six ways: down along the axes, then up."""
+    rounds, shrinkage = 20, 0.5  # copies of Δ shrink to 5e-7, and extrema are flat, or at the ends of an edge
+    starts, apart = 4, 0.1  # best samples for each way, and their distances as fractions of the size of Δ
+    signs = np.repeat(np.concatenate([-np.eye(3), np.eye(3)])[ways], starts, axis=0)
+    samples = triangulation(patch.domain, 48).parameters
+    points = _points(patch, samples, 1e-3)
+    heights = signs @ points.T
+    for k in range(len(signs) - 1):
+        if (k + 1) % starts:
+            near = np.abs(samples - samples[heights[k].argmax()]).max(axis=1) < apart * patch.domain.size
+            heights[k + 1, near | np.isneginf(heights[k])] = -np.inf
+    best = heights.argmax(axis=1)
+    at, extremes = samples[best], points[best]
+    samples = triangulation(patch.domain, 4).parameters
+    size = 0.5
+    for _ in range(rounds):
+        tried = at[:, None] + size * (samples - at[:, None])
+        points = _points(patch, tried.reshape(-1, patch.dimension), 1e-2 * size).reshape(*tried.shape[:2], 3)
+        heights = (points * signs[:, None]).sum(axis=2)
+        for k in np.flatnonzero(heights.max(axis=1) > (extremes * signs).sum(axis=1)).tolist():
+            j = int(heights[k].argmax())
+            at[k], extremes[k] = tried[k, j], points[k, j]
+        size *= shrinkage
+    return np.asarray(extremes)
+
+
+def _points(patch: Patch, u: FloatArray, within: float) -> FloatArray:
+    """(m, 3) points of the patch at (m, d) parameters to `within` of the size of Δ."""
+    return patch.points_at(patch.rational_basis.locations(u, "linear", None, within), len(u))
