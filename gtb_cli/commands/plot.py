@@ -230,6 +230,8 @@ def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitReq
 
     what = what or ("sequence" if limit.xs or limit.moves else default_picture(shape))
     sequence, cells = what in ("sequence", "distance"), what == "decomposition"
+    if look.indices and what != "basis":
+        raise click.UsageError("--index is for --what basis")
     for name in limit.given():
         if not (sequence or (cells and name == "--lifting")):
             cells_too = "decomposition, " if name == "--lifting" else ""
@@ -244,11 +246,11 @@ def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitReq
             look = replace(look, indices=(vary.knot,))
         return figure_of_variants(variants, names, what, look)
     if sequence:
-        far = what == "distance"
-        xs = [10 ** (k / 2) for k in range(9)] if far else [1.0, 10.0, 100.0]
-        steps = [1 - 10 ** (-k / 2) for k in range(7)] if far else [0.0, 0.4, 0.8]
-        fine = look.resolution or (128 if default_picture(shape) == "curve" else 24)  # segments of each edge of a cell
-        return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=far), what, look)
+        from gtb_cli.pictures.sequences import default_resolution, default_values
+
+        xs, steps = default_values(what)
+        fine = look.resolution or default_resolution(shape.dimension)
+        return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=what == "distance"), what, look)
     heights = None if limit.lifting is None else heights_of(single(shape), limit.lifting)
     return figure_of(shape, what, look, lifting=heights)
 

@@ -62,6 +62,8 @@ def axes_for(figure: Figure, thing: Patch | Model | Mesh, what: str, look: Look)
 
 def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lifting: ArrayLike | None = None) -> None:
     """Draw a spec on axes, as `figure_of` does, or a mesh; the basis of a surface needs a figure."""
+    if look.indices and what != "basis":
+        raise DomainError(f"indices: are of basis functions, and this is a picture of a {what}")
     if isinstance(thing, Mesh):
         if what != "mesh":
             raise DomainError(f"what: a mesh has one picture, and none is called {what!r}")
@@ -81,6 +83,10 @@ def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lif
             draw_space_curves(ax, thing.patches, look)
         else:
             draw_surface(ax, thing, look)
+    elif what not in ("domain", "basis", "decomposition"):
+        raise DomainError(
+            f"what: expected curve, surface, basis, domain, decomposition, sequence or distance, got {what!r}"
+        )
     elif isinstance(thing, Model):
         raise DomainError(f"is a model of {len(thing.patches)} patches, and --what {what} is for one")
     elif what == "domain":
@@ -89,8 +95,6 @@ def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lif
         if thing.dimension == 2:
             raise DomainError("a basis of a surface is several pictures, and needs a figure, not axes")
         draw_basis(ax, [thing], look)
-    elif what != "decomposition":
-        raise DomainError(f"what: expected curve, surface, basis, domain or decomposition, got {what!r}")
     else:
         from gtb_cli.knots.decomposition import regular_decomposition
         from gtb_cli.theory.degeneration import lifting_of

@@ -7,12 +7,13 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import ExportError
+from gtb_cli.errors import DomainError, ExportError
+from gtb_cli.vocabulary import COLOUR_MAPS
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -53,7 +54,7 @@ class Look:
         Width and height in inches.
     dpi : int
         Pixels per inch.
-    camera : Camera
+    camera : Camera, or a pair of its azimuth and elevation
     labels : bool or None
         Number points and edges; None: if there are not too many.
     net : bool or None
@@ -86,6 +87,21 @@ class Look:
     unnormalised: bool = False
     lifted: bool = False
     resolution: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.camera, Camera):
+            angles = np.asarray(self.camera) if np.shape(self.camera) == (2,) else np.empty(0)
+            if angles.dtype.kind not in "iuf" or not len(angles) or not np.isfinite(angles).all():
+                raise DomainError(f"camera: expected a Camera, or azimuth and elevation, got {self.camera!r}")
+            object.__setattr__(self, "camera", Camera(*angles.tolist()))
+        for name, least in (("resolution", 1), ("isolines", 0)):
+            value = getattr(self, name)
+            whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+            if value is not None and not (whole and value >= least):
+                raise DomainError(f"{name}: expected a whole number of at least {least}, got {value!r}")
+        for name, choice in (("curvature", get_args(Curvature)), ("colour_map", COLOUR_MAPS)):
+            if getattr(self, name) not in (None, *choice):
+                raise DomainError(f"{name}: expected one of {', '.join(choice)}, got {getattr(self, name)!r}")
 
     def numbers(self, count: int) -> bool:
         """Tell whether this many points are numbered: by default, up to 30 are."""

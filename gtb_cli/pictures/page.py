@@ -51,9 +51,9 @@ def page_with(data: dict[str, Any], title: str) -> str:
 
 def frame_of(content: Content) -> str:
     """Return HTML of a frame that shows something within another page, such as a notebook."""
-    # Frame of a page within another page
-    frame = '<iframe srcdoc="{page}" style="width:100%;height:420px;border:1px solid #8884;border-radius:6px"></iframe>'
-    return frame.format(page=html.escape(page_of(content), quote=True))
+    # A block as wide as its place, border included: no scroll bar appears around it.
+    style = "display:block;box-sizing:border-box;width:100%;height:420px;border:1px solid #8884;border-radius:6px"
+    return f'<iframe srcdoc="{html.escape(page_of(content), quote=True)}" style="{style}"></iframe>'
 
 
 def page_data(content: Content) -> dict[str, Any]:

@@ -7,24 +7,25 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, shifted
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
 from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
-from gtb_cli.pictures.nets import is_flat
+from gtb_cli.pictures.nets import is_flat, net_of
 from gtb_cli.pictures.planar import level
 from gtb_cli.pictures.scene import Surface, View, plain, scenes_of
 from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of, with_normals
+from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence
+from gtb_cli.theory.degeneration import lifting_of
+from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from gtb_cli.sequences.sequence import MeshSequence
-    from gtb_cli.theory.patch import Patch
 
 
 @frozen
@@ -154,6 +155,27 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
         np.concatenate([surface.normals, film.normals]),
         np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
     )
+
+
+def default_values(what: str) -> tuple[list[float], list[float]]:
+    """Return the x of a degeneration, and the steps of a knot limit, of a "sequence" or a "distance" picture."""
+    if what == "distance":
+        return [10 ** (k / 2) for k in range(9)], [1 - 10 ** (-k / 2) for k in range(7)]
+    return [1.0, 10.0, 100.0], [0.0, 0.4, 0.8]
+
+
+def default_resolution(dimension: int) -> int:
+    """Return the segments of each edge of a cell in pictures of sequences."""
+    return 128 if dimension == 1 else 24
+
+
+def frames_of_degeneration(
+    patch: Patch, xs: Sequence[float], lifting: ArrayLike | None, resolution: int, *, distances: bool
+) -> Frames:
+    """Return the meshes of a degeneration, by the patch's own lifting if none is given, with the net of its limit."""
+    heights = lifting_of(patch, lifting)
+    found = degeneration_sequence(patch, xs, heights, resolution, distances=distances)
+    return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 
 
 def figure_of_distances(frames: Frames, look: Look) -> Figure:

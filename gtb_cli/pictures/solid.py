@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -159,6 +160,7 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     symbol = "β" if look.unnormalised else "T"
     flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
     fine = look.resolution or (PATCH_SEGMENTS if len(indices) <= 4 else GRAPH_SEGMENTS)
+    fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices))))  # a pixel is enough for a segment
     mesh = tessellate(flat, fine, parametrization="toric", normals=False)
     assert mesh.parameters is not None
     rim = _rim(patch)

@@ -115,8 +115,8 @@ class LimitRequest:
             The options mix the two kinds of limits.
         """
         from gtb_cli.pictures.nets import net_of
-        from gtb_cli.pictures.sequences import frames_of
-        from gtb_cli.sequences.sequence import degeneration_sequence, knot_sequence
+        from gtb_cli.pictures.sequences import frames_of, frames_of_degeneration
+        from gtb_cli.sequences.sequence import knot_sequence
 
         patch = single(shape)
         if self.moves and (self.xs or self.lifting is not None):
@@ -130,8 +130,7 @@ class LimitRequest:
             found = knot_sequence(patch, self.moves, self.steps or steps, resolution, distances=distances)
             return frames_of(found, limit, net_of(limit))
         heights = heights_of(patch, self.lifting)
-        found = degeneration_sequence(patch, self.xs or xs, heights, resolution, distances=distances)
-        return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
+        return frames_of_degeneration(patch, self.xs or xs, heights, resolution, distances=distances)
 
 
 def refuse_limit(limit: LimitRequest, path: str) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.pictures.images import near
 from tests.shell import SPECS, command, environment, gtb
+from tests.specs import load
 from tests.tools.browser import BROWSERS, WINDOW, Browser
 
 pytestmark = pytest.mark.long
@@ -310,3 +311,14 @@ def within_a_second(browser: Browser, script: str) -> bool:
             return True
         time.sleep(0.05)
     return False
+
+
+def test_a_notebook_shows_a_frame_without_scroll_bars(browser, tmp_path):
+    page = tmp_path / "notebook.html"
+    frame = load(SPECS / "teapot.toml")._repr_html_()
+    page.write_text(f"<!doctype html><div id=output style='overflow: auto'>{frame}</div>", encoding="utf-8")
+    browser.open(page.as_uri())
+    sizes = "[o.scrollHeight - o.clientHeight, o.scrollWidth - o.clientWidth]"
+    assert browser.run(f"const o = document.getElementById('output'); return {sizes}") == [0, 0]
+    panel = "document.querySelector('iframe').contentDocument.getElementById('panel')"
+    assert browser.run(f"const o = {panel}; return {sizes}") == [0, 0]
