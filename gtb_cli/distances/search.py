@@ -37,12 +37,15 @@ class Candidates(NamedTuple):
         Upper bound of the distance from the other surface.
     nearest : (m,) int
         The nearest one of the other surface's points.
+    like : (m,) int
+        The one at the most similar place in its domain: the surfaces may be nearly the same one.
     """
 
     way: IntArray
     point: IntArray
     distance: FloatArray
     nearest: IntArray
+    like: IntArray
 
 
 class Peaks(NamedTuple):
@@ -105,19 +108,21 @@ class Search:
         rows = []
         for way, (one, other) in enumerate(zip(self.source.tolist(), self.target.tolist(), strict=True)):
             squares, nearest = _nearest(self.surfaces[one].points, self.surfaces[other].points)
+            _, like = _nearest(self.surfaces[one].relative, self.surfaces[other].relative)
             points = self.first[one] + np.arange(len(squares))
-            rows.append(Candidates(np.full(len(points), way), points, np.sqrt(squares), self.first[other] + nearest))
+            near, like = self.first[other] + nearest, self.first[other] + like
+            rows.append(Candidates(np.full(len(points), way), points, np.sqrt(squares), near, like))
         return joined(rows)
 
     def bounded(self, candidates: Candidates) -> Candidates:
-        """Lower the bounds of those that may be farthest, by the distances found from one start."""
+        """Lower the bounds of those that may be farthest, by the distances found from two starts."""
         bounds = candidates.distance.copy()
 
         def lower(rows: IntArray) -> None:
-            way, point, bound, nearest = rows_of(candidates, rows)
-            stratum, s = rows_of(self.places, nearest)
-            found, _ = projected(self.strata, self.points[point], stratum, s, self.accuracy, np.zeros(len(way)))
-            bounds[rows] = np.minimum(bound, found)
+            for start in (candidates.nearest, candidates.like):
+                points, (stratum, s) = self.points[candidates.point[rows]], rows_of(self.places, start[rows])
+                found, _ = projected(self.strata, points, stratum, s, self.accuracy, np.zeros(len(rows)))
+                bounds[rows] = np.minimum(bounds[rows], found)
 
         likely = _highest(candidates.way, bounds, 8)  # rule out most others
         lower(likely)
@@ -133,7 +138,7 @@ class Search:
         """
         number, few = 2, 4  # candidates of each way that are verified at first, then twice as many; and once more
         rounds = 1 + 1000 // len(self.strata.log_weights)  # so much patience with distances that are not yet certain
-        way, point, bounds, _ = candidates
+        way, point, bounds = candidates[:3]
         pair, effort = way % self.count, np.zeros(len(way), dtype=np.int64)
         while True:
             low = self.largest(pair, np.where(effort > 0, bounds, 0.0))
@@ -166,7 +171,7 @@ class Search:
         low = np.tile(heights.reshape(-1, self.count, len(self.points)).max(axis=(0, 2)), len(heights) // self.count)
         high = heights[candidates.way[:, None], self.neighbours[candidates.point]].max(axis=1, initial=0.0)
         chosen = candidates.distance >= np.maximum(high, CLOSE_SHARE * low[candidates.way])
-        way, point, distance, _ = rows_of(candidates, chosen)
+        way, point, distance = rows_of(candidates, chosen)[:3]
         order = np.lexsort((-distance, way))
         way, point, distance = way[order], point[order], distance[order]
         again = (np.diff(way, prepend=-1) == 0) & (-np.diff(distance, prepend=np.inf) <= same_height * low[way])

@@ -29,7 +29,7 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     The distance is found by a search that starts from points all over both, so it is not proved. It is too large if a
     nearest point was missed, and too small if the farthest one is on a peak between starting points.
     """
-    rounding = 1e-12  # distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart
+    rounding = 1e-11  # distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart
     surfaces = [whole_surface(shape) for shape in (a, b)]
     found, at = farthest(surfaces, [(0, 1), (1, 0)], 2)
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]

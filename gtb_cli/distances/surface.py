@@ -7,11 +7,12 @@ on the face, s in all of R², R¹ or R⁰.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, groups
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.tessellation.complex import Complex
@@ -116,6 +117,8 @@ class Surface:
         Of (v,) points.
     points : (v, 3) float
         These points.
+    relative : (v, 3) float
+        Where in the domains they are, in units of all domains' extent, and a hundredth of the number of their patch.
     region : (v,) int
         Parts of the domain, by number, for points inside it; -1 on edges and at corners.
     cells : (k, c) int
@@ -125,6 +128,7 @@ class Surface:
     strata: Strata
     places: Places
     points: FloatArray
+    relative: FloatArray
     region: IntArray
     cells: IntArray
 
@@ -132,7 +136,7 @@ class Surface:
         """The surface about another origin, in units of 2^`exponent`."""
         b = np.ldexp(self.strata.control_points - origin[:, None, None], -exponent)
         strata = Strata(self.strata.knots, self.strata.log_weights, b)
-        return Surface(strata, self.places, np.ldexp(self.points - origin, -exponent), self.region, self.cells)
+        return replace(self, strata=strata, points=np.ldexp(self.points - origin, -exponent))
 
 
 def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
@@ -144,7 +148,7 @@ def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     face[: len(mosaic.face)] = mosaic.face
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
-    return _surface(strata, places, _regions(patches, patch, parameters, face), mosaic)
+    return _surface(strata, places, _relative(parameters, patch), _regions(patches, patch, parameters, face), mosaic)
 
 
 def surfaces_of(patches: Sequence[Patch], mosaic: Complex) -> list[Surface]:
@@ -156,19 +160,28 @@ def surfaces_of(patches: Sequence[Patch], mosaic: Complex) -> list[Surface]:
     face = np.full(len(parameters), INTERIOR)
     face[: len(mosaic.face)] = mosaic.face
     region = _regions(patches, np.zeros(len(face), dtype=np.int64), parameters, face)
+    relative = _relative(parameters, np.zeros(len(face), dtype=np.int64))
     number = np.repeat(np.arange(len(patches)), len(face))
     strata, places = _located(patches, number, np.tile(parameters, (len(patches), 1)), np.tile(face, len(patches)))
     result = []
     for rows in np.split(np.arange(len(number)), len(patches)):
         used, stratum = np.unique(places.stratum[rows], return_inverse=True)
-        result.append(_surface(strata.chosen(used), Places(stratum, places.s[rows]), region, mosaic))
+        result.append(_surface(strata.chosen(used), Places(stratum, places.s[rows]), relative, region, mosaic))
     return result
 
 
-def _surface(strata: Strata, places: Places, region: IntArray, mosaic: Complex) -> Surface:
+def _surface(strata: Strata, places: Places, relative: FloatArray, region: IntArray, mosaic: Complex) -> Surface:
     middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
     points = strata.chosen(places.stratum).points(places.s.T).T
-    return Surface(strata, places, points, region, np.column_stack([mosaic.cells, middles]))
+    return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
+
+
+def _relative(parameters: FloatArray, patch: IntArray) -> FloatArray:
+    low, high = bounds_of(parameters)
+    relative = np.zeros((len(parameters), 3))
+    relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
+    relative[:, 2] = 0.01 * patch
+    return relative
 
 
 def _inner_knots(patch: Patch) -> FloatArray:

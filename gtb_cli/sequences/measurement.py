@@ -63,8 +63,8 @@ class Measurement:
         self.family, self.accuracy = family, accuracy
         self.starts: dict[float, tuple[Complex, str]] = {}
 
-    def distances(self, members: range) -> Iterator[tuple[float, float, str]]:
-        """Distances of members from the limit, and from the limit with its film, and what is doubtful about them."""
+    def distances(self, members: range) -> Iterator[tuple[float, float, float | None, str]]:
+        """Distances of members from the limit, and from the limit with its film; their error; and what is doubtful."""
         if self.family.has_film:
             yield from map(self.between_meshes, members)
             return
@@ -74,7 +74,9 @@ class Measurement:
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
         found = farthest(surfaces, ways, len(near), self.accuracy.relative)[0].tolist() if near else []
         known = dict(zip(near, found, strict=True))
-        yield from ((known.get(member, 0.0), known.get(member, 0.0), "") for member in members)
+        for member in members:
+            distance = known.get(member, 0.0)
+            yield distance, distance, self.accuracy.relative * distance, ""
 
     @cached_property
     def rough(self) -> Complex:
@@ -95,8 +97,11 @@ class Measurement:
             return surfaces_of(members, self.family.over_whole(self.rough))
         return [surface_of([member], layered(self.rough, [member])) for member in members]
 
-    def between_meshes(self, member: int) -> tuple[float, float, str]:
-        """Distances of one member from a limit with a film, without it and with it, and what is doubtful about them."""
+    def between_meshes(self, member: int) -> tuple[float, float, float | None, str]:
+        """Distances of one member from a limit with a film, without it and with it; their error; and what is doubtful.
+
+        Each of the two meshes is within the chord error of its surface, unless that took too many faces.
+        """
         film_error = 0.25  # as a fraction of the chord error: cells of surface and film do not match
         limit, sampler, film = self.family.limit, self.family.samplers[member], self.family.film
         assert film is not None
@@ -104,9 +109,11 @@ class Measurement:
         mosaic, other_doubt = self.refined(mosaic, sampler)
         ends = self.sampled(mosaic, limit)
         surface = ends if sampler is limit else self.sampled(mosaic, sampler)
-        plain = 0.0 if sampler is limit else mesh_distance(surface, ends).distance
-        filmed = mesh_distance(surface, _union(ends, film), film_error * self.tolerance).distance
-        return plain, filmed, doubt or other_doubt
+        found = mesh_distance(surface, _union(ends, film), film_error * self.tolerance)
+        plain = found if sampler is limit else mesh_distance(surface, ends)
+        error = 2 * self.tolerance + max(found.error, plain.error)
+        doubt = doubt or other_doubt
+        return 0.0 if sampler is limit else plain.distance, found.distance, None if doubt else error, doubt
 
     @cached_property
     def tolerance(self) -> float:

@@ -46,6 +46,8 @@ class Member:
     film_distance : float or None
         The same from the limit with its film, where it has one. That of the last mesh, which is the limit without
         it, tells how far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
+    distance_error : float or None
+        Largest error of both distances, as far as samples tell; None where they are not measured, or doubtful.
     doubt : str
         Why the distances could not be measured as finely as they should be, or nothing.
     """
@@ -54,6 +56,7 @@ class Member:
     mesh: Mesh
     distance: float | None
     film_distance: float | None
+    distance_error: float | None
     doubt: str
 
 
@@ -98,10 +101,12 @@ class MeshSequence:
     def _measured(self, meshes: list[Mesh], members: range, measurement: Measurement | None) -> Iterator[Member]:
         """Yield members with their distances."""
         if measurement is None:
-            yield from (Member(self.values[k], mesh, None, None, "") for k, mesh in zip(members, meshes, strict=True))
+            yield from (
+                Member(self.values[k], mesh, None, None, None, "") for k, mesh in zip(members, meshes, strict=True)
+            )
             return
-        for k, mesh, (plain, filmed, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
-            yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, doubt)
+        for k, mesh, (plain, filmed, error, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
+            yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
         normals, cells, are_exact = None, self._mosaic.cells, False
@@ -148,6 +153,7 @@ class MeshSequence:
             "vertices": len(member.mesh.vertices),
             "faces": len(member.mesh.cells),
             "distance_to_limit": member.distance,
+            "distance_error": member.distance_error,
         }
         if self._family.has_film:
             entry["distance_to_limit_with_film"] = member.film_distance

@@ -232,7 +232,8 @@ def test_where_the_limit_is_uniform_nothing_is_said(tmp_path):
     result = gtb("knot-limit", PLAIN, *merges, "--emit-spec", "--steps", "0.5", "-o", tmp_path)
     assert "warning" not in result.err
     record = json.loads((tmp_path / "sequence.json").read_text())
-    assert list(record["meshes"][0]) == ["file", "step", "vertices", "faces", "distance_to_limit"]
+    keys = ["file", "step", "vertices", "faces", "distance_to_limit", "distance_error"]
+    assert list(record["meshes"][0]) == keys
     merged = parse(result.out)
     assert merged.weights.tolist() == [1, 36, 5]
     np.testing.assert_allclose(merged.control_points[1], [66.2 / 36, 62 / 36, 0])
