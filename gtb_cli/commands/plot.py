@@ -230,8 +230,9 @@ def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitReq
 
     what = what or ("sequence" if limit.xs or limit.moves else default_picture(shape))
     sequence, cells = what in ("sequence", "distance"), what == "decomposition"
-    if look.indices and what != "basis":
-        raise click.UsageError("--index is for --what basis")
+    for name, given in (("--index", look.indices), ("--unnormalised", look.unnormalised)):
+        if given and what != "basis":
+            raise click.UsageError(f"{name} is for --what basis, and this is {what}")
     for name in limit.given():
         if not (sequence or (cells and name == "--lifting")):
             cells_too = "decomposition, " if name == "--lifting" else ""

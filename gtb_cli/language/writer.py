@@ -12,7 +12,7 @@ import numpy as np
 from gtb_cli.errors import SpecError
 from gtb_cli.files import replace_file
 from gtb_cli.language.loading import parse
-from gtb_cli.language.values import name_fault
+from gtb_cli.language.values import MAX_SIZE, name_fault
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CAD_SUFFIXES, CELL_FORMATS, FORMATS, suffix_of
@@ -98,11 +98,20 @@ def dump(spec: Patch | Model) -> str:
     Raises
     ------
     SpecError
-        A spec cannot hold the patch: its name has control characters.
+        A spec cannot hold the patch: its name has control characters, or numbers are beyond those that are read.
     """
+    for patch in (spec,) if isinstance(spec, Patch) else spec.patches:
+        _check_size(patch)
     if isinstance(spec, Patch):
         return _toml(to_dict(_by_number(spec)))
     return _toml(to_dict(spec.replace(patches=tuple(map(_by_number, spec.patches)))))
+
+
+def _check_size(patch: Patch) -> None:
+    """Refuse numbers that no reader of specs takes."""
+    for key, values in (("knots", patch.knots), ("control_points", patch.control_points)):
+        if not (np.abs(values) <= MAX_SIZE).all():
+            raise SpecError(f"{key}: the result has numbers beyond {MAX_SIZE:g} in size, which no spec may have")
 
 
 def _by_number(patch: Patch) -> Patch:

@@ -12,6 +12,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.shell.console import Console
+from gtb_cli.shell.streams import is_device
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
@@ -31,6 +32,7 @@ class Watch:
 
     def __init__(self, paths: Sequence[str], see: Callable[[], Content]) -> None:
         self._paths, self._see, self._lock = paths, see, Lock()
+        self._files: Sequence[str] = paths
         self._stamp: object = None
         self.version = 0
         self.error = ""
@@ -41,14 +43,19 @@ class Watch:
     def look(self) -> None:
         """Read the files again if they have changed."""
         with self._lock:
-            stamp = [_stamp(path) for path in self._paths]
-            if stamp == self._stamp:
+            if self._stamp == [_stamp(path) for path in self._files]:
                 return
-            self._stamp = stamp
+            from gtb_cli.language.includes import sources
             from gtb_cli.pictures.page import page_data
 
+            inner = (sources(path) if os.path.isfile(path) else [path] for path in self._paths)
+            self._files = [file for files in inner for file in files]  # included files, too
+            self._stamp = [_stamp(path) for path in self._files]
             self.version += 1
             try:
+                for path in self._paths:
+                    if is_device(path):  # reading a pipe would wait for its writer
+                        raise GtbError(f"{path}: is not a file")
                 self.data, self.error = page_data(self._see()), ""
                 self.changed = self.version
             except GtbError as error:

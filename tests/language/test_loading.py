@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import re
@@ -333,3 +334,17 @@ edge_scale = [1, 2, 1, 2]
     )
     assert patch.coefficients.shape == (4,)
     assert len(built) == 1
+
+
+@pytest.mark.parametrize("reach", [np.nextafter(MAX_SIZE, np.inf), np.inf, np.nan])
+def test_what_no_spec_may_have_is_not_written(reach: float) -> None:
+    """`gtb fill --fullness 1e101` printed what every other command refused."""
+    kept = Patch([0, 1], [[0, 0], [MAX_SIZE, 0]])
+    assert parse(dump(kept)) == kept
+    points = kept.control_points.copy()
+    points[1, 2] = reach
+    beyond = copy.copy(kept)
+    object.__setattr__(beyond, "control_points", points)  # whether a patch may have them is not asked here
+    for spec in (beyond, Model((kept, beyond))):
+        with pytest.raises(SpecError, match=r"control_points: the result has numbers beyond 1e\+100 in size"):
+            dump(spec)

@@ -1,6 +1,7 @@
 """`gtb view --watch`: a page that follows a file."""
 
 import json
+import os
 import threading
 import urllib.error
 import urllib.request
@@ -51,6 +52,29 @@ def test_an_error_has_its_line_and_the_last_good_mesh_stays(spec):
     spec.write_text(GOOD.format(3), encoding="utf-8")
     assert watch.state(3)["error"] == ""
     assert "data" in watch.state(0)
+
+
+def test_included_files_are_followed_and_those_that_they_include(spec, tmp_path):
+    """One that is not there yet, too."""
+    whole = tmp_path / "whole.toml"
+    whole.write_text('include = ["inner.toml"]\n')
+    seen = watch_of(whole)
+    assert "inner.toml: No such file" in seen.error
+    (tmp_path / "inner.toml").write_text(f'include = ["{spec.name}"]\n')
+    assert (seen.state(0)["error"], seen.version) == ("", 2)
+    assert (seen.state(2), seen.version) == ({"version": 2, "error": ""}, 2)
+    spec.write_text(spec.read_text() + "\n# more\n")
+    assert "data" in seen.state(2)
+
+
+def test_a_pipe_in_the_place_of_a_spec_is_not_waited_for(spec):
+    seen = watch_of(spec)
+    spec.unlink()
+    os.mkfifo(spec)
+    assert seen.state(0)["error"] == f"{spec}: is not a file"
+    spec.unlink()
+    spec.write_text(GOOD.format(1), encoding="utf-8")
+    assert seen.state(0)["error"] == ""
 
 
 def test_a_file_that_is_wrong_at_first_is_followed(spec):
