@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import click
@@ -36,8 +37,8 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
 
     Print the spec of the same patch with inner control points that make it fair.
 
-    Knots and weights stay. The energy is measured in the linear parametrization. Each patch of a model is made fair
-    separately.
+    Knots and weights stay. The energy is an integral in the linear parametrization over the domain without its
+    outermost thousandth, where bending may be infinite. Each patch of a model is made fair separately.
     """
     from gtb_cli.fairing.fair import fair as made_fair
     from gtb_cli.language.writer import dump
@@ -54,4 +55,6 @@ def fair(spec: str, energy: Energy, keep: Keep, output: str, spec_format: str | 
             console.warn(f"{name}no control point is free: all stay")
         if part.folds:
             console.warn(f"{name}the patch folds at {part.folds} of some thousand places")
-        console.note(f"{name}{part.free} free control points, energy {part.before:.6g} before, {part.after:.6g} now")
+        digits = 6 if part.error <= 1e-6 else max(1, int(-math.log10(part.error)))
+        before, after = (f"{value:.{digits}g}" for value in (part.before, part.after))
+        console.note(f"{name}{part.free} free control points, energy {before} before, {after} now")

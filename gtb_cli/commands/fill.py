@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
 from typing import TYPE_CHECKING
 
 import click
 
+from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.options import INPUT, WholeNumber, length_of, text_options
 from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write_text
 
 if TYPE_CHECKING:
     from gtb_cli.design.fill import Filling
-    from gtb_cli.design.sides import HoleSide
     from gtb_cli.language.scanner import Format
 
 
@@ -60,27 +59,23 @@ def fill(
     is to touch tangent planes along it (the second row of control points, as many as in the first). It may also be a
     .gbp or .lop file, or a model of surfaces, which is printed with the patch that fills its open ring.
 
-    Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed.
+    Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed. A patch
+    that folds or is turned over is not written, and the exit status is 1.
     """
-    from gtb_cli.design.fill import fill_loop
-    from gtb_cli.design.holes import fill_hole
-    from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
-    from gtb_cli.language.document import MAX_BYTES, spec_format_of
+    from gtb_cli.design.fill import Options
+    from gtb_cli.design.filling import filled
+    from gtb_cli.design.loops import read_loop
+    from gtb_cli.language.document import MAX_BYTES
     from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
     source = shown_input(loop)
-    if spec_format is None and os.path.splitext(loop)[1].lower() in SUFFIXES:
-        found: list[HoleSide] | Model = loop_from_text(read_bytes(loop, MAX_LOOP_BYTES + 1), source)
-    else:
-        found = loop_or_model(read_bytes(loop, MAX_BYTES + 1), source, spec_format or spec_format_of(loop))
+    found = read_loop(read_bytes(loop, MAX_BYTES + 1), source, spec_format)
     with about(source):
-        if isinstance(found, Model):
-            filling = fill_hole(found, hole, inner=inner, fullness=fullness or 1.0, raises=raises)
-        elif hole is not None:
-            raise click.UsageError("--hole names an edge of a model of surfaces, and this is a loop of curves")
-        else:
-            filling = fill_loop(found, inner=inner, fullness=fullness or 1.0, raises=raises, name=stem_of(loop))
+        name = None if isinstance(found, Model) else stem_of(loop)
+        filling = filled(found, hole, Options(inner, fullness or 1.0, raises), name)
+        if filling.fault:
+            raise RequirementError(f"{filling.fault}; it is not written")
     write_text(output, dump(filling.model or filling.patch))
     _report(filling, console)
 
@@ -99,10 +94,6 @@ def _report(filling: Filling, console: Console) -> None:
         console.warn(
             f"the patch turns sharply at {filling.sharp_turns} of some thousand places: coarse meshes fold there"
         )
-    if filling.folds:
-        console.warn(f"the patch folds at {filling.folds} of some thousand places: try --fullness, or other ribbons")
-    if filling.angle > 90:
-        console.warn("the patch is turned over along an edge: do the ribbons point into the hole?")
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     knots = len(filling.patch.knots)
     console.note(f"{sides} sides, {knots} knots, energy {filling.energy:.6g}{angle}")

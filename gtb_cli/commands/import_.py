@@ -6,6 +6,7 @@ import os
 
 import click
 
+from gtb_cli.errors import RequirementError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, console_option, output_option
 from gtb_cli.shell.streams import about, read_bytes, shown_input, stem_of, write_text
@@ -45,6 +46,8 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
         sides = loop_from_text(data, source)
         with about(source):
             filling = fill_loop(sides, name=stem_of(file))
+            if filling.fault:
+                raise RequirementError(f"{filling.fault}; it is not written")
             text = dump(filling.patch)
         remarks = (
             *filling.remarks,

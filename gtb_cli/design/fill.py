@@ -34,11 +34,34 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.folds import folded_pairs
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.moment.torus import exponents, shares
+from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
+
+
+@frozen
+class Options:
+    """Options of `fill_loop` and `gtb_cli.design.holes.fill_hole`: see `gtb_cli.design.filling.fill`.
+
+    Raises
+    ------
+    DomainError
+        An option has no such value.
+    """
+
+    inner: str = "fair"
+    fullness: float = 1.0
+    raises: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.inner not in ("fair", "flat"):
+            raise DomainError(f"inner: expected fair or flat, got {self.inner!r}")
+        if not 0 < self.fullness <= 1000:
+            raise DomainError(f"fullness: must be positive and at most 1000, got {self.fullness!r}")
+        if self.raises is not None and (isinstance(self.raises, bool) or self.raises < 0):
+            raise DomainError(f"raises: expected a whole number, at least 0, got {self.raises!r}")
 
 
 @frozen
@@ -78,30 +101,30 @@ class Filling:
     remarks: tuple[str, ...]
     model: Model | None = None
 
+    @property
+    def fault(self) -> str | None:
+        """The sentence that says why the patch is no filling, and what to try; None if it is one."""
+        if self.angle > 90:
+            return (
+                "the patch is turned over along an edge: let the ribbons point into the hole, or cut the hole at its "
+                "concave corners"
+            )
+        if self.folds:
+            return (
+                f"the patch folds at {self.folds} of some thousand places: try a fullness nearer to 1, other ribbons, "
+                "or curves that cut the hole into smaller ones"
+            )
+        return None
+
     def __repr__(self) -> str:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
 
 
-def fill_loop(
-    sides: Sequence[HoleSide],
-    *,
-    inner: str = "fair",
-    fullness: float = 1.0,
-    raises: int | None = None,
-    name: str | None = None,
-) -> Filling:
-    """Fill a hole.
+def fill_loop(sides: Sequence[HoleSide], options: Options | None = None, name: str | None = None) -> Filling:
+    """Fill a hole whose sides are given in any order, with ends that meet.
 
-    Parameters
-    ----------
-    sides : sequence of HoleSide
-        Sides in any order, with ends that meet.
-    inner, fullness
-        See `gtb_cli.design.filling.fill`.
-    raises : int, optional
-        Smallest number of times that the degree of the edges is raised. Default: 2 for a side with a ribbon and 1 for
-        others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
-    name : str, optional
+    By default the degrees of sides with ribbons are raised by 2 and those of others by 1, or one less if the patch
+    folds then; with 0 raises, edges stay as they are if an exact field is found.
 
     Raises
     ------
@@ -109,18 +132,14 @@ def fill_loop(
         The sides do not close, are too few or too many, or have no tangent planes.
     """
     max_sides = 24  # with more, there are too few inner knots for the corners
-    if inner not in ("fair", "flat"):
-        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
-    if not (math.isfinite(fullness) and fullness > 0):
-        raise DomainError(f"fullness: must be positive, got {fullness!r}")
-    if raises is not None and (isinstance(raises, bool) or raises < 0):
-        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
+    options = options or Options()
+    raises = options.raises
     ordered, remarks = loop(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
     middle, size = _frame(ordered)
     unit = [_moved(side, middle, size) for side in ordered]
-    kind: Energy = "thin-plate" if inner == "fair" else "dirichlet"
+    kind: Energy = "thin-plate" if options.inner == "fair" else "dirichlet"
     normals = [None if side.across is None else side_normals(side) for side in unit]
     least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
     best: _Attempt | None = None
@@ -129,7 +148,7 @@ def fill_loop(
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
         plans.insert(1, (least - 1, False))
     for count, fewer in plans:
-        attempt = _attempt(unit, normals, count, fewer, kind, fullness)
+        attempt = _attempt(unit, normals, count, fewer, kind, options.fullness)
         if best is None or attempt.faults < best.faults:
             best = attempt
         if not best.faults:
@@ -216,7 +235,10 @@ def _solved(
         [binomials(len(edge) - 1) * edge[:, 3] for edge in edges],
         [binomials(len(row) - 1) * row[:, 3] for row in polars],
     )
-    matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind)
+    # Energies are right to about 1e-4 with 24; with 4 samples or more for each knot, no control point is left free.
+    samples = max(24**2 * min(len(edges), 8), 4 * len(shape.knots))
+    resolution = math.ceil(math.sqrt(samples / len(edges)))
+    matrix = energy_matrix(domain(shape.knots, "unit"), shape.log_weights, kind, resolution)
     matrix += RIDGE_FRACTION * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
     points = np.zeros((len(shape.knots), 3))
     columns = []
@@ -257,31 +279,38 @@ def _with_exact_corners(patch: Patch, sides: Sequence[HoleSide]) -> Patch:
 def _folds(patch: Patch) -> tuple[int, int]:
     """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle: all, and folds.
 
-    At a fold it does so in one of many small steps across the side; elsewhere it is smooth, but turns sharply.
+    At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast.
     """
+    halvings = 10  # of the way from one triangle's middle to the other's
     part = central_triangulation(patch.domain, FOLD_RINGS)
     inside = np.ones(len(part.parameters), dtype=bool)
     inside[part.boundary] = False
     vertices = np.zeros((len(part.parameters), 3))
-    vertices[inside] = _shares_at(patch, part.parameters[inside]).T @ patch.control_points
+    moment_map = MomentMap(patch.knots, patch.log_products)
+    for block in np.array_split(np.flatnonzero(inside), 1 + len(vertices) // block_length(len(patch.knots))):
+        t = shares(exponents(patch.knots, patch.log_products, moment_map.inverse(part.parameters[block], 1e-7)))
+        vertices[block] = t.T @ patch.control_points
     for edge, boundary in enumerate(part.boundary):
         vertices[boundary] = edge_points_at(patch, edge, np.arange(len(boundary)) / len(boundary))
-    ends = part.parameters[part.cells[folded_pairs(vertices, part.cells)]].mean(axis=2)
-    return len(ends), sum(_turns_over(patch, start, end) for start, end in ends)
+    pairs = part.cells[folded_pairs(vertices, part.cells)]
+    ways = moment_map.inverse(part.parameters[pairs].mean(axis=2).reshape(-1, 2), 1e-7).reshape(2, -1, 2)
+    start, end = ways[:, :, 0], ways[:, :, 1]
+    before, after = _directions(patch, start), _directions(patch, end)
+    for _ in range(halvings):
+        middle = (start + end) / 2
+        between = _directions(patch, middle)
+        first = (before * between).sum(axis=1) <= (between * after).sum(axis=1)  # the half that turns more
+        start, end = np.where(first, start, middle), np.where(first, middle, end)
+        before, after = np.where(first[:, None], before, between), np.where(first[:, None], between, after)
+    return len(pairs), int(((before * after).sum(axis=1) <= 0).sum())
 
 
-def _shares_at(patch: Patch, p: FloatArray) -> FloatArray:
-    """Return (n, m) values T of a patch's basis at (m, 2) linear parameters inside Δ."""
-    s = MomentMap(patch.knots, patch.log_products).inverse(p, 1e-7)
-    return shares(exponents(patch.knots, patch.log_products, s))
-
-
-def _turns_over(patch: Patch, start: FloatArray, end: FloatArray) -> bool:
-    """Tell whether normals on the way between two places in Δ turn by more than a right angle in one small step."""
-    fold_steps = 128  # a surface that only turns fast turns by less than a right angle in one of them
-    t = _shares_at(patch, start + np.linspace(0, 1, fold_steps + 1)[:, None] * (end - start))
+def _directions(patch: Patch, s: FloatArray) -> FloatArray:
+    """Return (m, 3) unit normals at (2, m) torus coordinates, or 0."""
+    t = shares(exponents(patch.knots, patch.log_products, s))
     normals = np.cross(*((t * (axis[:, None] - axis @ t)).T @ patch.control_points for axis in patch.knots.T))
-    return bool(((normals[1:] * normals[:-1]).sum(axis=1) <= 0).any())
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.where(lengths > 0, lengths, 1.0))
 
 
 def _angle(patch: Patch, side: int, normals: FloatArray) -> float:

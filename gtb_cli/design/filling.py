@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import finite
-from gtb_cli.design.fill import Filling, fill_loop
+from gtb_cli.design.fill import Filling, Options, fill_loop
 from gtb_cli.design.holes import fill_hole
-from gtb_cli.design.loops import MAX_LOOP_BYTES, SUFFIXES, loop_from_text, loop_or_model
+from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import HoleSide, curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
-from gtb_cli.language.scanner import Format
 from gtb_cli.theory.model import Model
 
 
@@ -43,45 +42,43 @@ def fill(
     inner : {"fair", "flat"}
         Least thin-plate or Dirichlet energy.
     fullness : float
-        Factor of the distance for which the patch continues along the given planes; 1 is the fairest.
+        Factor, up to 1000, of the distance for which the patch continues along the given planes; 1 is the fairest.
     raises : int, optional
-        Smallest number of times that the degree of edges is raised.
+        Smallest number of times that the degree of edges is raised. Default: 2 for a side with a ribbon and 1 for
+        others, or one less if the patch folds then; with 0, edges stay as they are if an exact field is found.
     name : str, optional
         Name of the patch.
 
     Returns
     -------
     Filling
-        The `patch`, the `model` with it if one was given, and the measurements.
+        The `patch`, the `model` with it if one was given, the measurements, and the `fault` if it folds.
 
     Raises
     ------
     SpecError, DomainError
         A file, loop or option is not valid.
     """
-    found = read_loop(loop) if not isinstance(loop, Model) else loop if loop.dimension == 2 else _sides(loop, ribbons)
-    if isinstance(found, Model):
-        return fill_hole(found, hole, inner=inner, fullness=fullness, raises=raises, name=name or "hole")
-    if hole is not None:
-        raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-    return fill_loop(found, inner=inner, fullness=fullness, raises=raises, name=name)
+    options = Options(inner, fullness, raises)
+    if isinstance(loop, Model):
+        return filled(loop if loop.dimension == 2 else _sides(loop, ribbons), hole, options, name)
+    source = os.fspath(loop)
+    return filled(read_loop(read_file(source, MAX_BYTES + 1), source), hole, options, name)
 
 
-def read_loop(path: str | os.PathLike[str]) -> list[HoleSide] | Model:
-    """Read a loop or a model from a file, by its suffix.
+def filled(found: Sequence[HoleSide] | Model, hole: str | None, options: Options, name: str | None) -> Filling:
+    """Fill a loop of sides, or a hole of a model.
 
     Raises
     ------
-    SpecError
-        The file cannot be read, or is not valid.
+    DomainError
+        The loop or the model cannot be filled, or a hole is named in a loop.
     """
-    source = os.fspath(path)
-    suffix = os.path.splitext(source)[1].lower()
-    data = read_file(source, (MAX_LOOP_BYTES if suffix in SUFFIXES else MAX_BYTES) + 1)
-    if suffix in SUFFIXES:
-        return loop_from_text(data, source)
-    kind: Format | None = "json" if suffix == ".json" else "toml" if suffix == ".toml" else None
-    return loop_or_model(data, source, kind)
+    if isinstance(found, Model):
+        return fill_hole(found, hole, options, name or "hole")
+    if hole is not None:
+        raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
+    return fill_loop(found, options, name)
 
 
 def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[HoleSide]:

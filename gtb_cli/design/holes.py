@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.fill import Filling, fill_loop
+from gtb_cli.design.fill import Filling, Options, fill_loop
 from gtb_cli.design.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -109,19 +109,10 @@ def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
     return np.asarray(np.cross(tangents, normals))
 
 
-def fill_hole(
-    model: Model,
-    hole: str | None = None,
-    *,
-    inner: str = "fair",
-    fullness: float = 1.0,
-    raises: int | None = None,
-    name: str = "hole",
-) -> Filling:
+def fill_hole(model: Model, hole: str | None = None, options: Options | None = None, name: str = "hole") -> Filling:
     """Fill an open ring of a model with one patch that touches its neighbours' tangent planes.
 
-    Parameters are those of `gtb_cli.design.filling.fill`. The `model` of the filling has the patch; the others stay as
-    they are.
+    The `model` of the filling has the patch; the others stay as they are.
 
     Raises
     ------
@@ -132,7 +123,7 @@ def fill_hole(
     taken = {patch.name for patch in model.patches}
     names = (name, *(f"{name}-{k}" for k in range(1, len(taken) + 1)))
     unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill_loop(sides, inner=inner, fullness=fullness, raises=raises, name=unique)
+    filling = fill_loop(sides, options, unique)
     whole = model.replace(patches=(*model.patches, filling.patch))
     remarks = filling.remarks
     if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(model)]:

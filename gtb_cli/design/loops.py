@@ -10,6 +10,7 @@ from gtb_cli.design.sides import MAX_DEGREE, HoleSide, curve_side, ribbon_field
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nurbs import span_matrices
 from gtb_cli.imports.words import Words
+from gtb_cli.language.document import spec_format_of
 from gtb_cli.language.loading import parse_loop
 from gtb_cli.language.scanner import Format
 from gtb_cli.theory.model import Model
@@ -17,21 +18,29 @@ from gtb_cli.theory.patch import Patch
 
 SUFFIXES = (".gbp", ".lop")
 
-MAX_LOOP_BYTES = 1_000_000  # a loop of 24 sides of degree 20 needs a tenth of it
-
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
-def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
-    """Read a `.gbp` or `.lop` file, by its suffix.
+def read_loop(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
+    """Read a `.gbp` or `.lop` file, by its suffix, or a spec: curves are the sides of a loop, surfaces are a model.
 
     Raises
     ------
     SpecError
         The file is too large, has words that are not numbers, or has too few or too many numbers; with file and line.
+        Of specs see `gtb_cli.language.loading.parse`; or a ribbon is not valid.
     """
-    if len(data) > MAX_LOOP_BYTES:
-        raise SpecError(f"{source}: is too large, a loop has at most {MAX_LOOP_BYTES // 10**6} MB")
+    suffix = os.path.splitext(source)[1].lower()
+    if format is not None or suffix not in SUFFIXES:
+        return _loop_or_model(data, source, format or spec_format_of(source))
+    return loop_from_text(data, source)
+
+
+def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
+    """Read a `.gbp` or `.lop` file, as `read_loop` does."""
+    max_bytes = 1_000_000  # a loop of 24 sides of degree 20 needs a tenth of it
+    if len(data) > max_bytes:
+        raise SpecError(f"{source}: is too large, a loop has at most {max_bytes // 10**6} MB")
     words = Words(data, source)
     sides = _gbp(words) if os.path.splitext(source)[1].lower() == ".gbp" else _lop(words)
     words.end()
@@ -85,14 +94,7 @@ def _lop(words: Words) -> list[HoleSide]:
     return sides
 
 
-def loop_or_model(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
-    """Read a spec: curves are the sides of a loop, each with its `ribbon` if it has one; surfaces are a model.
-
-    Raises
-    ------
-    SpecError
-        See `gtb_cli.language.loading.parse`; or a ribbon is not valid.
-    """
+def _loop_or_model(data: bytes, source: str, format: Format | None) -> list[HoleSide] | Model:
     spec, rows = parse_loop(data, source, format)
     if isinstance(spec, Patch):
         what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"

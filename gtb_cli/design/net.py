@@ -143,14 +143,18 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
     """Return the knots inside, ring by ring, then the centre."""
     gap_growth, last_size = 0.5, 0.18  # of the first gap between rings, and of the domain
     first_ring_steps = 24  # with fewer, few knots remain to make the inside fair
-    inner_knots = 320  # about: if there would be many more, rings have fewer steps
+    inner_knots = 320  # about: if there would be many more, rings have fewer steps, or there are fewer rings
     lengths, _, inward = _frames(corners)
     centre = corners.mean(axis=0)
     depth = float(((centre - corners) * inward).sum(axis=1).min())
-    gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
-    while (size := sizes[-1] - gaps[-1] / depth) > last_size:
-        sizes.append(size)
-        gaps.append(gaps[-1] + gap_growth * distance)
+    while True:
+        gaps, sizes = [distance], [1 - SECOND_LAYER * distance / depth]
+        while (size := sizes[-1] - gaps[-1] / depth) > last_size:
+            sizes.append(size)
+            gaps.append(gaps[-1] + gap_growth * distance)
+        if len(sizes) * len(corners) <= inner_knots:
+            break
+        gap_growth *= 1.2
     coarser = 1.0
     while True:
         steps = coarser * np.minimum(lengths / degrees, lengths.sum() / first_ring_steps)

@@ -2,6 +2,10 @@
 
 With p = μ(s), ``∂T/∂s = T (a − μ)``, ``∂p/∂s = C`` (the covariance of the knots under T) and ``∂²p/∂s² = K`` (their
 third central moments). So ``∂T/∂p = C⁻¹ ∂T/∂s`` and ``∂²T/∂p² = C⁻¹ (∂²T/∂s² − K ∂T/∂p) C⁻¹``: no differences.
+
+Near an edge second derivatives grow like h^(r − 2), h the distance from it and r the ratio of the second to the first
+height of knots over it, and so do curvatures: over all of Δ the thin-plate integral is infinite for r ≤ 1.5, and at a
+corner it may be for any power of h as a factor. So both energies are integrals over Δ without its outermost thousandth.
 """
 
 from __future__ import annotations
@@ -13,29 +17,32 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, planar_cross
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
-from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.moment.moment_map import MomentMap
-from gtb_cli.moment.torus import exponents, shares
+from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.patch import Patch
 
 Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
 
 
-def energy(patch: Patch, kind: Energy = "thin-plate") -> float:
-    """Return the energy of a surface over Δ, scaled to area 1, in the linear parametrisation.
+def energy(patch: Patch, kind: Energy = "thin-plate", resolution: int = 64) -> float:
+    """Return the energy of a surface in the linear parametrisation.
 
     Parameters
     ----------
     patch : Patch
         A surface.
     kind : {"thin-plate", "dirichlet"}
-        ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²``, in units of length².
+        ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²``, in units of length², over Δ scaled to area 1,
+        shrunk towards its middle by a thousandth.
+    resolution : int
+        See `energy_samples`.
     """
     points = patch.control_points - patch.control_points.mean(axis=0)
-    return float(np.einsum("ik,ij,jk->", points, energy_matrix(patch.domain, patch.log_products, kind), points))
+    matrix = energy_matrix(patch.domain, patch.log_products, kind, resolution)
+    return float(np.einsum("ik,ij,jk->", points, matrix, points))
 
 
-def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> FloatArray:
+def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy, resolution: int = 64) -> FloatArray:
     """Return the (n, n) matrix of the quadratic form `energy`, the same for each coordinate of the control points.
 
     Raises
@@ -45,28 +52,46 @@ def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy) -> Floa
     """
     if domain.dimension == 1:
         raise DomainError("energy: expected a surface, this is a curve")
-    p, areas = energy_samples(domain, len(domain.knots))
-    unit = np.sqrt(areas.sum())
-    knots, middles = (domain.knots - domain.center) / unit, (p - domain.center) / unit
-    s = MomentMap(knots, log_weights).inverse(middles, 1e-10)
-    return moments_energy(knots, log_weights, s, areas / unit**2, kind)
+    p, areas = energy_samples(domain, resolution)
+    middle, unit = domain.vertices.mean(axis=0), np.sqrt(_sectors(domain.vertices).sum())
+    knots, places = (domain.knots - middle) / unit, (p - middle) / unit
+    moment_map = MomentMap(knots, log_weights)
+    form = np.zeros((len(knots), len(knots)))
+    step = max(256, block_length(len(knots)) // 16)  # as many tables of T's size are alive at once
+    for begin in range(0, len(p), step):
+        block = slice(begin, begin + step)
+        s = moment_map.inverse(places[block], 1e-10)
+        form += moments_energy(knots, log_weights, s, areas[block] / unit**2, kind)
+    return form
 
 
-def energy_samples(domain: Domain, knots: int) -> tuple[FloatArray, FloatArray]:
-    """Return (m, 2) middles and (m,) areas of triangles that cover Δ and are narrower near its boundary."""
-    grading = 2.0  # draws rings to the boundary, where derivatives change within the next layer of knots
-    samples_per_knot = 4  # with three equations each of the thin-plate energy: no control point is left free
-    r = len(domain.vertices)
-    rings = max(14, int(np.ceil(np.sqrt(samples_per_knot * knots / r))))
-    part = central_triangulation(domain, rings)
-    centre = domain.vertices.mean(axis=0)
-    depth = domain.heights_of_columns(part.parameters)
-    share = (depth / domain.heights_of_columns(centre[None])).min(axis=0)
-    # `share` is 1 in the middle, 0 on the boundary.
-    stretch = (1 - share**grading) / np.where(share < 1, 1 - share, 1.0)
-    corners = (centre + (part.parameters - centre) * stretch[:, None])[part.cells]
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    return corners.mean(axis=1), np.abs(planar_cross(first, second)) / 2
+def energy_samples(domain: Domain, resolution: int) -> tuple[FloatArray, FloatArray]:
+    """Return (m, 2) places and (m,) areas of a quadrature over Δ without its outermost thousandth.
+
+    It has `resolution`² places in the triangle of each edge and the middle, by Gauss's rule in coordinates that are
+    exponential functions of the distances from edges and corners: the error falls exponentially with the resolution.
+    Of the specs' energies it is below 1e-2 with 32, and 2e-5 with 64.
+    """
+    left_out, layer, corner = 1e-3, 1e-2, 1e-3  # of the way to the middle; within the latter two, steps are nearly even
+    nodes, weights = np.polynomial.legendre.leggauss(resolution)
+    span = np.log((1 + layer) / (left_out + layer))
+    depth = (left_out + layer) * np.exp(span * (nodes + 1) / 2) - layer
+    depth_weights = weights * span / 2 * (depth + layer) * (1 - depth)
+    # Along the edge a logistic function of the nodes, from 0 to 1
+    steepness = np.log((1 + corner) / corner) / 2
+    along = (1 + np.tanh(steepness * nodes) / np.tanh(steepness)) / 2
+    along_weights = weights * steepness / np.cosh(steepness * nodes) ** 2 / np.tanh(steepness) / 2
+    middle, start = domain.vertices.mean(axis=0), domain.vertices[:, None]
+    on_edges = start + along[:, None] * (np.roll(domain.vertices, -1, axis=0)[:, None] - start)
+    places = middle + (1 - depth)[:, None, None] * (on_edges[:, None] - middle)
+    areas = 2 * _sectors(domain.vertices)[:, None, None] * depth_weights[:, None] * along_weights
+    return places.reshape(-1, 2), areas.ravel()
+
+
+def _sectors(vertices: FloatArray) -> FloatArray:
+    """Return (r,) areas of the triangles between edges and the middle of the vertices."""
+    out = vertices - vertices.mean(axis=0)
+    return np.asarray(planar_cross(out, np.roll(out, -1, axis=0)) / 2)
 
 
 def moments_energy(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray
+from gtb_cli.arrays import BoolArray, FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
@@ -31,7 +32,9 @@ class Fairing:
     ----------
     patch : Patch
     before, after : float
-        Energy of the given patch and of this one, in units of length².
+        Energy of the given patch and of this one, in units of length²; see `gtb_cli.fairing.energy.energy`.
+    error : float
+        Relative error of both, by a coarser quadrature.
     free : int
         Number of control points that were free.
     folds : int
@@ -41,6 +44,7 @@ class Fairing:
     patch: Patch
     before: float
     after: float
+    error: float
     free: int
     folds: int
 
@@ -66,28 +70,35 @@ def fair(patch: Patch, energy: Energy = "thin-plate", keep: Keep = "boundary") -
     Notes
     -----
     This is one linear least-squares problem, since the patch is linear in its control points. Knots and weights stay.
+    The quadrature is refined until both energies agree to 1e-6, or to resolution 128.
     """
     if keep not in ("boundary", "tangents"):
         raise DomainError(f"keep: expected boundary or tangents, got {keep!r}")
-    matrix = energy_matrix(patch.domain, patch.log_products, energy)
     kept = kept_knots(patch.domain, keep)
     free = np.flatnonzero(~kept)
     middle = patch.control_points.mean(axis=0)
-    points = patch.control_points - middle
-    before = float(np.einsum("ik,ij,jk->", points, matrix, points))
-    after = before
-    if len(free):
-        ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
-        form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
-        points = points.copy()
-        points[free] -= np.linalg.solve(form, matrix[free] @ points)
-        after = float(np.einsum("ik,ij,jk->", points, matrix, points))
-        points += middle
-        points[kept] = patch.control_points[kept]
-        patch = patch.replace(control_points=points)
+    given = patch.control_points - middle
+    energies: list[FloatArray] = []
+    error = math.inf
+    for resolution in (32, 64, 96, 128):
+        matrix = energy_matrix(patch.domain, patch.log_products, energy, resolution)
+        points = given.copy()
+        if len(free):
+            ridge = RIDGE_FRACTION * np.trace(matrix) / len(matrix)
+            form = matrix[np.ix_(free, free)] + ridge * np.eye(len(free))
+            points[free] -= np.linalg.solve(form, matrix[free] @ points)
+        energies.append(np.einsum("pik,ij,pjk->p", np.array([given, points]), matrix, np.array([given, points])))
+        if len(energies) > 1:
+            error = float((np.abs(energies[-1] - energies[-2]) / np.maximum(energies[-1], np.finfo(float).tiny)).max())
+        if error <= 1e-6:
+            break
+    points += middle
+    points[kept] = patch.control_points[kept]
+    patch = patch.replace(control_points=points)
+    before, after = energies[-1].tolist()
     part = central_triangulation(patch.domain, FOLD_RINGS)
     vertices = patch.evaluate(part.parameters, "linear")
-    return Fairing(patch, before, after, len(free), len(folded_pairs(vertices, part.cells)))
+    return Fairing(patch, before, after, error, len(free), len(folded_pairs(vertices, part.cells)))
 
 
 def kept_knots(domain: Domain, keep: Keep) -> BoolArray:

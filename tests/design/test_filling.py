@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gtb_cli
-from gtb_cli.design.loops import loop_from_text, loop_or_model
+from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import loop
 from gtb_cli.errors import DomainError, GtbError, SpecError
 from gtb_cli.theory.model import Model
@@ -85,7 +85,7 @@ def test_damaged_files_are_refused_or_read(name, seed):
         start = time.process_time()
         message = name
         try:
-            found = loop_or_model(text, name) if name == "loop.toml" else loop_from_text(text, name)
+            found = read_loop(text, name)
             if isinstance(found, list):
                 loop(found)
         except SpecError as error:
