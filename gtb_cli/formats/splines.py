@@ -128,7 +128,7 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
     reasons: dict[int, str] = {}
     for index, patch in enumerate(patches):
         try:
-            exact[index] = exact_surfaces(patch, index)
+            exact[index] = [_balanced(surface) for surface in exact_surfaces(patch, index)]
         except DomainError as fault:
             reasons[index] = str(fault)
     if not reasons:
@@ -239,6 +239,17 @@ def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
         along, across = (int(degree) + 1 for degree in piece.knots.max(axis=0))
         surfaces.append(_bezier(name, homogeneous_points(piece).reshape(across, along, 4).transpose(1, 0, 2)))
     return surfaces
+
+
+def _balanced(surface: SplineSurface) -> SplineSurface:
+    """Multiply the weights by l^i m^j, so that their range is least: the image is the same, at other parameters."""
+    ample = 1e3  # ratio of weights that kernels take as it is
+    logs = np.log(surface.net[..., 3])
+    if np.ptp(logs) < math.log(ample):
+        return surface
+    rows = np.column_stack([np.ones(logs.size), np.indices(logs.shape).reshape(2, -1).T])
+    rest = logs - (rows @ np.linalg.lstsq(rows, logs.ravel())[0]).reshape(logs.shape)
+    return surface._replace(net=np.dstack([surface.net[..., :3], np.exp(rest - rest.max())]))
 
 
 def homogeneous_points(patch: Patch) -> FloatArray:

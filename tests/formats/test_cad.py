@@ -140,6 +140,31 @@ def test_surfaces_are_the_pieces_in_exact_numbers(tmp_path: Path) -> None:
             assert np.abs(np.array([point.X(), point.Y(), point.Z()]) - expected).max() <= 1e-12
 
 
+def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
+    """The kernel calls this trapezoid invalid with the weights of its Bézier pieces."""
+    corners = np.array([[0, 1], [2, 1], [1, 1], [0, 2], [2, 2]], dtype=float)
+    points = np.column_stack([corners, [-0.4, 1.3, -1.2, -1.9, -1.4]])
+    patch = Patch(corners, points, [1.7e-4, 4.6e5, 3.1e-3, 5.5, 2.4e-5])
+    surfaces = spline_surfaces(patch).surfaces
+    assert is_valid(read(encode_cad(surfaces, "step").data, "step", tmp_path))
+    places = np.array([0.001, 0.1, 0.3, 0.5, 0.8, 0.99])
+    for before, after in zip(exact_surfaces(patch), surfaces, strict=True):
+        moved = np.log(after.net[..., 3] / before.net[..., 3])
+        assert np.ptp(np.log(after.net[..., 3])) <= np.ptp(np.log(before.net[..., 3]))
+        factors = np.exp([moved[1, 0] - moved[0, 0], moved[0, 1] - moved[0, 0]])
+        s, t = (places * factor / (1 - places + places * factor) for factor in factors)
+        assert values(after.net, places, places) == pytest.approx(values(before.net, s, t), abs=1e-12)
+
+
+def values(net: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Points of a rational Bézier rectangle, by the definition."""
+    m, n = net.shape[0] - 1, net.shape[1] - 1
+    first = np.array([math.comb(m, i) * s**i * (1 - s) ** (m - i) for i in range(m + 1)])
+    second = np.array([math.comb(n, j) * t**j * (1 - t) ** (n - j) for j in range(n + 1)])
+    shares = first[:, None] * second * net[..., 3, None]
+    return np.einsum("ijk,ijx->kx", shares, net[..., :3]) / shares.sum(axis=(0, 1))[:, None]
+
+
 @pytest.mark.parametrize("kind", mostly_long(CAD_FORMATS))
 def test_a_closed_model_is_a_solid_of_the_meshs_volume(kind: str, tmp_path: Path) -> None:
     shape = read(encoded("pillow", kind), kind, tmp_path)
