@@ -5,6 +5,26 @@ from __future__ import annotations
 from gtb_cli.errors import GtbError
 
 
+def limit_of_addresses() -> int | None:
+    """Return the bytes of addresses that this process may use, if they are limited."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return None
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if limit == resource.RLIM_INFINITY else limit
+
+
+def is_scarce() -> bool:
+    """Tell whether memory is limited so much that this process had better do all work itself, and first load scipy.
+
+    A worker process that cannot allocate what it needs to send its result would be waited for in vain.
+    """
+    ample_bytes = 1 << 30
+    limit = limit_of_addresses()
+    return limit is not None and limit < ample_bytes
+
+
 def prepare_for_limit() -> None:
     """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
 
@@ -15,15 +35,9 @@ def prepare_for_limit() -> None:
     """
     # Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
     least_bytes = 320 << 20
-    # Limit above which scipy, which takes long to load, is left to those that need it
-    ample_bytes = 1 << 30
     buffered_size = 200  # rows of matrices whose product needs the buffer of BLAS, which it then keeps
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit == resource.RLIM_INFINITY:
+    limit = limit_of_addresses()
+    if limit is None:
         return
     if limit < least_bytes:
         needed = f"gtb needs at least {least_bytes >> 20} MB"
@@ -32,7 +46,7 @@ def prepare_for_limit() -> None:
 
     matrix = np.ones((buffered_size, buffered_size))
     np.matmul(matrix, matrix)
-    if limit < ample_bytes:
+    if is_scarce():
         from scipy.linalg.blas import dgemm
 
         dgemm(1.0, matrix, matrix)

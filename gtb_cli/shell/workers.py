@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import click
 
+from gtb_cli.shell.memory import is_scarce
 from gtb_cli.shell.options import Function, WholeNumber
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 
@@ -41,7 +42,7 @@ class Workers(NamedTuple):
             from gtb_cli.shell.cluster import in_cluster
 
             return in_cluster(function, tasks, self.cluster, warn)
-        jobs = min(self.jobs or processors(), len(tasks))
+        jobs = 1 if is_scarce() else min(self.jobs or processors(), len(tasks))
         if jobs > 1:
             return in_processes(function, tasks, jobs)
         return (result for result in map(here or function, tasks))
@@ -54,7 +55,7 @@ jobs_option = click.option(
     metavar="JOBS",
     default=1,
     help="Processes that share the work on several specs; 0 means one for each processor; 1 without this option. What "
-    "is written does not depend on the number.",
+    "is written does not depend on the number. Where ulimit -v allows less than 1 GB, this process does it all.",
 )
 
 

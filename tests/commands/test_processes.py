@@ -1,11 +1,13 @@
 """Work shared among processes: what becomes of it when one of them fails."""
 
+import os
 import time
 
 import pytest
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.processes import in_processes
+from gtb_cli.shell.workers import Workers
 
 
 def slept(seconds):
@@ -41,3 +43,14 @@ def test_where_no_thread_can_be_started_the_reason_is_said(monkeypatch):
 
 def test_results_come_in_the_order_of_the_tasks():
     assert list(in_processes(slept, [0, 0.2, 0], 2)) == [0, 0.2, 0]
+
+
+def own_number(task):
+    return os.getpid()
+
+
+@pytest.mark.parametrize(("limit", "alone"), [(None, False), (1 << 31, False), ((1 << 30) - 1, True)])
+def test_where_memory_is_scarce_this_process_does_the_work(limit, alone, monkeypatch):
+    """A worker that could not allocate what it needs to send its result was waited for."""
+    monkeypatch.setattr("gtb_cli.shell.memory.limit_of_addresses", lambda: limit)
+    assert (set(Workers(2).results(own_number, [0, 1, 2])) == {os.getpid()}) == alone
