@@ -190,22 +190,22 @@ class Nets:
         return np.stack([patch.control_points for patch in self.patches])
 
     def near(self, numbers: IntArray, u: FloatArray, guesses: FloatArray, within: float) -> tuple[Location, FloatArray]:
-        """Locate (m, 2) linear parameters inside Δ, in the chart of its longest edge, from (2, m) guesses.
+        """Locate (m, 2) linear parameters inside Δ, in the coordinates of its longest edge, from (2, m) guesses.
 
         A guess is the difference between torus coordinates and those from the nearest layers of knots, or from 0 if
         knots crowd. It changes slowly, so that a nearby point's serves; NaN stands for an unknown one. Parameters may
         be off by `within`, a fraction of the domain's size. Returns the points found, and their (2, k) right guesses.
         """
-        chart = self.linear.longest
-        places = chart.columns(u)
-        layers = chart.moments.starts(places)
+        longest = self.linear.longest
+        places = longest.columns(u)
+        layers = longest.moments.starts(places)
         base = np.zeros_like(layers) if self._is_crowded else layers
         start = np.where(np.isnan(guesses), layers, base + guesses)
-        s, missing = chart.moments.near(places, start, within, self.weights_of(numbers))
+        s, missing = longest.moments.near(places, start, within, self.weights_of(numbers))
         rows = np.delete(np.arange(len(u)), missing)
         if len(missing):
             s, base = s.take(rows, axis=1), base.take(rows, axis=1)
-        return Location(rows, self.linear.shape.faces[INTERIOR], chart.moments.knots, s, None), s - base
+        return Location(rows, self.linear.shape.faces[INTERIOR], longest.moments.knots, s, None), s - base
 
     @cached_property
     def _is_crowded(self) -> bool:

@@ -84,17 +84,17 @@ class LinearParametrization:
                 s = self._edge(number).inverse(along, within, None, None if numbers is None else numbers[rows])
             yield Location(rows, face, face_knots(shape, face), s, heights[:, rows])
 
-        for number, members in groups(self._charts(heights[:, inside])):
-            rows, chart = inside[members], self._chart(number)
+        for number, members in groups(self._nearest(heights[:, inside])):
+            rows, system = inside[members], self._coordinates(number)
             here = heights.take(rows, axis=1)
-            places, own = chart.coordinates(p.take(rows, axis=0), here), None if numbers is None else numbers[rows]
-            s = chart.moments.inverse(places, within, None, own)
-            yield Location(rows, shape.faces[INTERIOR], chart.moments.knots, s, here)
+            places, own = system.rows(p.take(rows, axis=0), here), None if numbers is None else numbers[rows]
+            s = system.moments.inverse(places, within, None, own)
+            yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s, here)
 
     def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> _Even | None:
         """Prepare to locate the inner vertices of `triangulation`, or return None where they are located like others.
 
-        Values interpolated from a few of them are their starts, all in the chart of the longest edge.
+        Values interpolated from a few of them are their starts, all in the coordinates of the longest edge.
         """
         if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
             return None
@@ -103,31 +103,31 @@ class LinearParametrization:
         lattice, inner = vertex_lattices(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
         if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
             return None
-        chart = self.longest
+        system = self.longest
 
         def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
-            places = chart.columns(points)
-            return chart.solved(places, start, 1e-10) - chart.moments.starts(places)
+            places = system.columns(points)
+            return system.solved(places, start, 1e-10) - system.moments.starts(places)
 
         try:
-            return _Even(p, faces, inner, lattice, lattice.lines(solve), chart)
+            return _Even(p, faces, inner, lattice, lattice.lines(solve), system)
         except ToleranceError:
             return None
 
     @property
-    def longest(self) -> _Chart:
-        """The chart of the longest edge."""
-        return self._chart(self._longest_number)
+    def longest(self) -> _EdgeCoordinates:
+        """Coordinates along and over the longest edge."""
+        return self._coordinates(self._longest_number)
 
     @cached_property
     def _longest_number(self) -> int:
         sides = np.roll(self.shape.vertices, -1, axis=0) - self.shape.vertices
         return 2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax())
 
-    def _charts(self, heights: FloatArray) -> IntArray:
-        """(m,) numbers of charts for points inside: twice that of the nearest edge, plus 1 near its last corner.
+    def _nearest(self, heights: FloatArray) -> IntArray:
+        """(m,) numbers of coordinates for points inside: twice that of the nearest edge, plus 1 near its last corner.
 
-        Points far from all edges lose no digits in any chart, and are located together, in that of the longest edge.
+        Points far from all edges lose no digits in any of them, and are located together, in those of the longest edge.
         """
         shape, columns = self.shape, np.arange(heights.shape[1])
         edge = shape.nearest_edge(heights)
@@ -145,10 +145,10 @@ class LinearParametrization:
             self._edges[number] = MomentMap(face_knots(self.shape, face), self.log_weights[..., face.knots])
         return self._edges[number]
 
-    def _chart(self, number: int) -> _Chart:
-        """A chart by its number."""
+    def _coordinates(self, number: int) -> _EdgeCoordinates:
+        """Coordinates by their number."""
         if number not in self._made:
-            self._made[number] = _Chart(self.shape, self.log_weights, *divmod(number, 2))
+            self._made[number] = _EdgeCoordinates(self.shape, self.log_weights, *divmod(number, 2))
         return self._made[number]
 
     @cached_property
@@ -156,39 +156,39 @@ class LinearParametrization:
         return {}
 
     @cached_property
-    def _made(self) -> dict[int, _Chart]:
+    def _made(self) -> dict[int, _EdgeCoordinates]:
         return {}
 
 
 @frozen
 class _Even:
-    """The inner vertices of `triangulation` in blocks, each located from values on a coarse lattice in one chart."""
+    """The inner vertices of `triangulation` in blocks, each located from values on a coarse lattice in one system."""
 
     p: FloatArray
     faces: IntArray
     inner: IntArray
     lattice: VertexLattices
     lines: FloatArray
-    chart: _Chart
+    system: _EdgeCoordinates
 
     @property
     def blocks(self) -> list[tuple[slice, slice]]:
         """Ranges of the lattice's rows, and of the inner vertices."""
-        return self.lattice.blocks(block_length(len(self.chart.shape.knots)))
+        return self.lattice.blocks(block_length(len(self.system.shape.knots)))
 
     def located(self, block: tuple[slice, slice]) -> tuple[Location, IntArray]:
         """Locate a block, and say which rows of it are not found in this way."""
-        rows, moments = self.inner[block[1]], self.chart.moments
+        rows, moments = self.inner[block[1]], self.system.moments
         span = slice(int(rows[0]), int(rows[-1]) + 1)
-        places, corrections = self.chart.columns(self.p[rows]), self.lattice.values(self.lines, block[0])
+        places, corrections = self.system.columns(self.p[rows]), self.lattice.values(self.lines, block[0])
         s, left = moments.very_near(places, moments.starts(places) + corrections)
         if len(rows) < span.stop - span.start:  # vertices on edges lie between them
             s = s.take(np.cumsum(self.faces[span] == INTERIOR) - 1, axis=1)
-        return Location(span, self.chart.shape.faces[INTERIOR], moments.knots, s, None), rows[left]
+        return Location(span, self.system.shape.faces[INTERIOR], moments.knots, s, None), rows[left]
 
 
 @frozen
-class _Chart:
+class _EdgeCoordinates:
     """Coordinates along and over an edge, from its first corner or its last; for a curve, from one of its ends."""
 
     shape: Domain
@@ -196,7 +196,7 @@ class _Chart:
     edge: int
     last: int
 
-    def coordinates(self, points: FloatArray, heights: FloatArray) -> FloatArray:
+    def rows(self, points: FloatArray, heights: FloatArray) -> FloatArray:
         """(m, d) coordinates of (m, d) points with (r, m) edge functions."""
         shape, edge = self.shape, self.edge
         steps = points - shape.vertices[(edge + self.last) % len(shape.vertices)]
@@ -230,4 +230,4 @@ class _Chart:
     @cached_property
     def moments(self) -> MomentMap:
         """The moment map of Δ in these coordinates."""
-        return MomentMap(self.coordinates(self.shape.knots, self.shape.heights.T), self.log_weights)
+        return MomentMap(self.rows(self.shape.knots, self.shape.heights.T), self.log_weights)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, ascending, distinct, dot
+from gtb_cli.arrays import EPS, FloatArray, ascending, column_dot, distinct
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve
 from gtb_cli.values import frozen
 
@@ -187,9 +187,8 @@ def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
 
 
 def _fractions(curve: Curve) -> FloatArray:
-    """(k,) fractions at which a curve is compared: 33 equal ones, its knots, where their shares peak, and halves."""
-    knots = curve.knots
-    return distinct(np.concatenate([np.linspace(0.0, 1.0, 33), knots, (knots[1:] + knots[:-1]) / 2]))
+    """(k,) fractions at which a curve is compared: 33 equal ones, and its knots, where their shares peak."""
+    return distinct(np.concatenate([np.linspace(0.0, 1.0, 33), curve.knots]))
 
 
 def beside(one: Curve, other: Curve, reach: float, most: float) -> Match:
@@ -215,23 +214,26 @@ def measured(one: Curve, other: Curve, reach: float) -> Match | None:
     even = _fractions(one)
     fine = distinct(np.concatenate([np.linspace(0.0, 1.0, 129), _fractions(other)]))
     points, way = one.points_between(even)[1:-1], other.points_between(fine)
-    steps, offsets = np.diff(way, axis=0), points[:, None] - way[:-1]
-    share = np.clip((offsets * steps).sum(axis=2) / np.maximum(dot(steps, steps), np.finfo(float).tiny), 0.0, 1.0)
-    square = ((offsets - share[..., None] * steps) ** 2).sum(axis=2)
+    steps = np.diff(way, axis=0).T
+    offsets = [np.subtract.outer(*pair) for pair in zip(points.T, way[:-1].T, strict=True)]
+    ahead = sum(offset * step for offset, step in zip(offsets, steps, strict=True))
+    share = np.clip(ahead / np.maximum(column_dot(steps, steps), np.finfo(float).tiny), 0.0, 1.0)
+    square = sum((offset - share * step) ** 2 for offset, step in zip(offsets, steps, strict=True))
     rows, part = np.arange(len(points)), ascending(square)
     if np.sqrt(square[rows, part].max()) > reach:
         return None
     start = fine[part] + share[rows, part] * np.diff(fine)[part]
-    low, high = fine[np.maximum(part - 1, 0)], fine[np.minimum(part + 2, len(steps))]
+    low, high = fine[np.maximum(part - 1, 0)], fine[np.minimum(part + 2, len(fine) - 1)]
     found, there = other.nearest(points, start, low, high)
     places = np.concatenate([[0.0], found, [1.0]])
-    if not (np.diff(places) > 0).all():
+    rounding = 1e-12  # of fractions, by which points that are nearly one may change places
+    if not (np.diff(places) > -rounding).all():
         return None
+    places = np.maximum.accumulate(places)
     # Between these places and at its own, the other curve must not leave this one.
     between = np.setdiff1d(np.concatenate([_fractions(other), (places[1:] + places[:-1]) / 2]), places)
     after, beyond = np.searchsorted(places, between), other.points_at(between)
-    t, back = one.nearest(beyond, np.interp(between, places, even), even[after - 1],
-                          even[after])  # fmt: skip
+    t, back = one.nearest(beyond, np.interp(between, places, even), even[after - 1], even[after])
     gaps = np.concatenate([points - there, beyond - back, one.ends - other.ends])
     pairs = np.array([np.concatenate([even, t]), np.concatenate([places, between])])
     pairs = pairs[:, np.argsort(pairs[1], kind="stable")]
