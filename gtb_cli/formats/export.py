@@ -178,7 +178,7 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
             f"PLY: holds one normal a vertex, the mean where several meet, here at up to {mesh.largest_split:.3g} "
             "degrees; OBJ and GLB hold all"
         )
-    if kind == "obj" and normals and not mesh.is_curve and mesh.largest_split:
+    if kind == "obj" and normals and mesh.normals is not None and len(mesh.normals) > len(mesh.vertices):
         messages.append("OBJ: meshio reads no file with several normals at a vertex, as where patches meet at an angle")
     if kind == "obj" and uv and mesh.parameters is not None and len(mesh.parameters):
         extent, size = (float(np.ptp(rows, axis=0).max()) for rows in (mesh.parameters, mesh.bounds))

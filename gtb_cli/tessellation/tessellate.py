@@ -216,6 +216,7 @@ def _mesh(
 
     def normals() -> Normals:
         """Normals of the vertices in their patches, and those in further patches, or at further places of a tip."""
+        visible = 1e-7  # least distance between normals that files of 32-bit numbers tell apart
         found = sampler.normals(patch, parameters, face)
         if joints is None:
             return Normals(filled_normals(found, vertices, cells), None, not np.isnan(found).any())
@@ -224,13 +225,16 @@ def _mesh(
         found = np.concatenate([found, sampler.normals(owners[:, 1], places, sampler.faces_at(owners[:, 1], places))])
         of_patch, of_vertex = np.append(patch, owners[:, 1]), np.append(np.arange(len(patch)), vertex)
         found = np.where(inward[of_patch, None], -found, found)
-        kept, number = np.unique(_same_normals(found, of_patch, of_vertex)[len(patch) + number], return_inverse=True)
-        further = kept >= len(patch)
+        row = _rows_of_missing(found, of_patch, of_vertex)
         rows = cells.astype(index_type(len(found)))
+        rows.ravel()[corners] = row[len(patch) + number]
+        filled = filled_normals(found, vertices[of_vertex], outwards(rows))
+        same = np.linalg.norm(filled - filled[of_vertex], axis=1) <= visible
+        kept, number = np.unique(np.where(same, of_vertex, row)[len(patch) + number], return_inverse=True)
+        further = kept >= len(patch)
         rows.ravel()[corners] = np.where(further, len(patch) - 1 + np.cumsum(further), kept)[number]
         chosen = np.append(np.arange(len(patch)), kept[further])
-        found, rows = found[chosen], outwards(rows)
-        return Normals(filled_normals(found, vertices[of_vertex[chosen]], rows), rows, not np.isnan(found).any())
+        return Normals(filled[chosen], outwards(rows), not np.isnan(found).any())
 
     groups: tuple[tuple[str, int, int], ...] = ()
     if isinstance(shape, Model):
@@ -248,13 +252,9 @@ def _mesh(
     )
 
 
-def _same_normals(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:
-    """(k,) the row to keep in place of each normal of vertices in patches: where they agree, the vertex's own.
-
-    The first rows are the vertices' own. A vertex without a normal (NaN) in a patch has one row there.
-    """
-    visible = 1e-7  # least distance between normals that files of 32-bit numbers tell apart
-    result = np.where(np.linalg.norm(normals - normals[vertex], axis=1) <= visible, vertex, np.arange(len(vertex)))
+def _rows_of_missing(normals: FloatArray, patch: IntArray, vertex: IntArray) -> IntArray:
+    """(k,) the row of each normal of vertices in patches; one for all (NaN) that a vertex lacks in a patch."""
+    result = np.arange(len(normals))
     missing = np.flatnonzero(np.isnan(normals[:, 0]))
     keys = paired(vertex[missing], patch[missing], int(patch.max()) + 1)
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)

@@ -19,6 +19,8 @@ from gtb_cli.pictures.figures import axes_for, draw_on
 from gtb_cli.pictures.look import Camera, Look, empty_figure, settings
 from gtb_cli.pictures.page import page_data
 from gtb_cli.tessellation.recipe import Recipe
+from tests.shell import SPECS
+from tests.specs import load
 from tests.surfaces import assert_closed
 
 ANGLES = (0, 1, 30, 90)
@@ -171,3 +173,13 @@ def test_normals_turn_where_edges_are_sharper_than_35_degrees():
         normals = facet_normals(mesh.vertices, mesh.cells)
         assert len(normals.vectors) == (45 if angle < 35 else 50)
         assert np.abs(np.linalg.norm(normals.vectors, axis=1) - 1).max() < 1e-12
+
+
+def test_a_smooth_joint_has_one_normal_a_vertex():
+    """So has a vertex without normals in several patches, where the means of their facets agree."""
+    for name in ("teapot", "rounded-cube", "box-corner"):
+        mesh = tessellate(load(SPECS / f"{name}.toml"), 6)
+        assert len(mesh.normals) == len(mesh.vertices)
+        assert warnings_for(mesh, "obj", normals=True) == []
+    mesh = tessellate(bent(90), SIDES)
+    assert any("meshio" in text for text in warnings_for(mesh, "obj", normals=True))

@@ -43,13 +43,7 @@ NO_GLB_LINES = {"GLB curve": "leaves lines out"}
 
 LIBRARIES = (
     Reader("trimesh", "trimesh", "trimesh scipy", "obj ply stl glb", limits=NO_LINES),
-    Reader(
-        "meshio",
-        "meshio",
-        "meshio",
-        "obj ply stl vtu",
-        limits=NO_LINES | REFUSES_EDGES | NO_CELLS | {"OBJ model": "takes one normal a vertex only"},
-    ),
+    Reader("meshio", "meshio", "meshio", "obj ply stl vtu", limits=NO_LINES | REFUSES_EDGES | NO_CELLS),
     Reader("plyfile", "plyfile", "plyfile", "ply"),
     Reader("numpy-stl", "numpy_stl", "numpy-stl", "stl"),
     Reader("PyMeshLab", "pymeshlab", "pymeshlab", "obj ply stl glb", limits={"GLB curve": "crashes"}),
