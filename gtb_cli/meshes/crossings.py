@@ -112,7 +112,8 @@ def _cross(corners: FloatArray, normals: FloatArray, pairs: IntArray, depth: flo
     rows, one, other = np.arange(len(pairs)), *pairs.T
     heights, reaching, flat = _heights(corners, normals, one, other, depth)
     left = reaching | flat
-    rows, one, other, heights, reaching, flat = (x[left] for x in (rows, one, other, heights, reaching, flat))
+    rows, one, other = rows[left], one[left], other[left]
+    heights, reaching, flat = heights[left], reaching[left], flat[left]
     back, back_reaching, back_flat = _heights(corners, normals, other, one, depth)
     near, flat = reaching & back_reaching, flat & back_flat
     segments = [_section(corners[other[near]], heights[near]), _section(corners[one[near]], back[near])]

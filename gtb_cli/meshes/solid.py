@@ -58,7 +58,7 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     """
     mesh = _welded(_checked(mesh, thickness))
     count = len(mesh.vertices)
-    vertices = np.concatenate([mesh.vertices, mesh.vertices + thickness * _displacements(mesh)])
+    vertices = np.concatenate([mesh.vertices, _offset(mesh, thickness)])
     rim, rim_cell = _boundary(mesh)
     below, above = (0, count) if thickness > 0 else (count, 0)
     start, end = rim.T.astype(np.int64)
@@ -109,10 +109,13 @@ def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
     The offset of a triangle, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this map are
     positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace is.
     """
-    mesh = _checked(mesh, thickness)
-    corners = mesh.vertices[mesh.cells]
-    moved = corners + thickness * _displacements(mesh)[mesh.cells]
-    (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in (corners, moved))
+    return _turned_over(mesh, _offset(_checked(mesh, thickness), thickness))
+
+
+def _turned_over(mesh: Mesh, moved: FloatArray) -> IntArray:
+    """The `folded_faces` of an offset with vertices at (m, 3) places."""
+    pairs = (mesh.vertices[mesh.cells], moved[mesh.cells])
+    (first, second), (to_first, to_second) = ((x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) for x in pairs)
     scale = np.abs(np.stack([first, second])).max(axis=(0, 2))[:, None]
     scale[scale == 0] = 1.0
     first, second, to_first, to_second = (x / scale for x in (first, second, to_first, to_second))
@@ -198,6 +201,43 @@ def _cell_groups(mesh: Mesh) -> IntArray:
     for index, (_, start, stop) in enumerate(mesh.groups):
         result[start:stop] = index
     return result
+
+
+def _offset(mesh: Mesh, thickness: float) -> FloatArray:
+    """(m, 3) vertices of the offset.
+
+    In a concave edge between patches, offsets of vertices nearer to it than the corner is moved would pass it, and turn
+    their faces over. They are moved between their neighbours instead, in the tangent planes of the offset, if fewer
+    faces are turned over for it: so up to about four rows of faces are kept.
+    """
+    rounds = 32  # which suffice for four rows of faces
+    moves = _displacements(mesh)
+    moved = mesh.vertices + thickness * moves
+    is_mitred = dot(moves, moves) > 1 + 1e-6
+    folded = _turned_over(mesh, moved)
+    if not len(folded) or not is_mitred.any():
+        return moved
+    sides = sides_of(mesh.cells)
+    rim = np.zeros(len(moved), dtype=bool)
+    rim[sides.directed[sides.alone]] = True
+    # The neighbours of a vertex of the rim are those along the rim.
+    ends = np.concatenate([sides.edges[(sides.uses == 1) | ~rim[sides.edges[:, k]]][:, [k, 1 - k]] for k in (0, 1)])
+    best, fewest = moved.copy(), len(folded)
+    is_moving = np.zeros(len(moved), dtype=bool)
+    for _ in range(rounds):
+        is_moving[mesh.cells[folded]] = True
+        is_moving &= ~is_mitred
+        start, end = ends[is_moving[ends[:, 0]]].T
+        count = np.bincount(start, minlength=len(moved))[is_moving, None]
+        means = np.stack([np.bincount(start, moved[end, k], len(moved))[is_moving] for k in range(3)], axis=1) / count
+        normal, way = moves[is_moving], means - moved[is_moving]
+        moved[is_moving] += way - dot(way, normal)[:, None] * normal
+        folded = _turned_over(mesh, moved)
+        if len(folded) < fewest:
+            best, fewest = moved.copy(), len(folded)
+        if not fewest:
+            break
+    return best
 
 
 def _displacements(mesh: Mesh) -> FloatArray:

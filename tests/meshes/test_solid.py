@@ -193,6 +193,23 @@ def test_a_roof_is_as_thick_as_its_sides_up_to_a_bound(angle):
                 np.testing.assert_allclose(move @ normal, thickness, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("angle", "n"), [(20, 64), (60, 16), (60, 64), (100, 32)])
+def test_in_a_concave_edge_faces_narrower_than_the_corner_moves_are_not_turned_over(angle, n):
+    """Squares of side 1: the offset of each ends D tan(angle / 2) before the edge."""
+    a, thickness = math.radians(angle), 0.1
+    left = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[-1, 0, 0], [0, 0, 0], [-1, 1, 0], [0, 1, 0]])
+    far = np.array([math.cos(a), 0, math.sin(a)])
+    right = Patch([[0, 0], [1, 0], [0, 1], [1, 1]], [[0, 0, 0], far, [0, 1, 0], far + np.array([0, 1, 0])])
+    solid, remarks = Recipe(n, thickness=thickness, require=("solid", "unfolded")).mesh(Model((left, right)))
+    assert remarks == []
+    assert_closed(solid)
+    shorter = thickness * math.tan(a / 2)
+    assert volume(solid) == pytest.approx(2 * thickness * (1 - shorter / 2), rel=1e-9)
+    outer = solid.vertices[len(solid.vertices) // 2 :]
+    heights = np.stack([outer[:, 2], outer @ [-math.sin(a), 0, math.cos(a)]])
+    np.testing.assert_allclose(heights.min(axis=0), thickness, rtol=1e-9)
+
+
 def test_patches_with_normals_nearly_in_a_plane_do_not_tear_a_vertex_away():
     """Three facets of a roof, the middle one narrow: exactly, their offsets meet far away to the side."""
     points = np.array([[0, 0, 0], [0, 1, 0], [-1, 0, -0.1], [-0.02, -1, -0.002], [0.02, -1, -0.002], [1, 0, -0.1]])
