@@ -32,9 +32,9 @@ def made(monkeypatch):
     names = []
     mesh = Recipe.mesh
 
-    def noted(self, spec):
+    def noted(self, spec, *more, **options):
         names.append(spec.name)
-        return mesh(self, spec)
+        return mesh(self, spec, *more, **options)
 
     monkeypatch.setattr(Recipe, "mesh", noted)
     return names
@@ -163,10 +163,10 @@ def test_an_interrupted_run_is_resumed(place, made, monkeypatch):
     """The first file is there, and so is a manifest that lists it, in the order of all."""
     mesh = Recipe.mesh
 
-    def interrupted(self, spec):
+    def interrupted(self, spec, *more, **options):
         if spec.name == "bicubic":
             raise KeyboardInterrupt
-        return mesh(self, spec)
+        return mesh(self, spec, *more, **options)
 
     with monkeypatch.context() as patch:
         patch.setattr(Recipe, "mesh", interrupted)
