@@ -28,7 +28,7 @@ from gtb_cli.design.sides import (
     stations,
 )
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import Energy, energy_matrix
+from gtb_cli.fairing.energy import Energy, energy_matrix, energy_samples
 from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
@@ -82,9 +82,10 @@ class Filling:
     raises : tuple of int
         Number of times that the degree of each side was raised.
     folds : int
-        Number of places, among some thousand, at which the patch is turned over.
+        Number of places, among some thousand, at which the patch turns back.
     sharp_turns : int
-        Number of places at which it is not, but turns by more than a right angle from one of them to the next.
+        Number of sides in a mesh of some thousand triangles at which a patch without folds turns by more than a right
+        angle.
     remarks : tuple of str
     model : Model or None
         The model with its hole filled by the patch.
@@ -175,7 +176,7 @@ def fill_loop(sides: Sequence[HoleSide], options: Options | None = None, name: s
         _corner_angles(unit, normals),
         best.raises,
         best.folds,
-        best.turns - best.folds,
+        0 if best.folds else best.turns,
         tuple(remarks),
     )
 
@@ -211,7 +212,7 @@ def _attempt(
     shape, points, value = _solved(edges, fields, kind, fullness)
     patch = Patch(shape.knots, points, log_weights=shape.log_weights)
     turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
-    return _Attempt(shape, patch, value, tuple(times), *_folds(patch), turned)
+    return _Attempt(shape, patch, value, tuple(times), _turns(patch), _folds(patch), turned)
 
 
 def _frame(sides: Sequence[HoleSide]) -> tuple[FloatArray, float]:
@@ -276,12 +277,8 @@ def _with_exact_corners(patch: Patch, sides: Sequence[HoleSide]) -> Patch:
     return patch.replace(control_points=points)
 
 
-def _folds(patch: Patch) -> tuple[int, int]:
-    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle: all, and folds.
-
-    At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast.
-    """
-    halvings = 10  # of the way from one triangle's middle to the other's
+def _turns(patch: Patch) -> int:
+    """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle."""
     part = central_triangulation(patch.domain, FOLD_RINGS)
     inside = np.ones(len(part.parameters), dtype=bool)
     inside[part.boundary] = False
@@ -292,17 +289,35 @@ def _folds(patch: Patch) -> tuple[int, int]:
         vertices[block] = t.T @ patch.control_points
     for edge, boundary in enumerate(part.boundary):
         vertices[boundary] = edge_points_at(patch, edge, np.arange(len(boundary)) / len(boundary))
-    pairs = part.cells[folded_pairs(vertices, part.cells)]
-    ways = moment_map.inverse(part.parameters[pairs].mean(axis=2).reshape(-1, 2), 1e-7).reshape(2, -1, 2)
-    start, end = ways[:, :, 0], ways[:, :, 1]
-    before, after = _directions(patch, start), _directions(patch, end)
+    return len(folded_pairs(vertices, part.cells))
+
+
+def _folds(patch: Patch) -> int:
+    """Count the folds between neighbouring places of the energy's quadrature, which are dense near edges and corners.
+
+    At a fold the normal turns by more than a right angle in an ever smaller step; elsewhere it only turns fast.
+    """
+    resolution, halvings = 24, 10  # of the places, and of the way from one to the next
+    places, _ = energy_samples(patch.domain, resolution)
+    moment_map = MomentMap(patch.knots, patch.log_products)
+    s, normals = np.empty((2, len(places))), np.empty((len(places), 3))
+    for block in np.array_split(np.arange(len(places)), 1 + len(places) // block_length(len(patch.knots))):
+        s[:, block] = moment_map.inverse(places[block], 1e-7)
+        normals[block] = _directions(patch, s[:, block])
+    numbers = np.arange(len(places)).reshape(-1, resolution, resolution)  # by edge, depth and place along the edge
+    rings = numbers.swapaxes(0, 1).reshape(resolution, -1)
+    pairs = np.concatenate(
+        [np.stack(pair, axis=-1).reshape(-1, 2) for pair in ((rings, np.roll(rings, -1, 1)), (rings[:-1], rings[1:]))]
+    )
+    pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) <= 0]
+    start, end, before, after = s[:, pairs[:, 0]], s[:, pairs[:, 1]], normals[pairs[:, 0]], normals[pairs[:, 1]]
     for _ in range(halvings):
         middle = (start + end) / 2
         between = _directions(patch, middle)
         first = (before * between).sum(axis=1) <= (between * after).sum(axis=1)  # the half that turns more
         start, end = np.where(first, start, middle), np.where(first, middle, end)
         before, after = np.where(first[:, None], before, between), np.where(first[:, None], between, after)
-    return len(pairs), int(((before * after).sum(axis=1) <= 0).sum())
+    return int(((before * after).sum(axis=1) <= 0).sum())
 
 
 def _directions(patch: Patch, s: FloatArray) -> FloatArray:

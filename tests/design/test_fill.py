@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gtb_cli.design.fill import Filling, Options, _folds, fill_loop
+from gtb_cli.design.fill import Filling, Options, _folds, _turns, fill_loop
 from gtb_cli.design.holes import fill_hole, rings
 from gtb_cli.design.loops import loop_from_text, read_loop
 from gtb_cli.design.sides import HoleSide, bezier_form, curve_side, points_and_tangents, raised, stations
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.fairing.energy import energy
+from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
 from gtb_cli.theory.curvature import curvature_at
@@ -110,9 +110,21 @@ def test_a_fold_is_told_from_a_sharp_turn(height, folded):
     x, y = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
     knots = np.column_stack([x.ravel(), y.ravel()])
     patch = Patch(knots, np.column_stack([(knots[:, 0] - 0.05) ** 2, knots[:, 1], height * knots[:, 0]]))
-    turns, folds = _folds(patch)
-    assert turns > 0
-    assert folds == (turns if folded else 0)
+    assert _turns(patch) > 0
+    assert (_folds(patch) > 0) == folded
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_plane_patch_that_passes_is_folded(seed):
+    """Stars of straight sides, with concave corners: where the Jacobian changes its sign, the patch is refused."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 8))
+    angles, radii = (np.arange(n) + 0.6 * rng.random(n)) * 2 * np.pi / n, rng.uniform(0.25, 1, n)
+    corners = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), np.zeros(n)])
+    filling = fill_loop([HoleSide(f"{k}", homogeneous(corners[[k, (k + 1) % n]])) for k in range(n)])
+    if filling.fault is None:
+        p = energy_samples(filling.patch.domain, 40)[0]
+        assert (filling.patch.normals(p, "linear")[:, 2] > 0).all()
 
 
 def test_rational_sides_without_ribbons_stay_as_they_are(tmp_path):
