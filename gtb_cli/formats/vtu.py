@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -37,8 +38,8 @@ class Cell(NamedTuple):
     points: FloatArray
 
 
-def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
-    """Return the exact cells of a patch: the patch itself, if it is a Bézier patch, or its charts.
+def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
+    """Return the exact cells of a patch: the patch itself, if it is a Bézier patch, or its charts; rectangles as nets.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell]:
         return [_curve(homogeneous_points(curve)[_ascending(line)]) for curve, line in curves]
     if lattice is not None and len(lattice) == 1:
         return [_triangle(homogeneous_points(patch), lattice[0])]
-    return [_quadrilateral(surface.net) for surface in exact_surfaces(patch, index)]
+    return [surface.net for surface in exact_surfaces(patch, index)]
 
 
 def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
@@ -73,7 +74,7 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
         The error of `cells_of`, with the name of the patch.
     """
     patches = spec.patches
-    cells: list[tuple[int, Cell]] = []
+    cells: list[tuple[int, Cell | FloatArray]] = []
     for index, patch in enumerate(patches):
         try:
             cells += ((index, cell) for cell in cells_of(patch, index))
@@ -81,7 +82,49 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
             if isinstance(spec, Patch):
                 raise
             raise DomainError(f"{patch.name or f'patches[{index}]'}: {fault}") from None
-    return "".join(f"{line}\n" for line in _lines(cells)).encode("ascii"), len(cells)
+    nets = iter(_raised([cell for _, cell in cells if not isinstance(cell, Cell)]))
+    whole = [(index, cell if isinstance(cell, Cell) else _quadrilateral(next(nets))) for index, cell in cells]
+    return "".join(f"{line}\n" for line in _lines(whole)).encode("ascii"), len(whole)
+
+
+def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
+    """Raise the degrees of neighbours to a common one in both directions: VTK cuts a cell by its highest degree."""
+    if not nets:
+        return []
+    corners = np.array([net[[0, 0, -1, -1], [0, -1, 0, -1], :3] for net in nets])
+    grain = 1e-9 * max(float(np.abs(corners).max()), 1e-300)
+    _, names = np.unique(np.rint(corners.reshape(-1, 3) / grain), axis=0, return_inverse=True)
+    ends = np.sort(names.reshape(-1, 4)[:, [[0, 2], [1, 3], [0, 1], [2, 3]]], axis=2)  # along the first, the second
+    _, sides = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    sides = sides.reshape(-1, 4)
+    degrees, before = np.array([max(net.shape[:2]) for net in nets]) - 1, None
+    while before is None or (degrees > before).any():
+        before, highest = degrees, np.zeros(sides.max() + 1, dtype=degrees.dtype)
+        np.maximum.at(highest, sides, degrees[:, None])
+        degrees = highest[sides].max(axis=1)
+    if (degrees == degrees[0]).all() and all(net.shape == nets[0].shape for net in nets):
+        return list(nets)  # alike already
+    raised = []
+    for net, degree in zip(nets, degrees.tolist(), strict=True):
+        weights = net[..., 3:]
+        table = np.concatenate([net[..., :3] * weights, weights], axis=2)
+        table = np.einsum("ki,lj,ijx->klx", *(_elevation(count - 1, degree) for count in net.shape[:2]), table)
+        raised.append(np.concatenate([table[..., :3] / table[..., 3:], table[..., 3:]], axis=2))
+    return raised
+
+
+def _elevation(degree: int, higher: int) -> FloatArray:
+    """(higher + 1, degree + 1) shares of control points in those of the higher degree."""
+    more = higher - degree
+    return np.array(
+        [
+            [
+                math.comb(degree, i) * math.comb(more, k - i) / math.comb(higher, k) if k >= i else 0.0
+                for i in range(degree + 1)
+            ]
+            for k in range(higher + 1)
+        ]
+    )
 
 
 def _lines(cells: Sequence[tuple[int, Cell]]) -> Iterator[str]:

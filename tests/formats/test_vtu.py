@@ -162,3 +162,25 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     assert (
         arrays(y_up)["Points"] == arrays((tmp_path / "x.vtu").read_bytes())["Points"][:, [0, 2, 1]] * [1, 1, -1]
     ).all()
+
+
+def test_neighbours_of_other_degrees_have_common_edges():
+    """VTK cuts each cell by its highest degree: its surfaces of degrees (2, 2), (2, 3), (3, 2) had a slit."""
+    knots = [(i, j) for j in range(3) for i in range(4) if (i, j) != (3, 2)]
+    points = [(i, j, 0.3 * i * i - 0.2 * j * i) for i, j in knots]
+    found = arrays(encode_vtu(Patch(knots, points, weights=[1 + 0.1 * k for k in range(len(knots))]))[0])
+    assert (found["HigherOrderDegrees"] == [4, 4, 0]).all()
+    ends = np.concatenate([[0], found["offsets"].ravel()]).astype(int)
+    edges: dict[tuple, list[np.ndarray]] = {}
+    for (m, n, _), begin in zip(found["HigherOrderDegrees"].astype(int).tolist(), ends, strict=False):
+        place = [[begin + quadrilateral_place(i, j, m, n) for j in range(n + 1)] for i in range(m + 1)]
+        net = np.column_stack([found["Points"], found["RationalWeights"]])[np.array(place)]
+        for side in (net[0], net[-1], net[:, 0], net[:, -1]):
+            side = side if tuple(side[0]) < tuple(side[-1]) else side[::-1]
+            edges.setdefault(tuple(np.round(side[[0, -1], :3].ravel(), 9) + 0.0), []).append(side)
+    shared = [pair for pair in edges.values() if len(pair) == 2]
+    assert len(shared) == 5
+    for one, other in shared:
+        assert len(one) == len(other)
+        assert one[:, :3] == pytest.approx(other[:, :3], abs=1e-12)
+        assert np.ptp(np.log(one[:, 3] / other[:, 3])) < 1e-12
