@@ -27,7 +27,7 @@ def sharpest_bend(
     thickness : float
         Distance of the offset, on the side of the normals if positive.
     cells : int
-        Number of triangles of the mesh; samples are closer together.
+        Number of triangles of the mesh: samples are closer together, but no more than 48 lie along an edge.
 
     Returns
     -------
