@@ -89,15 +89,26 @@ class Search:
         beside = [_pairs(surface.cells + first) for surface, first in zip(surfaces, self.first, strict=False)]
         self.neighbours = _table(np.concatenate(beside), np.arange(len(self.points)))
 
-    def farthest(self) -> tuple[FloatArray, FloatArray]:
-        """(k,) the distances of `count` ways or pairs of ways, and (k, 3) points that are so far."""
-        found, at = np.zeros(self.count), np.zeros((self.count, 3))
+    def farthest(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(k,) distances of `count` ways or pairs of ways, (k, 3) points that are so far, and (k,) errors.
+
+        Where a further search for nearest points lowers the distances of the farthest points, nearest points of others
+        may be missed, too: the error is then all that was lost, or the whole distance.
+        """
         peaks = self.peaks(self.verified(self.bounded(self.candidates())))
-        top = joined([peaks, self.climbed(peaks)])
+        climbed = self.climbed(peaks)
+        checked, _ = self.distances(
+            self.positions(Places(peaks.stratum, peaks.s)), peaks.way, 0 * peaks.distance, MOST_STARTS
+        )
+        top = joined([peaks._replace(distance=np.minimum(peaks.distance, checked)), climbed])
+        found, at = np.zeros(self.count), np.zeros((self.count, 3))
         order = np.argsort(top.distance, kind="stable")
         pair, positions = top.way[order] % self.count, self.positions(Places(top.stratum, top.s))[order]
         found[pair], at[pair] = top.distance[order], positions  # the last one, which is the largest, stays
-        return np.where(found > ROUNDING, found, 0.0), at
+        lost = self.largest(peaks.way % self.count, peaks.distance) - found
+        missed = lost > self.accuracy * found + ROUNDING
+        found = np.where(found > ROUNDING, found, 0.0)
+        return found, at, self.accuracy * found + np.where(missed, np.maximum(lost, found), 0.0)
 
     def positions(self, places: Places) -> FloatArray:
         """(m, 3) points."""

@@ -27,25 +27,28 @@ def shape_distance(a: Patch | Model, b: Patch | Model) -> Distance:
     Notes
     -----
     The distance is found by a search that starts from points all over both, so it is not proved. It is too large if a
-    nearest point was missed, and too small if the farthest one is on a peak between starting points.
+    nearest point was missed, as happens between surfaces with hundreds of knots, and too small if the farthest one is
+    on a peak between starting points. The bound has room for missed nearest points where any came to light.
     """
     rounding = 1e-11  # distance, as a fraction of the largest coordinate, below which two surfaces cannot be told apart
     surfaces = [whole_surface(shape) for shape in (a, b)]
-    found, at = farthest(surfaces, [(0, 1), (1, 0)], 2)
+    found, at, errors = farthest(surfaces, [(0, 1), (1, 0)], 2)
     ways = [Farthest(float(distance), tuple(point.tolist())) for distance, point in zip(found, at, strict=True)]
     scale = max(float(np.abs(surface.points).max()) for surface in surfaces)
-    bound = (1 + RELATIVE_ERROR) * max(way.distance for way in ways) + rounding * scale
+    bound = float((found + errors).max()) + rounding * scale
     return Distance(ways[0], ways[1], bound, is_proved=False)
 
 
 def farthest(
     surfaces: Sequence[Surface], ways: Sequence[tuple[int, int]], count: int, accuracy: float = RELATIVE_ERROR
-) -> tuple[FloatArray, FloatArray]:
-    """(k,) distances and (k, 3) points as found by `Search`, in model units."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(k,) distances, (k, 3) points and (k,) errors as found by `Search`, in model units."""
     low, high = bounds_of(np.concatenate([bounds_of(surface.points) for surface in surfaces]))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
-    found, at = Search([surface.moved(origin, exponent) for surface in surfaces], ways, count, accuracy).farthest()
-    return np.ldexp(found, exponent), np.ldexp(at, exponent) + origin
+    found, at, errors = Search(
+        [surface.moved(origin, exponent) for surface in surfaces], ways, count, accuracy
+    ).farthest()
+    return np.ldexp(found, exponent), np.ldexp(at, exponent) + origin, np.ldexp(errors, exponent)
 
 
 def whole_surface(shape: Patch | Model) -> Surface:

@@ -72,11 +72,13 @@ class Measurement:
         near = [member for member in members if member < count and not self.family.is_limit[member]]
         surfaces = [self.limit, *self.surfaces([self.family.members[member] for member in near])]
         ways = [(row, 0) for row in range(1, len(surfaces))] + [(0, row) for row in range(1, len(surfaces))]
-        found = farthest(surfaces, ways, len(near), self.accuracy.relative)[0].tolist() if near else []
-        known = dict(zip(near, found, strict=True))
+        known: dict[int, tuple[float, float]] = {}
+        if near:
+            found, _, errors = farthest(surfaces, ways, len(near), self.accuracy.relative)
+            known = dict(zip(near, zip(found.tolist(), errors.tolist(), strict=True), strict=True))
         for member in members:
-            distance = known.get(member, 0.0)
-            yield distance, distance, self.accuracy.relative * distance, ""
+            distance, error = known.get(member, (0.0, 0.0))
+            yield distance, distance, error, ""
 
     @cached_property
     def rough(self) -> Complex:

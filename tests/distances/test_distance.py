@@ -24,7 +24,7 @@ def test_a_patch_is_where_its_other_descriptions_are(name):
     patch = named(name)
     tilted = patch.log_weights + (patch.knots - patch.domain.center) @ np.ones(patch.dimension) / patch.domain.size
     others = [patch.replace(log_weights=tilted), patch.part(np.arange(len(patch.knots))[::-1])]
-    if len(patch.knots) < 60:  # raised, these are 605, between which nearest points are missed
+    if len(patch.knots) < 60:  # raised, these are 605, between which the search takes a minute and misses points
         others.append(elevate(patch))
     for other in others:
         found = distance(patch, other)
