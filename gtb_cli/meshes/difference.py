@@ -207,7 +207,7 @@ def difference(
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0, tuple[str, ...]()
     if same_kind and found.distance <= allowed:
-        turned, remarks = unlike(a, b, first, second, allowed)
+        turned, remarks = unlike(a, b, first, second, allowed, min(allowed, max(resolution, 1e-6 * diagonal)))
     return made(
         method="surface",
         distance=found.distance,

@@ -188,9 +188,9 @@ def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def unlike(
-    a: KnownMesh, b: KnownMesh, first: Measures, second: Measures, tolerance: float
+    a: KnownMesh, b: KnownMesh, first: Measures, second: Measures, tolerance: float, close: float
 ) -> tuple[int, tuple[str, ...]]:
-    """Tell in what two surfaces, or curves, in the same place differ.
+    """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def unlike(
     if bool(thin.sum()) != bool(others_thin.sum()):
         rows.append(("cells without extent", int(thin.sum()), int(others_thin.sum())))
     told = [f"{one} against {other} {what}" for what, one, other in rows if one != other]
-    cells, others, _ = _by_nearness(a.mesh, b.mesh, tolerance)
+    cells, others, _ = _by_nearness(a.mesh, b.mesh, close)
     faces = _faces(cells, others)
     only, others_only = faces.there[faces.face] == 0, faces.here[faces.other] == 0
     if only.any() != others_only.any():

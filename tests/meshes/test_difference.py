@@ -243,6 +243,12 @@ def test_turned_faces_in_files(kind):
     assert shared == (kind in ("stl", "glb"))  # where faces do not tell which vertices they share
 
 
+def test_other_faces_with_vertices_within_a_large_tolerance_are_no_difference():
+    for tolerance in ("1%", "10%", "50%"):
+        found = difference(known_exactly(plane(8)), known_exactly(plane(9)), tolerance)
+        assert (found.same, found.remarks) == (True, ())
+
+
 def test_which_face_is_there_twice_counts():
     mesh = surface(3)
     one, two = (with_faces(mesh, mesh.cells[face]) for face in (2, 5))
