@@ -267,9 +267,12 @@ class _Refinement:
         for steps in np.unique(steps_at).tolist():
             at = steps_at == steps
             fails[at], doubts[at] = self.sample(rows[at], steps)
-            doubts[at] &= steps < FINE_LATTICE_STEPS
+            doubts[at] &= steps < 2 * FINE_LATTICE_STEPS
         if doubts.any() and not fails.any() and not self.far().any():
-            fails[doubts], _ = self.sample(rows[doubts], FINE_LATTICE_STEPS)
+            # A ridge between samples of the first of these lattices was 1.27 tolerances high.
+            for steps in (FINE_LATTICE_STEPS, 2 * FINE_LATTICE_STEPS):
+                finer = doubts & ~fails & (steps_at < steps)
+                fails[finer], doubts[finer] = self.sample(rows[finer], steps)
             doubts[:] = False
         row, u = peaks.inside(rows_of(self.mesh.cells, rows))
         fails[row[self.samples.at(rows[row], u, self.nearby) > self.tolerance]] = True
