@@ -1,8 +1,8 @@
 """OBJ files, and lines of numbers, as text, fast: tables turn numbers into characters, four at a time, in numpy.
 
 Every number of a block of rows becomes a run of 32-bit words. Each word holds up to four characters and is padded with
-NUL bytes, which are deleted at the end. The result equals the text of Python's format `z.8f` (or of another number of
-decimals), byte for byte: what rounds to zero has no sign, as this would tell of the last bit of a processor's sums.
+NUL bytes, which are deleted at the end. The result equals the text of Python's `%.8f` (or of another number of
+decimals), byte for byte.
 """
 
 from __future__ import annotations
@@ -60,8 +60,7 @@ def obj_blocks(
 ) -> Iterator[bytes]:
     """Return the text of an OBJ file: `v`, `vn`, `vt`, then `f` (or one `l` for each segment), with `g` before groups.
 
-    The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``, but for the sign
-    of zeros.
+    The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``.
 
     Parameters
     ----------
@@ -116,15 +115,14 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     scale = 10.0 ** min(digits, _MAX_DECIMALS)  # exact: so is every power of ten up to the 22nd
     scaled = size * scale
     if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
-        line = prefix + f" {{:z.{digits}f}}" * columns + "\n"
-        lines: str = (line * rows).format(*values.ravel().tolist())
+        line = prefix + f" %.{digits}f" * columns + "\n"
+        lines: str = line * rows % tuple(values.ravel().tolist())
         return lines.encode("ascii")
 
     fraction = _round_exactly(size, scale, scaled)
     carry = fraction >= scale
     whole[carry] += 1.0
     fraction[carry] = 0.0
-    is_below_zero = (values < 0) & ((whole > 0) | (fraction > 0))
 
     # The point follows a single digit in its word, and begins one of its own otherwise.
     top = int(whole.max())
@@ -134,7 +132,7 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     groups = _groups(top, 2)
     words, text = _lines(prefix, rows, columns, groups + 1 + len(parts))
     head = _head(b" ", 2, signed=True, alone=not groups) if top > 9 else _head(b" ", 1, signed=True, tail=b".")
-    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, len(head) // 2 * is_below_zero)
+    _put_whole(words[..., : groups + 1], whole.astype(np.int64), head, len(head) // 2 * np.signbit(values))
     divisor = 10**digits
     remainder: NDArray[Any] = fraction.astype(np.int32 if digits <= _MAX_SHORT_DECIMALS else np.int64)
     for place, (lead, count) in enumerate(parts, groups + 1):
