@@ -50,6 +50,9 @@ class SplineSurfaces(NamedTuple):
         Number of surfaces that are not exact.
     error : float
         Largest distance of fitted surfaces from the patches, at sample points; 0 if all are exact.
+    bend : float
+        Largest angle in degrees between the tangent planes of two fitted surfaces of one patch along their common
+        edge, at sample points; 0 if all are exact.
     reasons : tuple of (str, str)
         Name of each fitted patch, and the reason.
     """
@@ -57,6 +60,7 @@ class SplineSurfaces(NamedTuple):
     surfaces: tuple[SplineSurface, ...]
     fitted: int
     error: float
+    bend: float
     reasons: tuple[tuple[str, str], ...]
 
 
@@ -132,7 +136,7 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
         except DomainError as fault:
             reasons[index] = str(fault)
     if not reasons:
-        return SplineSurfaces(tuple(surface for surfaces in exact.values() for surface in surfaces), 0, 0.0, ())
+        return SplineSurfaces(tuple(surface for surfaces in exact.values() for surface in surfaces), 0, 0.0, 0.0, ())
     edges = _exact_edges(spec, exact, reasons) if isinstance(spec, Model) else {}
     degree = max([3, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
     points = np.concatenate([patch.control_points for patch in patches])
@@ -145,7 +149,8 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
             surfaces = [exact[index] if index in exact else fitted[index][0] for index in range(len(patches))]
             names = tuple((_name(patches[index], index), why) for index, why in sorted(reasons.items()))
             count = sum(len(found) for found, _ in fitted.values())
-            return SplineSurfaces(tuple(surface for part in surfaces for surface in part), count, error, names)
+            bend = max(_bend(found) for found, _ in fitted.values())
+            return SplineSurfaces(tuple(surface for part in surfaces for surface in part), count, error, bend, names)
     raise ToleranceError(
         f"fitted surfaces of {spans[-1]} × {spans[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
     )
@@ -312,6 +317,41 @@ def _fitted(
             net[..., 3] = 1.0
         surfaces.append(SplineSurface(_name(patch, index), (degree, degree), (knots, knots), net))
     return surfaces, worst
+
+
+def _bend(quarters: list[SplineSurface]) -> float:
+    """Return the largest angle in degrees between the tangent planes of successive quarters along their seams.
+
+    A quarter meets the next one where its first parameter is 1, and the one before where its second parameter is 1.
+    """
+    parts = 8  # of each span: between, angles are a hundredth larger at most, save beside an edge that is one point
+    spans = np.unique(quarters[0].knots[0])
+    places = np.interp(np.arange(parts * (len(spans) - 1) + 1) / parts, np.arange(len(spans)), spans)
+    worst = 0.0
+    for k, quarter in enumerate(quarters):
+        one, other = _seam_normals(quarter, 0, places), _seam_normals(quarters[(k + 1) % len(quarters)], 1, places)
+        sines, cosines = np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1)
+        worst = max(worst, float(np.degrees(np.arctan2(sines, cosines)).max()))
+    return worst
+
+
+def _seam_normals(surface: SplineSurface, axis: int, places: FloatArray) -> FloatArray:
+    """Return (k, 3) unit normals (0 where there is none) at (k,) places of the edge at the end of an axis."""
+    from scipy.interpolate import BSpline
+
+    rounding = 1e-9  # of the longest derivatives' product: below it, as on an edge without length, there is no normal
+    rows = np.moveaxis(surface.net, axis, 0)[[-1, -2]]
+    rows = np.concatenate([rows[..., :3] * rows[..., 3:], rows[..., 3:]], axis=2)
+    edge = BSpline(surface.knots[1 - axis], rows[0], surface.degrees[1 - axis])
+    values = edge(places)
+    points = values[:, :3] / values[:, 3:]
+    # Derivatives of rational points, but for a positive factor, which directions do not need.
+    rates = [spline(places) for spline in (edge.derivative(), BSpline(edge.t, rows[0] - rows[1], edge.k))]
+    along, across = (rate[:, :3] - points * rate[:, 3:] for rate in rates)
+    normals = np.cross(across, along) if axis == 0 else np.cross(along, across)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    least = rounding * np.linalg.norm(along, axis=1).max() * np.linalg.norm(across, axis=1).max()
+    return np.where(lengths > least, normals, 0.0) / np.where(lengths > 0, lengths, 1.0)
 
 
 def _points(

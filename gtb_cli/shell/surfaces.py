@@ -111,7 +111,8 @@ def _write_cad(
         name, reason = found.reasons[0]
         others = f" (one of {len(found.reasons)} such patches)" if len(found.reasons) > 1 else ""
         who = f"{name}{others}: " if isinstance(spec, Model) else ""
-        warnings.append(f"fitted within {found.error:.2g}, not exact: {who}{_short(reason)}")
+        bend = f"inner seams bend by up to {found.bend:.3g} degrees"
+        warnings.append(f"fitted within {found.error:.2g}, not exact, {bend}: {who}{_short(reason)}")
     counts = {"exact": body.faces - found.fitted, "fitted": found.fitted}
     faces = " and ".join(f"{count} {how}" for how, count in counts.items() if count)
     bodies = {"solid": body.solids, "open shell": body.shells}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from functools import cache
 from importlib import import_module
@@ -312,6 +313,45 @@ def test_fitted_patches_share_edges_with_other_parameters() -> None:
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * size)
 
 
+def bends(shape: Any) -> list[float]:
+    """The largest angle in degrees between the normals of two B-spline faces on each edge that they share."""
+    brep, topology = kernel("BRep").BRep_Tool, kernel("TopoDS")
+    faces = [_as(topology, "Face", face) for face in parts(shape, "FACE")]
+    sides: list[tuple[Any, list[Any]]] = []
+    for face in faces:
+        if not isinstance(brep.Surface_s(face), kernel("Geom").Geom_BSplineSurface):
+            continue
+        for edge in (_as(topology, "Edge", edge) for edge in parts(face, "EDGE")):
+            uses = next((uses for other, uses in sides if other.IsSame(edge)), None)
+            if uses is None:
+                sides.append((edge, [face]))
+            else:
+                uses.append(face)
+
+    def normals(edge: Any, face: Any) -> np.ndarray:
+        curve = kernel("BRepAdaptor").BRepAdaptor_Curve2d(edge, face)
+        first, last = curve.FirstParameter(), curve.LastParameter()
+        found = []
+        for t in np.linspace(first, last, 2000).tolist():
+            place = curve.Value(t)
+            at = kernel("GeomLProp").GeomLProp_SLProps(brep.Surface_s(face), place.X(), place.Y(), 1, 1e-12).Normal()
+            found.append([at.X(), at.Y(), at.Z()])
+        return np.array(found)
+
+    pairs = [[normals(edge, face) for face in uses] for edge, uses in sides if len(uses) == 2]
+    return [float(np.degrees(2 * np.arcsin(np.linalg.norm(a - b, axis=1).max() / 2))) for a, b in pairs]
+
+
+@pytest.mark.parametrize("spec", [pentagon(), pillow(integer_pentagon()), pillow(rectangle(2))])
+def test_the_angle_at_inner_seams_is_the_one_the_kernel_measures(spec: Patch | Model, tmp_path: Path) -> None:
+    """Fitted pieces that meet exactly have tangent planes that differ, by up to the angle that the warning says."""
+    found = spline_surfaces(spec)
+    measured = bends(read(encode_cad(found.surfaces, "brep").data, "brep", tmp_path))
+    assert len(measured) == found.fitted  # a seam for each corner
+    assert 1e-3 < max(measured) < 0.15
+    assert found.bend == pytest.approx(max(measured), rel=0.01)
+
+
 def test_an_exact_patch_of_high_degree_is_fitted_beside_a_fitted_one() -> None:
     found = spline_surfaces(pillow(rectangle(17)))
     assert found.fitted == len(found.surfaces) == 8
@@ -321,6 +361,7 @@ def test_an_exact_patch_of_high_degree_is_fitted_beside_a_fitted_one() -> None:
 
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
     assert len(exact_surfaces(bicubic())) == 1
+    assert spline_surfaces(bicubic()).bend == 0
     (surface,) = exact_surfaces(bicubic())
     assert surface.degrees == (3, 3)
     assert len(exact_surfaces(bezier_triangle())) == 3
@@ -379,7 +420,9 @@ def test_on_the_command_line(tmp_path: Path) -> None:
     assert printed.err == ""
     write(pillow(rectangle(2)), tmp_path / "mixed.toml")
     mixed = gtb("mesh", tmp_path / "mixed.toml", "-o", tmp_path / "mixed.step")
-    assert "not exact: bottom: has " in mixed.err
+    said = re.search(r"not exact, inner seams bend by up to (\S+) degrees: bottom: has ", mixed.err)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(spline_surfaces(pillow(rectangle(2))).bend, rel=0.005)
     assert mixed.err.endswith("mixed.step: 1 exact and 4 fitted faces, 1 solid\n")
     open_shell = gtb("mesh", INTEGERS, "-o", tmp_path / "y.step", "--require", "watertight", status=1)
     assert "not watertight: 1 of 1 shells are open" in open_shell.err
