@@ -314,5 +314,5 @@ def _thin_wall(solid: Mesh, thickness: float) -> list[str]:
         return []
     return [
         f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
-        "with more faces it is thicker"
+        "more faces make it thicker where the surface is smooth"
     ]
