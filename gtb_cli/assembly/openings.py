@@ -134,6 +134,11 @@ def seam_remarks(model: Model) -> list[str]:
         far = sum(joint.distance > far_weld * size for joint, size in zip(welded, sizes, strict=True))
         if far:
             lines.append(f"{far} of them were farther apart than {far_weld:.0%} of their edges")
+    points = CURVE_TOLERANCE * diagonal_of(patches)
+    shrunk = [(size, ref) for ref in joints.collapsed if (size := edge_curve(patches[ref[0]], ref[1]).size) > points]
+    if shrunk:
+        size, ref = max(shrunk)
+        lines.append(f"{len(shrunk)} edges were welded into points, up to {size:.3g} long ({edge_name(patches, ref)})")
     near = near_misses(joints, patches)
     for first, second, reason in near[:MAX_SHOWN]:
         lines.append(f"{edge_name(patches, first)} is not joined: {reason.format(edge_name(patches, second))}")

@@ -116,6 +116,8 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
     remarks = Recipe(4, weld="1%").mesh(pair(shift=1e-3))[1]
     assert remarks == ["1 seams were welded, which were up to 0.001 apart (one edge 1 and two edge 3)"]
     assert "1 of them were farther apart than 1% of their edges" in Recipe(4, weld=0.1).mesh(pair(shift=0.05))[1]
+    remarks = Recipe(4, weld=1.001).mesh(pair())[1]  # as long as the edges themselves
+    assert any("edges were welded into points, up to 1 long" in remark for remark in remarks), remarks
 
 
 def test_the_command_welds(tmp_path):
