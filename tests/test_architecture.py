@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -155,6 +156,16 @@ def test_a_room_knows_no_shell():
         called = {call.id for call in calls if isinstance(call, ast.Name)}
         called |= {ast.unparse(call) for call in calls if getattr(call, "attr", "") in ("exit", "_exit")}
         assert not called & {"print", "exit", "input", "sys.exit", "os._exit"}, name
+
+
+def test_an_error_of_a_room_names_no_option():
+    option = re.compile(r"(?<![\w-])(--[a-z]|-[a-zA-Z]\b)")
+    for name, tree in modules().items():
+        if wing_of(name) in ("shell", "commands", "__main__"):
+            continue
+        raised = [part for node in nodes(tree) if isinstance(node, ast.Raise) for part in ast.walk(node)]
+        texts = [part.value for part in raised if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+        assert not [text for text in texts if option.search(text)], name
 
 
 def test_slow_packages_are_imported_when_they_are_used():

@@ -338,7 +338,7 @@ def test_options_exclude_each_other_as_on_the_command_line(pentagon):
 
 def test_a_recipe_refuses_sizes_before_it_works(pentagon):
     for recipe in (gtb_cli.Recipe(10**8), gtb_cli.Recipe(8, max_faces=10)):
-        with pytest.raises(gtb_cli.ToleranceError, match=r"-n .* makes .* faces, more than"):
+        with pytest.raises(gtb_cli.ToleranceError, match=r"`resolution` .* makes .* faces, more than"):
             recipe.mesh(pentagon)
     solid, remarks = gtb_cli.Recipe(3, thickness=0.1).mesh(pentagon)
     assert not len(solid.open_sides)

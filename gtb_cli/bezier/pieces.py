@@ -129,13 +129,13 @@ def _powers(patch: Patch, max_degree: int) -> IntArray:
         if degree is None:
             raise DomainError(
                 f"has no Bézier pieces: the distances of the knots{where} have no common step, or one that makes "
-                f"degrees above {MAX_SEARCHED_DEGREE}. A mesh within --tolerance is possible"
+                f"degrees above {MAX_SEARCHED_DEGREE}. A mesh within `tolerance` is possible"
             )
         if degree > max_degree:
             raise DomainError(
                 f"has Bézier pieces of degree {degree} only: the distances of the knots{where}, as fractions of the "
-                f"largest, have the common denominator {degree}, and at most {max_degree} is allowed (--max-degree). "
-                "A mesh within --tolerance is also possible"
+                f"largest, have the common denominator {degree}, and at most {max_degree} is allowed (`max_degree`). "
+                "A mesh within `tolerance` is also possible"
             )
         degrees.append(degree)
     if patch.dimension == 2:

@@ -68,7 +68,7 @@ def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
         raise DomainError("hole: the model has no closed ring of open edges")
     if len(found) > 1:
         known = "; ".join(f"{members[0]} (of {len(members)} sides)" for members in names)
-        raise DomainError(f"hole: the model has {len(found)}, --hole EDGE names one of: {known}")
+        raise DomainError(f"hole: the model has {len(found)}, `edge` names one of: {known}")
     return found[0]
 
 

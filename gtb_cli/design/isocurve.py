@@ -54,7 +54,7 @@ def unmerged_isocurve(patch: Patch, axis: int, value: float) -> tuple[Patch, Int
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
         raise DomainError(
             "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there. What "
-            "can be had is a polyline (--polyline)"
+            "can be had is a polyline (`isoparametric_points`)"
         )
     low, high = span(patch, axis, value)
     name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"

@@ -89,7 +89,7 @@ def surface_near(points: ArrayLike, patch: Patch, parameters: ArrayLike | None =
 def _checked(points: ArrayLike, patch: Patch) -> FloatArray:
     most = 100_000  # the table of T has a number for each point and knot
     if patch.dimension == 1:
-        raise DomainError("patch: expected a surface, this is a curve (which gtb fit finds without --patch)")
+        raise DomainError("patch: expected a surface, this is a curve (which `fit` finds without `patch`)")
     places = finite("points", points)
     if places.ndim != 2 or places.shape[1] != 3 or not 1 <= len(places) <= most:
         raise DomainError(f"points: expected shape (m, 3) with m up to {most}, got {places.shape}")

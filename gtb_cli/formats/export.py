@@ -99,10 +99,10 @@ def encode_mesh(
     holds = FORMATS[kind]
     if mesh.is_curve and not holds.curves:
         raise ExportError(
-            f"{kind.upper()} holds triangles, and a curve has none: give it a thickness with --radius R (a tube)"
+            f"{kind.upper()} holds triangles, and a curve has none: give it a thickness with `radius` (a tube)"
         )
     if ascii and holds.text == "never":
-        raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with --ascii")
+        raise ExportError(f"{kind.upper()} has no text form: expected obj, ply or stl with `ascii`")
     _check_cells(mesh)
     if not (normals and holds.normals) or mesh.is_curve:
         mesh = replace(mesh, normals=None, normal_of=None, exact_normals=False)  # type: ignore[arg-type]

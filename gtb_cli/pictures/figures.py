@@ -73,7 +73,7 @@ def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lif
     elif what in ("curve", "surface"):
         kind = default_picture(thing)
         if kind != what:
-            raise DomainError(f"is a {kind}, and has no picture as a {what}: expected --what {kind}")
+            raise DomainError(f"is a {kind}, and has no picture as a {what}: expected `what` {kind}")
         if _is_plane(thing):
             draw_curves(ax, thing.patches, look)
             return
@@ -88,7 +88,7 @@ def draw_on(ax: Axes, thing: Patch | Model | Mesh, what: str, look: Look, *, lif
             f"what: expected curve, surface, basis, domain, decomposition, sequence or distance, got {what!r}"
         )
     elif isinstance(thing, Model):
-        raise DomainError(f"is a model of {len(thing.patches)} patches, and --what {what} is for one")
+        raise DomainError(f"is a model of {len(thing.patches)} patches, and `what` {what} is for one")
     elif what == "domain":
         draw_domain(ax, thing, look)
     elif what == "basis":

@@ -181,7 +181,7 @@ def frames_of_degeneration(
 def figure_of_distances(frames: Frames, look: Look) -> Figure:
     """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
     if not frames.distances:
-        raise DomainError("its distances were not measured: make it again without --no-distance")
+        raise DomainError("its distances were not measured: make it again without `distances=False`")
     with settings():
         figure = empty_figure(look)
         ax = with_numbers(figure)

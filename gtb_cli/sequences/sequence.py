@@ -303,7 +303,7 @@ def _mosaic(family: Family, resolution: int, tolerance: float | None, max_faces:
 def _refuse_too_many(cells: int, meshes: int, max_faces: int) -> None:
     if cells * meshes > max_faces:
         raise ToleranceError(
-            f"{meshes} meshes of {cells} faces have more than {max_faces}: lower -n or raise --max-faces"
+            f"{meshes} meshes of {cells} faces have more than {max_faces}: lower `resolution` or raise `max_faces`"
         )
 
 

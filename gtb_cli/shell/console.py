@@ -33,7 +33,7 @@ def lines_about(error: Exception) -> list[str]:
     }
     match error:
         case GtbError():
-            return list(map(discreet, str(error).split("\n")))
+            return [discreet(line) for line in in_options(str(error)).split("\n")]
         case MemoryError() | SystemError():  # the second, from C code that had no memory left to say so
             return ["not enough memory for this"]
         case OSError(filename=str() | bytes() as name):
@@ -47,6 +47,27 @@ def lines_about(error: Exception) -> list[str]:
 
         say("".join(traceback.format_exception(error)).rstrip())
     return [f"internal error, please report it: {type(error).__name__}: {error} (GTB_TRACEBACK=1 shows where)"]
+
+
+def in_options(message: str) -> str:
+    """Return the message of a library error with options in place of the arguments that it names in backticks."""
+    options = {
+        "ascii": "--ascii",
+        "certify": "--certify",
+        "distances=False": "--no-distance",
+        "edge": "--hole EDGE",
+        "fit": "gtb fit",
+        "isoparametric_points": "--polyline",
+        "lifting": "--lifting",
+        "max_degree": "--max-degree",
+        "max_faces": "--max-faces",
+        "patch": "--patch",
+        "radius": "--radius R",
+        "resolution": "-n",
+        "tolerance": "--tolerance",
+        "what": "--what",
+    }
+    return re.sub("`([^`\n]+)`", lambda found: options.get(found[1], found[0]), message)
 
 
 def discreet(line: str) -> str:

@@ -29,7 +29,7 @@ def surface_format(format: str | None, output: str) -> str | None:
 
 def _short(reason: str) -> str:
     """Shorten the reason why there are no exact pieces by the advice to use other commands."""
-    return reason.partition(". A mesh")[0].replace(" (--max-degree)", "")
+    return reason.partition(". A mesh")[0].replace(" (`max_degree`)", "")
 
 
 def write_surfaces(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.shell.console import Console
+from gtb_cli.shell.console import Console, in_options
 from gtb_cli.shell.streams import is_device
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class Watch:
                 self.data, self.error = page_data(self._see()), ""
                 self.changed = self.version
             except GtbError as error:
-                self.error = str(error)
+                self.error = in_options(str(error))
             except MemoryError:
                 self.error = "not enough memory for this"
 

@@ -10,17 +10,17 @@ from gtb_cli.errors import ToleranceError
 
 def refuse_faces(faces: int, resolution: int, max_faces: int) -> None:
     """Raise `ToleranceError` if a uniform mesh has more faces than are allowed, or than the machine's memory holds."""
-    estimate = f"-n {resolution} makes {faces} faces"
+    estimate = f"`resolution` {resolution} makes {faces} faces"
     if faces > max_faces:
         raise ToleranceError(
-            f"{estimate}, more than {max_faces}: take a smaller -n, or allow them with --max-faces {faces}"
+            f"{estimate}, more than {max_faces}: take a smaller `resolution`, or allow them with `max_faces` {faces}"
         )
     bytes_per_face = 100  # measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
     needed, there = faces * bytes_per_face, physical_memory()
     if needed > there:
         raise ToleranceError(
             f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
-            "take a smaller -n"
+            "take a smaller `resolution`"
         )
 
 

@@ -180,8 +180,8 @@ def certified(
             refined(patches, joints, sampler, larger - moved, max_faces, True, then)
         except ToleranceError:
             continue
-        raise ToleranceError(f"{why}: {larger:g} is certified, and without --certify it is sampled")
-    raise ToleranceError(f"{why}: nor is {larger:g} certified; without --certify it is sampled")
+        raise ToleranceError(f"{why}: {larger:g} is certified, and without `certify` it is sampled")
+    raise ToleranceError(f"{why}: nor is {larger:g} certified; without `certify` it is sampled")
 
 
 def _mesh(

@@ -93,5 +93,5 @@ def lifting_of(patch: Patch, lifting: ArrayLike | None) -> FloatArray:
     """(n,) the given lifting or, by default, the patch's own; refuses a missing lifting, and one of wrong length."""
     values = patch.lifting if lifting is None else finite("lifting", lifting)
     if values is None:
-        raise DomainError("has no lifting: write one into the spec, or give --lifting")
+        raise DomainError("has no lifting: write one into the spec, or give `lifting`")
     return one_for_each("lifting", values, len(patch.knots), "knot")

@@ -220,7 +220,7 @@ def test_a_refusal_names_a_tolerance_that_is_certified(monkeypatch):
 
     monkeypatch.setattr(SurfaceCertificate, "failing", late)
     shape = load(SPECS / "bicubic.toml")
-    message = r"0\.1 takes too long to certify: 0\.3 is certified, and without --certify"
+    message = r"0\.1 takes too long to certify: 0\.3 is certified, and without `certify`"
     with pytest.raises(ToleranceError, match=message):
         tessellate(shape, tolerance=0.1, certify=True, normals=False)
     assert len(tessellate(shape, tolerance=0.3, certify=True, normals=False).cells)

@@ -19,7 +19,7 @@ def test_a_format_has_curves_or_refuses_them(format):
     if FORMATS[format].curves:
         assert decode_mesh(encoded(curve(), format), "file").mesh.is_curve
     else:
-        with pytest.raises(ExportError, match=r"a curve has none: .*--radius R"):
+        with pytest.raises(ExportError, match=r"a curve has none: .*`radius`"):
             encode_mesh(curve(), format)
 
 
