@@ -90,6 +90,6 @@ def beside_toric() -> Iterator[Row]:
             f"1M scattered points of the {what}, linear beside toric",
             lambda patch=patch, u=u: patch.evaluate(u, "linear"),  # type: ignore[misc]
             lambda patch=patch, u=u: patch.evaluate(u),  # type: ignore[misc]
-            budget=12.0,
+            budget=15.0,
             runs=3,
         )
