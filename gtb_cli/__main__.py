@@ -1,7 +1,5 @@
 """The process behind `gtb` and ``python -m gtb_cli``: its settings and its exit."""
 
-from __future__ import annotations
-
 import gc
 import math
 import os

@@ -1,7 +1,5 @@
 """Array types, checks of arrays that come in, and products of vectors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Names and limits that commands offer, without numpy."""
 
-from __future__ import annotations
-
 import math
 import os
 from typing import Literal, NamedTuple, TypeAlias

@@ -4,8 +4,6 @@ Floats are taken at their exact values. What the program decides once (which kno
 it; `test_domain.py` tests that decision. So is the length of the normals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any

@@ -1,7 +1,5 @@
 """Small files in the formats of other programs, written here, and their surfaces' own formulas in exact fractions."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

@@ -4,8 +4,6 @@
 `patches` and on generated ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What `make test` leaves out and `make test-all` runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import pytest

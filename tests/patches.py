@@ -1,7 +1,5 @@
 """Tiny named patches: numbers are exact rationals where they can be, and a few are at the edge of what is allowed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from fractions import Fraction

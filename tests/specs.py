@@ -1,7 +1,5 @@
 """Specs for tests: the good ones of `specs/`, the bad ones of `bad_specs/`, and small ones as text."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Surfaces whose shape is known, parameters to look at them, and what a closed mesh is."""
 
-from __future__ import annotations
-
 from math import factorial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What others install: the source archive has all that tests need, a wheel made of it all that commands need."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

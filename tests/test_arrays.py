@@ -1,7 +1,5 @@
 """The door at which arrays are checked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

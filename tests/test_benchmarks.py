@@ -1,7 +1,5 @@
 """What `make bench` does, with a thousandth of the points: times say nothing, results are compared all the same."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A CI job written from the README alone: its lines run as they stand there, pass, and fail when they should."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """What other repositories use of this one: hooks before a commit, and an action. No network is needed to try them."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

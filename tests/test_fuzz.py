@@ -1,7 +1,5 @@
 """A little of what `make fuzz` does at length; and what `make guided` found is found no more."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.marks import long, mostly_long

@@ -3,8 +3,6 @@
 These are the commands of the README's "In CI". `make golden` renews the meshes after a change that is meant.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

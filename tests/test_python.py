@@ -1,7 +1,5 @@
 """The library as the user of a notebook meets it: values, grids, files and names, all from `import gtb_cli`."""
 
-from __future__ import annotations
-
 import copy
 import json
 import pickle

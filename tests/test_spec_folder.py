@@ -1,7 +1,5 @@
 """The folder specs/: what its files and their table say, against the paper and against each other."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

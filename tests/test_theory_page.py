@@ -1,7 +1,5 @@
 """`specs/THEORY.md`: every module, name, command and test that it names exists, and none is missing."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frozen classes are what the standard library's frozen dataclasses are."""
 
-from __future__ import annotations
-
 import copy
 import inspect
 import pickle

@@ -1,7 +1,5 @@
 """Tiny named meshes, made by formula, and what tests of files do with their bytes."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

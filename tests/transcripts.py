@@ -20,8 +20,6 @@ process of the tests but where they need a shell (shell.run_line).
 `python -m tests.transcripts FILE` prints commands of a file of this form with what they do now.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Reasons why a model is open, and seams that were welded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Seams of a model: how smoothly patches meet along the edges that they share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import field

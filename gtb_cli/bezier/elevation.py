@@ -1,7 +1,5 @@
 """Degree elevation: the same curve or surface with more knots and control points."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -6,8 +6,6 @@ the cones of the normal fan tile the plane of torus coordinates. If the exponent
 monomials become Bernstein polynomials by ``s^k = Σ_j C(j, k)/C(D, k) B_j^D(s)``.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Certificates of the cells of a mesh: segments of curves and triangles of surfaces, patch by patch."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

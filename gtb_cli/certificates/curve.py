@@ -5,8 +5,6 @@ Values at the ends of an interval [α, β] therefore bound T, μ and the derivat
 log T_i at both ends meet above it.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import NamedTuple
 

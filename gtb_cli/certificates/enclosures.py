@@ -5,8 +5,6 @@ affine function with the same values at the corners, and above its tangent plane
 across it tends to −∞; there z = exp(δ ρ) replaces ρ, and the edge itself is z = 0.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

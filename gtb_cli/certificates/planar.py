@@ -5,8 +5,6 @@ With the determinants [ijk] of the knots, and of the control points, the Jacobia
 back (G. Craciun, L. García-Puente, F. Sottile, Some geometrical aspects of control points for toric patches, 2010).
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 

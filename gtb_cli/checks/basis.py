@@ -1,7 +1,5 @@
 """Properties of the basis, and properties that follow from it for curves and surfaces alike."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray

@@ -1,7 +1,5 @@
 """Bounds of curves and surfaces, which lie inside those of their control points."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measure the paper's properties on a patch or model: what was measured, its bound, and the verdict."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from gtb_cli.checks.joints import joint_findings

@@ -1,7 +1,5 @@
 """Properties of curves that follow from their totally positive bases, and one weight that tends to infinity."""
 
-from __future__ import annotations
-
 import math
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Limit properties: repeated knots, and weights that grow along a lifting."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Descriptions of patches: kind, domain, and the distance of the parametrisation from a linear one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

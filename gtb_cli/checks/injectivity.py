@@ -1,7 +1,5 @@
 """Planar patches: whether they are injective, for all weights and for the given ones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

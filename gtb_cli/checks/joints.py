@@ -1,7 +1,5 @@
 """Properties of a model: its joints, open edges and orientation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

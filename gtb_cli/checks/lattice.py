@@ -1,7 +1,5 @@
 """Reduction to classical rational Bézier patches, which are evaluated here by recurrence, without exponentials."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

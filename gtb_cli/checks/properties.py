@@ -1,7 +1,5 @@
 """The properties that the paper proves: where it states them, and the functions that measure them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from gtb_cli.checks import basis, curve, degeneration, ends, injectivity, lattice, surface

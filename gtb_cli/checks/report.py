@@ -1,7 +1,5 @@
 """Results of checks: findings about properties, and reports."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Properties of surfaces: their boundary and their isoparametric curves."""
 
-from __future__ import annotations
-
 from gtb_cli.checks.probe import Probe, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
 

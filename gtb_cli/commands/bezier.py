@@ -1,7 +1,5 @@
 """`gtb bezier`: exact rational Bézier pieces."""
 
-from __future__ import annotations
-
 import click
 
 from gtb_cli.errors import SpecError

@@ -1,7 +1,5 @@
 """The `gtb` command: the list of its commands, and the one place where errors become messages and exit statuses."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`gtb completion`: names and options completed by the shell."""
 
-from __future__ import annotations
-
 import click
 
 from gtb_cli.shell.console import Console

@@ -1,7 +1,5 @@
 """`gtb help`: what a command does."""
 
-from __future__ import annotations
-
 import click
 
 from gtb_cli.shell.console import Console

@@ -1,7 +1,5 @@
 """`gtb import`: files of other programs → specs."""
 
-from __future__ import annotations
-
 import os
 
 import click

@@ -1,7 +1,5 @@
 """`gtb isocurve`: curves on a surface along which a parameter keeps its value."""
 
-from __future__ import annotations
-
 import click
 
 from gtb_cli.shell.console import Console

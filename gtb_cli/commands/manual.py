@@ -1,7 +1,5 @@
 """The manual page, made from the help of the commands."""
 
-from __future__ import annotations
-
 import click
 
 

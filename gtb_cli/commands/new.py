@@ -1,7 +1,5 @@
 """`gtb new`: a starter spec."""
 
-from __future__ import annotations
-
 import os
 
 import click

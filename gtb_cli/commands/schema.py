@@ -1,7 +1,5 @@
 """`gtb schema`: the JSON Schema of a spec."""
 
-from __future__ import annotations
-
 import json
 
 import click

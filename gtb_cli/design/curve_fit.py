@@ -1,7 +1,5 @@
 """Curves through given points, by progressive iterative approximation."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

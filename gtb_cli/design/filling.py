@@ -1,7 +1,5 @@
 """`fill` for Python: a hole from a file, from curves, or in a model."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """`fit` for Python: a curve through points, or a surface through them or near them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Open rings of a model: the edges around a hole, as sides with the tangent planes of the neighbouring patches."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Isoparametric curves of surfaces: as specs if they are GT-Bézier curves, and as polylines."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray

@@ -1,7 +1,5 @@
 """Loops of curves from files: specs of curves with ribbons, `.gbp` and `.lop`."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

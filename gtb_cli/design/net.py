@@ -5,8 +5,6 @@ keeps curvature finite); the rings are closer together near the boundary than in
 knot the same share of T at its own place, so that no control point is too weak or too strong.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

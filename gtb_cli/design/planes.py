@@ -1,7 +1,5 @@
 """Polynomial fields in given tangent planes, which may be added to the row of control points inside an edge."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Surfaces with the knots and weights of a patch: through given points, one for each knot, or near any number."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two things that are meshes, or become meshes, compared: files of meshes, specs, patches and models."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The points of a surface nearest to given points, found by Newton's method in torus coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, column_dot

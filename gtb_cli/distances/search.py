@@ -5,8 +5,6 @@ enough others. The points nearest to them are found by Newton's method; then the
 surface as long as their distances grow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

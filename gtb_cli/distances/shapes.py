@@ -1,7 +1,5 @@
 """Distances between patches, models and curves themselves, and not between meshes of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

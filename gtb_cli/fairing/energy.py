@@ -8,8 +8,6 @@ height of knots over it, and so do curvatures: over all of Δ the thin-plate int
 corner it may be for any power of h as a factor. So both energies are integrals over Δ without its outermost thousandth.
 """
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias
 
 import numpy as np

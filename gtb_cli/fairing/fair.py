@@ -1,7 +1,5 @@
 """A patch with the same knots, weights and boundary, and with inner control points that make it fair."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal, TypeAlias
 

@@ -3,8 +3,6 @@
 Its Python package is an extra: ``gtb-cli[cad]``.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

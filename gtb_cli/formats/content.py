@@ -1,7 +1,5 @@
 """The content of a mesh file, and its accuracy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

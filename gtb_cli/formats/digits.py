@@ -5,8 +5,6 @@ NUL bytes, which are deleted at the end. The result equals the text of Python's 
 decimals), byte for byte.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, TypeAlias

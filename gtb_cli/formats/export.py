@@ -1,7 +1,5 @@
 """Meshes to files: OBJ, PLY, STL and GLB; `gtb_cli.vocabulary.FORMATS` says what each can hold."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

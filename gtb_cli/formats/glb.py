@@ -1,7 +1,5 @@
 """GLB (binary glTF 2.0) that is read: triangles and lines of all nodes of a scene."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """GLB (binary glTF 2.0) that is written: surfaces by trimesh's exporter, curves as indexed lines."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple

@@ -4,8 +4,6 @@ trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorder
 takes 0.5 s to import.
 """
 
-from __future__ import annotations
-
 import os
 from codecs import BOM_UTF8
 from importlib import import_module

@@ -5,8 +5,6 @@ trimesh's exporter does not know, are then added to that file. The exporter has 
 do not keep the vertices of a curve, and one way of animation serves curves and surfaces.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

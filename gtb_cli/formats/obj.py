@@ -1,7 +1,5 @@
 """Wavefront OBJ files that are read: vertices, faces, polylines (`l`, which trimesh does not read) and groups."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """PLY, both ways: vertices, faces, and edges (which trimesh does not read); text, and binary in both byte orders."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np

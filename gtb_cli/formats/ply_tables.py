@@ -1,7 +1,5 @@
 """Tables of PLY files: their description in the header, and their columns, text or binary in both byte orders."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Patches as rational B-spline surfaces for CAD: exact Bézier rectangles if possible, otherwise fitted surfaces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """STL, both ways, binary and text: facets; corners at exactly the same place become one vertex."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """Numbers in text, read fast in blocks; errors name each bad number with its line."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar

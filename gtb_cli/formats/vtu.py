@@ -1,7 +1,5 @@
 """VTU files for ParaView, made of exact rational Bézier cells instead of triangles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

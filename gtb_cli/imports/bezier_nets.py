@@ -5,8 +5,6 @@ running fastest (the Utah teapot is often distributed in this format). A ``.bzr`
 the points row by row, the second index running fastest.
 """
 
-from __future__ import annotations
-
 from gtb_cli.imports.nets import MAX_DEGREE, rectangle
 from gtb_cli.imports.words import Words
 from gtb_cli.language.reader import MAX_PATCHES

@@ -3,8 +3,6 @@
 A file is a list of segments, each with a kind, degrees and control points; ``Group k name`` names those that follow.
 """
 
-from __future__ import annotations
-
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE, dehomogenized, polygon, rectangle, triangle

@@ -1,7 +1,5 @@
 """JSON files of geomdl (NURBS-Python): curves and surfaces as exact Bézier patches."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ A file has lines of 80 columns; column 73 names the section: S for remarks, G fo
 among them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Control nets of classical Bézier curves, rectangles and triangles as patches."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray

@@ -4,8 +4,6 @@ Knots are inserted until their multiplicity is the degree. This gives the Bézie
 values of its polar form at (t_k, …, t_k, t_{k+1}, …, t_{k+1}), which de Boor's algorithm finds by averages alone.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

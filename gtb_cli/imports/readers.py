@@ -1,7 +1,5 @@
 """Files of other programs as patches: their formats, and how to tell them apart."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from importlib import import_module

@@ -3,8 +3,6 @@
 McNeel's own library, which is an extra of this package, reads the format in a separate process.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

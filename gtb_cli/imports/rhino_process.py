@@ -8,8 +8,6 @@ Each line but the last is an object of the file: its ``name``, whether it is ``t
 last line has the file's ``unit``: without it, the output is incomplete.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ lattice point, position and weight ``u v x y z w``. It has no coefficients: they
 lattice length on an edge, and 1 inside; normals are primitive.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

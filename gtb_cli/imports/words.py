@@ -1,7 +1,5 @@
 """The words of a text file of numbers, one after another, and errors that name the line of a word."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NoReturn

@@ -1,7 +1,5 @@
 """Regular decompositions of Δ by the upper hull of the lifted knots, and the control nets they induce."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The domain Δ: convex hull of the knots, its edges, and the edge functions h_j with their scale."""
 
-from __future__ import annotations
-
 import math
 from functools import cached_property, lru_cache
 from typing import Literal, NoReturn, TypeAlias, get_args

@@ -1,7 +1,5 @@
 """The faces of Δ (Δ itself, its edges, its corners): as values, and as numbers for arrays of many points."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 

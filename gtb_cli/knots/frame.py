@@ -1,7 +1,5 @@
 """Differences about a knot: coordinates in which dominant knots are exactly 0, so that no digits are lost."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

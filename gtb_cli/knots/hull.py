@@ -1,7 +1,5 @@
 """Convex polygons: the hull of the knots, depths in it, and the distance within which knots are equal or collinear."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

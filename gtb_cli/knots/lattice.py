@@ -1,7 +1,5 @@
 """Lattices of knots, and the coefficients that make a patch on them a classical Bézier patch."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Layers of knots at equal distance from an edge, whose shares vanish together towards it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

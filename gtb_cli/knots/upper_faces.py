@@ -1,7 +1,5 @@
 """Upper faces of lifted knots: the simplices of their hull, joined again if rounding of the input split a face."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

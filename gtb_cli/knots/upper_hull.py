@@ -1,7 +1,5 @@
 """The exact upper hull of lifted points, in integers: floats are binary fractions, so that nothing is rounded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 

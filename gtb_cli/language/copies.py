@@ -1,7 +1,5 @@
 """``copy``: patches of a model made from others, mirrored, scaled, rotated and moved, once or several times."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

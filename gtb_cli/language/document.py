@@ -1,7 +1,5 @@
 """The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
 
-from __future__ import annotations
-
 import re
 from typing import TypeAlias, cast
 

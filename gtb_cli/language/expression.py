@@ -1,7 +1,5 @@
 """Numbers written as expressions, such as ``"sqrt(2)/4"``: a whitelist over `ast`, evaluated in floats."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -1,7 +1,5 @@
 """``include``: the files that a spec may include, all from its own folder."""
 
-from __future__ import annotations
-
 import os
 import stat
 

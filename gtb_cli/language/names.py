@@ -1,7 +1,5 @@
 """``let``: named numbers; each may use those before it."""
 
-from __future__ import annotations
-
 import keyword
 import math
 import re

@@ -1,7 +1,5 @@
 """Reads the plain data of a patch as a `Patch`, and notes every fault."""
 
-from __future__ import annotations
-
 from typing import cast, get_args
 
 import numpy as np

@@ -5,8 +5,6 @@ keys can take minutes or exhaust the stack. One scanner over words does both job
 parser sees it, and it finds the lines of errors.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Literal, NamedTuple, TypeAlias

@@ -1,7 +1,5 @@
 """The JSON Schema of a spec, for editors and for programs that write specs."""
 
-from __future__ import annotations
-
 from keyword import kwlist
 from typing import Any, TypeAlias, get_args
 

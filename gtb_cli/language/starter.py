@@ -1,7 +1,5 @@
 """Starter specs: TOML with comments, to be edited by hand; their texts are the files in ``templates``."""
 
-from __future__ import annotations
-
 import os
 
 from gtb_cli.errors import SpecError

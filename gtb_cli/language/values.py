@@ -1,7 +1,5 @@
 """Single values of a spec: numbers, expressions, words and names, with a fault for each wrong one."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import ChainMap

@@ -1,7 +1,5 @@
 """`Patch` and `Model` → a spec: plain data, text, or a file."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Crossings of a mesh with itself: pairs of triangles that pass through each other or lie upon each other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verdict whether two meshes are the same within a tolerance, and what differs where."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Folds: pairs of triangles side by side between which a surface turns back on itself."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross

@@ -1,7 +1,5 @@
 """Meshes with the accuracy of their coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Which vertices and faces of two meshes belong together, and what differs where all are in the same place."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

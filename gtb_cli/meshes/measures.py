@@ -1,7 +1,5 @@
 """Measures of a mesh: area, volume, length, boundary, and topology."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

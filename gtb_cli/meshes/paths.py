@@ -1,7 +1,5 @@
 """Paths: segments of a polyline in order of traversal, with directions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Normals of meshes: one a vertex, or several where faces meet at an angle; and those of facets."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

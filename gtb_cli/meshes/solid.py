@@ -1,7 +1,5 @@
 """Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import MappingProxyType

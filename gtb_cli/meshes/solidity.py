@@ -1,7 +1,5 @@
 """Solids: reasons why a mesh does not bound one with its faces outwards."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, cross, distinct, dot

@@ -4,8 +4,6 @@ Cells are segments (k, 2) or triangles (k, 3). A segment has one side, from its 
 triangle runs from its vertex i to the next.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -5,8 +5,6 @@ the tube has no twist. If the direction changes at a vertex, its ring lies in th
 a sharp turn has several rings, like a fan.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import MappingProxyType

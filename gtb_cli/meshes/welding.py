@@ -1,7 +1,5 @@
 """Merging of points at exactly the same place."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, index_type

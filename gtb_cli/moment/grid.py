@@ -1,7 +1,5 @@
 """Grids of knots, on which exponentials are products of a few."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -4,8 +4,6 @@
 The linear parametrisation needs the inverse: p ↦ P(μ⁻¹(p)).
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

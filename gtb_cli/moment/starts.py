@@ -1,7 +1,5 @@
 """Torus coordinates from which the solver starts: of the nearest layers of knots alone, and of tamer weights."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

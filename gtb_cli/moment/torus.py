@@ -1,7 +1,5 @@
 """Exponentials e^<a_i, s> c_i ω_i of knots at torus coordinates s, and sums of values under them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray

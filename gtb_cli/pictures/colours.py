@@ -1,7 +1,5 @@
 """Colours that print well and that colour-blind readers can tell apart."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray

@@ -1,7 +1,5 @@
 """The contents of a page: triangles or segments, with the points and lines that belong to them, in model units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field

@@ -1,7 +1,5 @@
 """Control nets, boundaries and parameter lines of patches: the lines drawn with a surface."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

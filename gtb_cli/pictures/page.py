@@ -1,7 +1,5 @@
 """Pages: one HTML file that shows a surface in a browser, without a network."""
 
-from __future__ import annotations
-
 import base64
 import html
 import json

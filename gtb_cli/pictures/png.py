@@ -3,8 +3,6 @@
 They are written here because Pillow imports all its formats first, which takes longer than a figure of a curve.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from typing import Any

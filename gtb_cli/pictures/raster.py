@@ -1,7 +1,5 @@
 """Triangles to pixels: the nearest triangle at each pixel, and the position of the pixel in it."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

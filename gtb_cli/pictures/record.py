@@ -1,7 +1,5 @@
 """Reader of the folders that `gtb degenerate` and `gtb knot-limit` write."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

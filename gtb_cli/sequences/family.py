@@ -1,7 +1,5 @@
 """Families of patches that tend to a limit, meshed on one complex: the triangulation follows the limit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Meshes of the films that knots leave behind when they move to the boundary of Δ."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, shifted

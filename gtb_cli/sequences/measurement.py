@@ -1,7 +1,5 @@
 """Distances of the members of a family from its limit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

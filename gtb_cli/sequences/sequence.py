@@ -4,8 +4,6 @@ Vertices are placed by the linear parametrisation, in which a family converges p
 run together. The triangulation is that of the limit: for a degeneration it follows the regular decomposition.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property

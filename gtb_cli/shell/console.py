@@ -1,7 +1,5 @@
 """Messages and progress on standard error."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

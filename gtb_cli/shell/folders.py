@@ -1,7 +1,5 @@
 """Folders as inputs: the specs or meshes in them, and the files of two folders that belong together."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

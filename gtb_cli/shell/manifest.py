@@ -1,7 +1,5 @@
 """`--manifest`: a file with checksums, sizes and measures of mesh files, and the options that made them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

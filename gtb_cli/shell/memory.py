@@ -1,7 +1,5 @@
 """The memory that this process may use, where the system limits it (``ulimit -v``)."""
 
-from __future__ import annotations
-
 from gtb_cli.errors import GtbError
 
 

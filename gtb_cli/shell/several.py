@@ -1,7 +1,5 @@
 """Reports on several specs, even if some of them have errors."""
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Callable, Sequence

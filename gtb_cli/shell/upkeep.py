@@ -1,7 +1,5 @@
 """Files that a manifest shows to be up to date, and dependencies for make."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

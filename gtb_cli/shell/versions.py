@@ -1,7 +1,5 @@
 """Everything beside a spec and its options on which the bytes of a mesh file depend."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import platform

@@ -1,7 +1,5 @@
 """The workers that take several specs: this process, several processes, or a cluster."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Generator, Sequence
 from typing import Any, NamedTuple, TypeVar

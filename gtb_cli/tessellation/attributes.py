@@ -1,7 +1,5 @@
 """Scalars for the vertices of a mesh: parameters and curvatures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType

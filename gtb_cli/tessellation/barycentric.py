@@ -1,7 +1,5 @@
 """Barycentric lattices of a triangle, and the quadratic with given heights over the middles of its sides."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray

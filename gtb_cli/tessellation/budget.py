@@ -1,7 +1,5 @@
 """Refusal of uniform meshes that are too large, before anything is made."""
 
-from __future__ import annotations
-
 import math
 import os
 

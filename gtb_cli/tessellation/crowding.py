@@ -1,7 +1,5 @@
 """Crowding of vertices in the toric parametrisation, which may leave most of a patch to a few triangles."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flat patches: points may slide out of their cells, but all cells together must cover them, and not fold."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross

@@ -1,7 +1,5 @@
 """Regularity of the offset of a surface, by the surface's own curvature."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Parameters near which samples may miss much of a surface: knots, and the middles between them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import reduce
 

@@ -6,8 +6,6 @@ hold, segments of curves are certified, and triangles that were not sampled yet 
 each that fails is split. Triangles are certified last, if that is asked for.
 """
 
-from __future__ import annotations
-
 import math
 from functools import reduce
 

@@ -4,8 +4,6 @@ Where a point is looked for, is guessed from its neighbours (see `gtb_cli.tessel
 edges have guesses, these in their middles, NaN where there are none, as on the boundary of Δ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Shapes: patches, models, and files of specs, which functions take alike."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """Vertices, edges and cells as tables of columns, and the pieces into which cells with split sides are cut."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

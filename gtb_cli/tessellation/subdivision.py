@@ -1,7 +1,5 @@
 """A complex that grows: its edges are split in the middle, and the cells beside them are cut by pattern."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import reduce
 

@@ -1,7 +1,5 @@
 """Vertices of welded seams, on the mean of the curves that become one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

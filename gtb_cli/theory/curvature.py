@@ -8,8 +8,6 @@ are tangents. We take coordinates ξ, η that are 0 and 1 at the three knots wit
 limit there keeps only the knots whose T vanishes last.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 

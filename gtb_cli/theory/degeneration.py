@@ -1,7 +1,5 @@
 """Toric degeneration: weights x^λ ω, and the regular control curve or surface to which patches tend as x grows."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Joints of a model: edges of patches that carry the same boundary curve, and their directions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache

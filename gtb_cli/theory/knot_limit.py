@@ -1,8 +1,6 @@
 """Knots that move to the places of others: the merged patch, which is the limit inside Δ, and the films that the limit
 gains where knots reach the boundary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import cached_property

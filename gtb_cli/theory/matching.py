@@ -1,7 +1,5 @@
 """Curves of edges beside each other: proofs that two are equal, and how far apart others are measured to be."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

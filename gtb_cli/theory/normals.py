@@ -5,8 +5,6 @@ any two coordinates of the knots. If a few knots hold nearly all of T, these are
 unless the coordinates are exactly 0 for those knots; therefore the coordinates depend on the place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Unit tangents of a curve, with their limits at its ends."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Why models are open, a line for each reason; and seams that are welded."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Seams of models, and what may be required: angles, creases, folds, open edges."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -3,8 +3,6 @@
 A module `bench_*.py` has a function `rows() -> Iterable[Row]`.
 """
 
-from __future__ import annotations
-
 import gc
 import math
 import statistics

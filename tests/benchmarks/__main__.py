@@ -1,7 +1,5 @@
 """Run every `bench_*.py` beside this file, or those named as arguments, and print one table of ratios."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Comparing two meshes of a million triangles, beside the least that a comparison by hand does."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 

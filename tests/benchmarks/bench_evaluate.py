@@ -1,7 +1,5 @@
 """A million points of a patch, beside the exponentials and logarithms they take, and beside libraries of splines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Writing a million vertices and two million triangles, beside trimesh and VTK on the same arrays."""
 
-from __future__ import annotations
-
 import gc
 import tempfile
 import tracemalloc

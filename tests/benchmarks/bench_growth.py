@@ -3,8 +3,6 @@
 Processor time counts, of the command and what it starts, so that a busy machine disturbs little.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

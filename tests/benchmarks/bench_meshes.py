@@ -1,7 +1,5 @@
 """Even meshes of a million vertices, beside the evaluation of their points alone, and linear beside toric ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Meshes to a tolerance, beside uniform ones in the same parametrisation: time of a triangle, and how many it takes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Sequences of meshes with their distances from the limit, beside the meshes alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

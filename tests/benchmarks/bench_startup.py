@@ -1,7 +1,5 @@
 """Whole processes of the command line, beside Python importing what they cannot do without."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

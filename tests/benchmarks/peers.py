@@ -1,7 +1,5 @@
 """What other libraries make of the same patches and meshes. Each is imported by the function that needs it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Degree elevation against the textbook's formulas in exact fractions, and the image against itself."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Bézier pieces against the patch in exact fractions, and against 50 digits."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Certified curves: nothing of a curve is beyond the tolerance, wherever samples happen to be."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

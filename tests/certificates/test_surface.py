@@ -1,7 +1,5 @@
 """Certified surfaces: nothing of a surface, or of its mesh, is beyond the tolerance, wherever samples happen to be."""
 
-from __future__ import annotations
-
 import json
 
 import mpmath as mp

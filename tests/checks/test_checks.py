@@ -1,7 +1,5 @@
 """Checks: specs pass them at any scale, every property is seen to fail on a patch broken for it, and known numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Injectivity of planar patches: known cases, certificates that fold, and the sign of the Jacobian by differences."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`gtb check` as scripts and people see it; what is measured is tested in test_checks.py."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """`gtb decompose --net`: the control net that a lifting induces, as a mesh of lines."""
 
-from __future__ import annotations
-
 import json
 from itertools import combinations
 

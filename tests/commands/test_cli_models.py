@@ -1,7 +1,5 @@
 """Models on the command line: what is open is named, and what is closed says so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`gtb mesh --cluster`: a scheduler and workers that the test starts, one of which it kills."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import signal
 import socket

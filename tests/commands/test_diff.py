@@ -1,7 +1,5 @@
 """`gtb diff`: what differs, by how much, and with which exit status."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """What holds for the mesh of every spec, at any size, in any place, and however it collapses."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

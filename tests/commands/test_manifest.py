@@ -1,7 +1,5 @@
 """`gtb mesh --manifest`: what it says is what the files are, and it appears with them or not at all."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform

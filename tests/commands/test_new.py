@@ -1,7 +1,5 @@
 """Starter specs, completion, and the commands that print specs: boundary, elevate, coefficients."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

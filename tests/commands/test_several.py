@@ -1,7 +1,5 @@
 """Several specs and folders of them, wherever a report or a mesh of each makes sense."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every session of `tests/transcripts`, and the runner itself: what differs must be seen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`gtb mesh --resume` and `--deps`: what is up to date is not made again, and all else is as if it were."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

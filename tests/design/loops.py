@@ -1,7 +1,5 @@
 """Loops to fill: random ones, and figures that are known."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

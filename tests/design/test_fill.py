@@ -1,7 +1,5 @@
 """Holes filled with one patch: boundary and tangent planes are what was given, and the inside is fair."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

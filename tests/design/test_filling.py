@@ -1,7 +1,5 @@
 """`gtb_cli.fill` in Python, and readers of loops against damaged files."""
 
-from __future__ import annotations
-
 import random
 import time
 

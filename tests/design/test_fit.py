@@ -1,7 +1,5 @@
 """Curves through points: they pass them, and the iteration converges as its matrix says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

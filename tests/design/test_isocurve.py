@@ -1,7 +1,5 @@
 """Isoparametric curves against the surface, in 50 digits and by command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Surfaces through points, and near them: those of the same patch are found again, others nearly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`distance`: of surfaces that are known to be the same, or so far apart, and beside dense samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

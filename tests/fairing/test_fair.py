@@ -1,7 +1,5 @@
 """Fair patches: less energy with the same boundary, and formulas of energy against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

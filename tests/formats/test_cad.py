@@ -1,7 +1,5 @@
 """STEP, IGES and BREP files as the CAD kernel reads them: valid, closed, at the same places, with names and units."""
 
-from __future__ import annotations
-
 import math
 import re
 import sys

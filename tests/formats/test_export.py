@@ -1,7 +1,5 @@
 """The file formats: what each holds and refuses, and every file read back by other programs."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

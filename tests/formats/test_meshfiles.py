@@ -1,7 +1,5 @@
 """Mesh files: ours, those of other programs, odd ones, and damaged ones."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import itertools

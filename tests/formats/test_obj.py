@@ -1,7 +1,5 @@
 """OBJ text: byte for byte what trimesh's exporter and Python's own formatting write."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 from fractions import Fraction

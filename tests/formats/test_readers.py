@@ -1,7 +1,5 @@
 """The light readers of `make readers`, and what that finds; the others take minutes to install."""
 
-from __future__ import annotations
-
 import copy
 
 import pytest

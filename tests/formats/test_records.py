@@ -1,7 +1,5 @@
 """What PLY, STL and GLB files hold, as trimesh's exporters or the room `formats` write them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The table of what each format holds, against the files that are written."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

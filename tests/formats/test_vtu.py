@@ -1,7 +1,5 @@
 """VTU files: parsed here, cells evaluated by Bernstein's formula are the patch, and in VTK's order."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """Files of other programs: their points against the formats' own formulas in fractions, and what is refused."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`.3dm` files: what they hold, and files that Rhino's own library does not get over."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Regular decompositions against the paper, exact brute force in `fractions`, and scipy's hull."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations, pairwise
 from math import cos, pi, sin, sqrt

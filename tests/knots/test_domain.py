@@ -1,7 +1,5 @@
 """The hull of the knots, which knots lie on its edges, and the edge functions."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from itertools import permutations

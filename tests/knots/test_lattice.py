@@ -1,7 +1,5 @@
 """Binomial coefficients of lattice patches, against products of polynomials."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from fractions import Fraction

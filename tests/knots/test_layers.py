@@ -1,7 +1,5 @@
 """Layers of knots over an edge."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

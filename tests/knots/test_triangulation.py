@@ -1,7 +1,5 @@
 """The domain cut into equal parts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

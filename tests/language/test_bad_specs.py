@@ -1,7 +1,5 @@
 """Specs that are refused: a table of files, specs made to be slow, and random changes of good ones."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

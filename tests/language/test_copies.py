@@ -1,7 +1,5 @@
 """`let`, `copy`, `include` and `weld`: what they make, what their errors say, and that they stay bounded."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """The scanner against texts whose lines are known, and against texts made to be slow."""
 
-from __future__ import annotations
-
 import json
 import random
 import time

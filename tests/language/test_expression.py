@@ -1,7 +1,5 @@
 """Expressions: their values against mpmath, and everything else refused."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """Spec files: what they say, what their errors say, and that they are written as they are read."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

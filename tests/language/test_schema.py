@@ -1,7 +1,5 @@
 """The JSON Schema against all specs, good and bad."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

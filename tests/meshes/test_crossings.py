@@ -1,7 +1,5 @@
 """Triangles that pass through others, against exact arithmetic for all pairs."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 

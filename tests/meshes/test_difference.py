@@ -1,7 +1,5 @@
 """When two meshes are the same: which vertices belong together, which tolerance holds, and what is proved."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """`Mesh`: plain arrays, and what they say of themselves."""
 
-from __future__ import annotations
-
 import io
 import pickle
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Distances from segments and triangles, and the nearest of many: as trimesh and brute force find them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from trimesh.triangles import closest_point

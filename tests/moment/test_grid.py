@@ -1,7 +1,5 @@
 """Grids of knots, and exponentials on them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lattices of the inner vertices of triangulations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

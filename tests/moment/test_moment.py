@@ -1,7 +1,5 @@
 """The moment map and its inverse, the linear parametrisation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

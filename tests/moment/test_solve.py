@@ -1,7 +1,5 @@
 """The solver alone: many vectors of weights at once, starts for steep weights, and 50 digits at extremes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Pictures in Python: names and numbers are checked, and `what` is what is drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """Normals at seams: two squares that meet at an angle, in every output."""
 
-from __future__ import annotations
-
 import base64
 import io
 import math

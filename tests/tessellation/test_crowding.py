@@ -1,7 +1,5 @@
 """Vertices that crowd are reported, with the cure; in the default parametrisation they do not crowd."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

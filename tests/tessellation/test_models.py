@@ -1,7 +1,5 @@
 """Models of several patches: the real ones of `specs/` and a thousand random ones; no cracks, and true openings."""
 
-from __future__ import annotations
-
 import tracemalloc
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A recipe makes for Python what `gtb mesh` makes, and refuses the same."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

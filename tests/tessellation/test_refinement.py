@@ -1,7 +1,5 @@
 """Chord tolerance: the promise, measured by samples of its own, and what it costs in triangles."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

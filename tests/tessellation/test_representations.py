@@ -1,7 +1,5 @@
 """Models whose shared edges are one curve with different knots, weights and parameters on each side."""
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

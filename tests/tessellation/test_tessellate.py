@@ -1,7 +1,5 @@
 """Uniform meshes of patches and models, and what holds them together."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

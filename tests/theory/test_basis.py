@@ -1,7 +1,5 @@
 """GT-Bernstein and rational basis: the definition, classical bases, total positivity, partition of unity."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from itertools import combinations

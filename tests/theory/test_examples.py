@@ -1,7 +1,5 @@
 """Every formula and number that the paper prints for Examples 2.1, 2.2, 3.1 to 3.3, 4.1 and 4.2."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import sqrt
 

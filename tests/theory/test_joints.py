@@ -1,7 +1,5 @@
 """Joints of models: whichever way edges are represented, and however many there are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Unit normals inside, near edges, on edges and at corners, against sums over triples of knots in many digits."""
 
-from __future__ import annotations
-
 import tracemalloc
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`Patch`: the laws, values, derivatives, normals, boundary curves, errors."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 

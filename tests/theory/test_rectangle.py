@@ -1,7 +1,5 @@
 """Grids of parameters of a rectangle, evaluated by tables in both directions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Prints what it did; exits 1 at the first thing that should not be, with how to have it again.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

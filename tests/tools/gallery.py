@@ -3,8 +3,6 @@
 ``python -m tests.tools.gallery`` draws all of them into specs/pictures, which ``make gallery`` is for.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

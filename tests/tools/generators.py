@@ -1,8 +1,6 @@
 """Inputs made by rules, with what they should give: models with degenerate patches, mesh files of any polygons, command
 lines whose output is an input."""
 
-from __future__ import annotations
-
 import json
 import random
 import struct

@@ -5,8 +5,6 @@ error, within a second and a gigabyte, and without a warning. Finds are written 
 kept in `corpus/`, which the tests read.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import importlib

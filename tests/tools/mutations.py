@@ -1,7 +1,5 @@
 """Specs with something wrong or odd about them, made from good ones by changing bytes, numbers or structure."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

@@ -4,8 +4,6 @@ They are installed below `build/readers` (from PyPI and npm, about 5 GB) or foun
 reader finds something else than a file contains, unless `roster` says so.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

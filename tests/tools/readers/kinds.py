@@ -1,7 +1,5 @@
 """The kinds of file that readers are tried with, and what each of them must find there."""
 
-from __future__ import annotations
-
 import functools
 from collections import Counter
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 This file knows nothing of this project: it runs where the library is installed, and numpy comes with each of them.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import itertools
 import json

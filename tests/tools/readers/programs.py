@@ -3,8 +3,6 @@
 Some of them print counts and bounds, others are made to write what they have read in a format that is simple to read.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Who is asked to read, how each is had, and what each is known not to read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from tests.tools.readers.kinds import SINGLE, SIX_DIGITS
