@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.shell.options import Function, evaluated, numbers_of, taken
+from gtb_cli.shell.options import evaluated, gathered, numbers_of
 from gtb_cli.shell.streams import single
 
 if TYPE_CHECKING:
@@ -139,23 +138,18 @@ def refuse_limit(limit: LimitRequest, path: str) -> None:
         raise click.UsageError(f"{limit.given()[0]} is for specs, and {path} is not a spec")
 
 
-def limit_options(function: Function) -> Function:
-    """Add the options of a limit; the command gets them as `limit`, a `LimitRequest`."""
-
-    @click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration.")
-    @click.option(
+limit_options = gathered(
+    "limit",
+    LimitRequest,
+    click.option("-x", "--x", "xs", callback=x_of, multiple=True, metavar="X", help="Sequence: x of a degeneration."),
+    click.option(
         "--lifting",
         callback=lifting_of,
         metavar="L,…",
         help="A lifting value for each knot, or knot:K, as for degenerate.",
-    )
-    @click.option(
+    ),
+    click.option(
         "--merge", "moves", callback=moves_of, multiple=True, metavar="K:Q", help="Sequence: knot K moves to knot Q."
-    )
-    @click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way.")
-    @functools.wraps(function)
-    def command(*args: Any, **values: Any) -> object:
-        limit = LimitRequest(**taken(values, LimitRequest))
-        return function(*args, limit=limit, **values)
-
-    return command
+    ),
+    click.option("--steps", callback=numbers_of, metavar="S,…", help="Sequence: fractions of that way."),
+)

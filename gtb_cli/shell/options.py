@@ -6,7 +6,7 @@ import functools
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
@@ -19,13 +19,13 @@ from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
     from click.shell_completion import CompletionItem
 
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
 Function: TypeAlias = Callable[..., object]
+Option: TypeAlias = Callable[[Function], Function]
 
 
 def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -209,7 +209,7 @@ lifting_option = click.option(
 )
 
 
-def require_option(consequence: str) -> Callable[[Function], Function]:
+def require_option(consequence: str) -> Option:
     """Add ``--require``, whose help begins with what happens unless the mesh is as required."""
     return click.option(
         "--require",
@@ -222,21 +222,38 @@ def require_option(consequence: str) -> Callable[[Function], Function]:
     )
 
 
-def console_option(function: Function) -> Function:
-    """Add ``-q/--quiet``; the command gets a `console`, and is not called if it would overwrite what it reads."""
+def gathered(name: str, made: Callable[..., object], *options: Option, takes: object = None) -> Option:
+    """Add options that the command gets as one argument, `name`.
 
-    @click.option("-q", "--quiet", is_flag=True, help="Print only errors.")
-    @functools.wraps(function)
-    def command(*args: Any, quiet: bool, **values: Any) -> object:
-        check_outputs(*named_files(OUTPUT))
-        return function(*args, console=Console(quiet), **values)
+    It is what `made` returns for those values that are parameters of `takes`, or of `made` itself. What this raises as
+    a `DomainError` about an argument becomes a usage error about the option of that name.
+    """
+    names = signature(takes or made).parameters  # type: ignore[arg-type]
 
-    return command
+    def decorator(function: Function) -> Function:
+        @functools.wraps(function)
+        def command(**values: Any) -> object:
+            given = {key: values.pop(key) for key in names if key in values}
+            try:
+                values[name] = made(**given)
+            except DomainError as error:
+                raise click.UsageError(f"--{error}") from None
+            return function(**values)
+
+        result: Function = command
+        for option in reversed(options):
+            result = option(result)
+        return result
+
+    return decorator
 
 
-def taken(values: dict[str, Any], kind: type[DataclassInstance]) -> dict[str, Any]:
-    """Take those options out of `values` that are fields of a dataclass, and return them."""
-    return {field.name: values.pop(field.name) for field in fields(kind) if field.name in values}
+def _console(quiet: bool) -> Console:
+    check_outputs(*named_files(OUTPUT))  # so that a command is not called if it would overwrite what it reads
+    return Console(quiet)
+
+
+console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
 
 
 def text_options(function: Function) -> Function:
@@ -260,56 +277,48 @@ def spec_from_spec(function: Callable[..., Patch | Model]) -> Function:
     return command
 
 
-def mesh_options(*more: str) -> Callable[[Function], Function]:
-    """Add the options of a mesh in a mesh format, or one of `more`; the command gets them as `options`."""
+def _recipe(resolution: int | None, **values: Any) -> Recipe:
+    if resolution is not None and values["tolerance"] is not None:
+        raise click.UsageError("-n and --tolerance exclude each other")
+    return Recipe(resolution or RESOLUTION, **values)
 
-    def decorator(function: Function) -> Function:
-        @resolution_option
-        @click.option(
+
+def mesh_options(*more: str) -> Option:
+    """Add the options of a mesh in a mesh format, or one of `more`; the command gets them as `options`."""
+    recipe = gathered(
+        "recipe",
+        _recipe,
+        resolution_option,
+        click.option(
             "--tolerance",
             callback=tolerance_of,
             metavar="T",
             help="Instead of -n: largest distance between mesh and surface, in model units or such as 1% of the size.",
-        )
-        @click.option(
+        ),
+        click.option(
             "--certify",
             is_flag=True,
             help="Make --tolerance certain for surfaces, too, everywhere and not only at samples, for the numbers in "
             "the file, or refuse within a minute. Slower.",
-        )
-        @parametrization_option
-        @threads_option
-        @click.option(
-            "-f",
-            "--format",
-            type=click.Choice((*FORMATS, *more), case_sensitive=False),
-            help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
-        )
-        @click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex.")
-        @click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates.")
-        @click.option(
-            "--up",
-            type=click.Choice(UP),
-            help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
-            "prescribes, and z in all others.",
-        )
-        @click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit.")
-        @max_faces_option
-        @click.option(
+        ),
+        parametrization_option,
+        click.option("--normals", is_flag=True, help="Write the unit normals of the surface at each vertex."),
+        max_faces_option,
+        click.option(
             "--radius",
             callback=length_of,
             metavar="R",
             help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not "
             "checked.",
-        )
-        @click.option(
+        ),
+        click.option(
             "--thickness",
             callback=length_of,
             metavar="D",
             help="Make a solid of this thickness, in model units, on the side of the normals, or the other if "
             "negative. A message reports folds, and distant parts that meet.",
-        )
-        @click.option(
+        ),
+        click.option(
             "--attribute",
             "attributes",
             type=AttributeName(ATTRIBUTES),
@@ -317,21 +326,28 @@ def mesh_options(*more: str) -> Callable[[Function], Function]:
             multiple=True,
             help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and "
             f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
-        )
-        @weld_option
-        @require_option("Write nothing and exit with status 1")
-        @functools.wraps(function)
-        def command(*args: Any, resolution: int | None, **values: Any) -> object:
-            if resolution is not None and values["tolerance"] is not None:
-                raise click.UsageError("-n and --tolerance exclude each other")
-            if values["radius"] is not None and values["uv"]:
-                raise click.UsageError("--radius makes a tube, which has no parameters for --uv")
-            try:
-                recipe = Recipe(resolution or RESOLUTION, **taken(values, Recipe))
-            except DomainError as error:
-                raise click.UsageError(f"--{error}") from None
-            return function(*args, options=MeshOptions(recipe, **taken(values, MeshOptions)), **values)
-
-        return command
-
-    return decorator
+        ),
+        weld_option,
+        require_option("Write nothing and exit with status 1"),
+        takes=Recipe,
+    )
+    file = gathered(
+        "options",
+        MeshOptions,
+        threads_option,
+        click.option(
+            "-f",
+            "--format",
+            type=click.Choice((*FORMATS, *more), case_sensitive=False),
+            help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
+        ),
+        click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates."),
+        click.option(
+            "--up",
+            type=click.Choice(UP),
+            help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
+            "prescribes, and z in all others.",
+        ),
+        click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit."),
+    )
+    return lambda function: recipe(file(function))

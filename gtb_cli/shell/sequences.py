@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +13,15 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.meshing import MeshOptions, summary
-from gtb_cli.shell.options import OUTPUT, Function, check_folder, console_option, mesh_options, spec_format_option
+from gtb_cli.shell.options import (
+    OUTPUT,
+    Option,
+    check_folder,
+    console_option,
+    gathered,
+    mesh_options,
+    spec_format_option,
+)
 from gtb_cli.shell.streams import about, file_stem, is_device, is_folder, write_blocks, write_text
 from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
@@ -94,46 +101,38 @@ class SequenceOutput:
             write_text(STANDARD, spec_text)
 
 
-def sequence_options(spec_help: str) -> Callable[[Function], Function]:
-    """Add the options of a sequence, with this help for ``--emit-spec``; the command gets a `SequenceOutput`."""
+def _output(
+    emit_spec: bool, no_distance: bool, output: str | None, options: MeshOptions, console: Console
+) -> SequenceOutput:
+    if output == STANDARD and emit_spec:
+        raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
+    meshes, place = output is not None or not emit_spec, output or STANDARD
+    animated = meshes and _is_animation(options, place)
+    return SequenceOutput(place, meshes, emit_spec, animated, not no_distance, options, console)
 
-    def decorator(function: Function) -> Function:
-        @click.option("--emit-spec", is_flag=True, help=spec_help)
-        @click.option(
+
+def sequence_options(spec_help: str) -> Option:
+    """Add the options of a sequence, with this help for ``--emit-spec``; the command gets a `SequenceOutput`."""
+    return gathered(
+        "out",
+        _output,
+        click.option("--emit-spec", is_flag=True, help=spec_help),
+        click.option(
             "--no-distance",
             is_flag=True,
             help="Do not measure how far the meshes are from the limit, which may take longer than making them.",
-        )
-        @click.option(
+        ),
+        click.option(
             "-o",
             "--output",
             metavar="DIR|FILE.glb",
             type=OUTPUT,
             help="Write the files into this folder, which is made if missing; or one GLB file with an animation.",
-        )
-        @mesh_options()
-        @spec_format_option
-        @console_option
-        @functools.wraps(function)
-        def command(
-            *args: Any,
-            emit_spec: bool,
-            no_distance: bool,
-            output: str | None,
-            options: MeshOptions,
-            console: Console,
-            **values: Any,
-        ) -> object:
-            if output == STANDARD and emit_spec:
-                raise click.UsageError("--emit-spec prints to standard output: give another -o, or none")
-            meshes, place = output is not None or not emit_spec, output or STANDARD
-            animated = meshes and _is_animation(options, place)
-            out = SequenceOutput(place, meshes, emit_spec, animated, not no_distance, options, console)
-            return function(*args, out=out, **values)
-
-        return command
-
-    return decorator
+        ),
+        mesh_options(),
+        spec_format_option,
+        console_option,
+    )
 
 
 def _is_animation(options: MeshOptions, output: str) -> bool:

@@ -1,6 +1,5 @@
 """Reports on several specs, even if some of them have errors."""
 
-import functools
 import os
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -13,7 +12,7 @@ import click
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.console import STANDARD, lines_about, printable
 from gtb_cli.shell.folders import specs_among
-from gtb_cli.shell.options import Function, json_option, specs_argument, taken, text_options, weld_option
+from gtb_cli.shell.options import Option, gathered, json_option, specs_argument, text_options, weld_option
 from gtb_cli.shell.streams import refuse_overwriting, shown_input, write_text
 from gtb_cli.shell.workers import Workers, jobs_option
 
@@ -125,7 +124,7 @@ class ReportRequest:
         write_text(self.output, "\n".join(lines) + "\n")
 
 
-def report_options(*more: Callable[[Function], Function]) -> Callable[[Function], Function]:
+def report_options(*more: Option) -> Option:
     """Add the specs and options of a report, and `more`; the command gets the former as `request`."""
     long_option = click.option(
         "--long",
@@ -133,16 +132,14 @@ def report_options(*more: Callable[[Function], Function]) -> Callable[[Function]
         is_flag=True,
         help="Print everything, not just a line for each of several specs or an extract of a large model.",
     )
-
-    def decorator(function: Function) -> Function:
-        @functools.wraps(function)
-        def command(**values: Any) -> object:
-            return function(request=ReportRequest(**taken(values, ReportRequest)), **values)
-
-        made: Function = command
-        after: tuple[Callable[[Function], Function], ...] = (weld_option, *more, jobs_option, text_options)
-        for option in reversed(after):
-            made = option(made)
-        return specs_argument(json_option(long_option(made)))
-
-    return decorator
+    return gathered(
+        "request",
+        ReportRequest,
+        specs_argument,
+        json_option,
+        long_option,
+        weld_option,
+        *more,
+        jobs_option,
+        text_options,
+    )

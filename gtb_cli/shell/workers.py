@@ -1,13 +1,12 @@
 """The workers that take several specs: this process, several processes, or a cluster."""
 
-import functools
 from collections.abc import Callable, Generator, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import click
 
 from gtb_cli.shell.memory import is_scarce
-from gtb_cli.shell.options import Function, WholeNumber
+from gtb_cli.shell.options import WholeNumber, gathered
 from gtb_cli.shell.processes import MAX_JOBS, in_processes, processors
 
 T = TypeVar("T")
@@ -57,20 +56,20 @@ jobs_option = click.option(
 )
 
 
-def workers_option(function: Function) -> Function:
-    """Add ``-j`` and ``--cluster``; the command gets `Workers`."""
+def _workers(jobs: int, cluster: str | None) -> Workers:
+    if cluster is not None and jobs != 1:
+        raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
+    return Workers(jobs, cluster)
 
-    @jobs_option
-    @click.option(
+
+workers_option = gathered(
+    "workers",
+    _workers,
+    jobs_option,
+    click.option(
         "--cluster",
         metavar="ADDRESS",
         help="Share the work on a cluster: the address of a Dask scheduler, or its scheduler file. Needs the extra "
         "gtb-cli[cluster]; makes the same bytes on processors of one kind, and others are named.",
-    )
-    @functools.wraps(function)
-    def command(*args: Any, jobs: int, cluster: str | None, **values: Any) -> object:
-        if cluster is not None and jobs != 1:
-            raise click.UsageError("--cluster and -j exclude each other: the cluster says how many workers there are")
-        return function(*args, workers=Workers(jobs, cluster), **values)
-
-    return command
+    ),
+)
