@@ -1,14 +1,11 @@
 """Files that appear whole or not at all: written under a temporary name, flushed, renamed."""
 
-from __future__ import annotations
-
 import os
 import re
 import stat
 from collections.abc import Iterable
 from contextlib import suppress
-from types import TracebackType
-from typing import IO
+from typing import IO, Self
 
 from gtb_cli.errors import ExportError, GtbError, SpecError
 
@@ -20,45 +17,25 @@ _unfinished: dict[str, None] = {}  # temporary files, and folders made for them,
 
 
 def replace_file(path: str | os.PathLike[str], blocks: Iterable[bytes]) -> None:
-    """Write `blocks` to `path`: the result is either the whole new file or the untouched old one.
+    """Write `blocks` to a file in an existing folder: the result is the whole new file or the untouched old one.
 
-    A symbolic link is followed, and the file it names is replaced. The new file keeps the mode of the old one, and its
-    owner and group if the system lets this process give files away. A file without a predecessor gets the usual mode
-    (`0o666` less the umask). A path that is not a regular file (`/dev/null`, a FIFO, `/dev/stdout`) is written to
-    directly.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file to make or replace; its folder must exist.
-    blocks : iterable of bytes
-        The content. An exception raised by the iterable is passed on after the clean-up.
-
-    Raises
-    ------
-    ExportError
-        The file cannot be written; the message gives its name and the system's reason.
-    BrokenPipeError
-        `path` is a pipe whose reader has closed it.
+    A symbolic link is followed. The new file keeps the mode of the old one, and its owner and group if the system lets
+    this process give files away; without an old one it gets the usual mode. A path that is not a regular file
+    (`/dev/null`, a FIFO, `/dev/stdout`) is written to directly. Raises an `ExportError` with the name and the system's
+    reason, and a `BrokenPipeError` if `path` is a pipe whose reader has closed it.
     """
     shown = os.fspath(path)
     try:
-        target = _target(shown)
-        if target is None:
+        if _target(shown) is None:
             with _opened(shown) as file:
                 _write(file, blocks)
             return
-        temporary = _temporary_name(target)
-        try:
-            _stage(temporary, target, blocks)
-            os.replace(temporary, target)
-        finally:
-            # The name is gone after the rename, but may be left after any failure, such as Ctrl-C.
-            _discard(temporary)
     except BrokenPipeError:
         raise
     except OSError as error:
         raise _refusal(shown, error) from error
+    with StagedFiles() as files:
+        files.add(shown, blocks)
 
 
 def read_file(path: str | os.PathLike[str], limit: int, fault: type[GtbError] = SpecError) -> bytes:
@@ -74,122 +51,82 @@ def read_file(path: str | os.PathLike[str], limit: int, fault: type[GtbError] = 
 
 
 class StagedFiles:
-    """Several files of one folder that appear together when the `with` block ends, or not at all.
+    """Several files that appear together when the `with` block ends, or not at all.
 
-    ``with StagedFiles(folder) as files: files.add(name, blocks)``. Every file is first written in full under a
-    temporary name; the renames come last. A missing folder is also made under a temporary name, and appears with all
-    its files in one step. If anything fails before that, no file appears and no folder stays. A Ctrl-C during the
-    renames finishes them and is then passed on.
+    Every file is first written in full under a temporary name; the renames come last. A `folder` that is missing is
+    also made, with its parents, under a temporary name, and appears with all its files in one step. If anything fails
+    before that, no file appears and no folder stays; if a rename fails, the `ExportError` says which files are new
+    already. A Ctrl-C during the renames finishes them and is then passed on.
 
-    Parameters
-    ----------
-    folder : str or path-like
-        The folder of the files; a missing one is made, with its parents.
-    record : str, optional
-        The name of the file that lists the others, to be added last. An old one is removed before the first rename: if
-        the process is killed between renames, no record says that old and new files belong together.
-
-    Raises
-    ------
-    ExportError
-        The folder cannot be made, or a file cannot be written. If a rename fails, the message says which files are new
-        already.
+    `record` is the name of the file that lists the others, to be added last. An old one is removed before the first
+    rename: if the process is killed between renames, no record says that old and new files belong together.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], record: str | None = None) -> None:
-        self.folder = os.fspath(folder)
+    def __init__(self, folder: str | os.PathLike[str] | None = None, record: str | None = None) -> None:
+        self.folder = None if folder is None else os.fspath(folder)
         self._record = record
         self._old_record = ""
         self._staged: dict[str, str] = {}  # target -> temporary
         self._made: list[str] = []
         self._hidden: str | None = None  # the new folder, until it gets its name
 
-    def __enter__(self) -> StagedFiles:
+    def __enter__(self) -> Self:
+        if self.folder is None:
+            return self
         _check_path(self.folder)
         place = os.path.abspath(self.folder)
-        complete = False
         try:
             if not os.path.lexists(place):
-                self._make_hidden(place)
+                self._hidden = _temporary_name(place)
+                missing = [self._hidden]
+                while not os.path.lexists(parent := os.path.dirname(missing[-1])):
+                    missing.append(parent)
+                for folder in reversed(missing):
+                    self._made.append(folder)
+                    _unfinished[folder] = None
+                    with suppress(FileExistsError):  # another process may make the same folder
+                        os.mkdir(folder)
             elif not os.path.isdir(self.folder):
                 raise ExportError(f"cannot write to {self.folder or repr(self.folder)}: it is not a folder")
-            complete = True
         except OSError as error:
+            self._abandon()
             raise _refusal(self.folder, error) from error
-        finally:
-            if not complete:
-                self._abandon()
+        except BaseException:
+            self._abandon()
+            raise
         return self
 
-    def _make_hidden(self, place: str) -> None:
-        missing = []
-        parent = os.path.dirname(place)
-        while not os.path.lexists(parent):
-            missing.append(parent)
-            parent = os.path.dirname(parent)
-        for parent in reversed(missing):
-            self._make(parent)
-        self._hidden = _temporary_name(place)
-        self._make(self._hidden)
+    def add(self, path: str, blocks: Iterable[bytes]) -> None:
+        """Write `blocks` under a temporary name, to become a file of the folder or of any that exists.
 
-    def _make(self, folder: str) -> None:
-        self._made.append(folder)
-        _unfinished[folder] = None
-        with suppress(FileExistsError):  # another process may make the same folder
-            os.mkdir(folder)
-
-    def add(self, name: str, blocks: Iterable[bytes]) -> None:
-        """Write `blocks` under a temporary name, to become the file `name` of the folder.
-
-        Raises
-        ------
-        ExportError
-            `name` is not a plain file name, was added before, or cannot be written.
+        Raises an `ExportError` if the file was added before, or cannot be written; the others may still appear.
         """
-        shown = os.path.join(self.folder, name)
-        if os.path.basename(name) != name or name in ("", os.curdir, os.pardir):
-            raise ExportError(f"cannot write {shown}: {name!r} is not a plain file name")
-        self.add_path(shown, blocks)
-
-    def add_path(self, path: str, blocks: Iterable[bytes]) -> None:
-        """Write `blocks` as `add` does, for a file in any existing folder.
-
-        Raises
-        ------
-        ExportError
-            The file was added before, or cannot be written.
-        """
-        _check_path(path)
-        hidden = None
-        if self._hidden is not None and os.path.dirname(os.path.realpath(path)) == os.path.realpath(self.folder):
-            hidden = self._hidden
         try:
-            target = _target(path) if hidden is None else os.path.realpath(path)
+            target = _target(path)
             if target is None:
                 raise ExportError(f"cannot write {path}: it is not a regular file")
             if target in self._staged:
                 raise ExportError(f"cannot write {path}: two files of this name")
-            temporary = _temporary_name(target) if hidden is None else os.path.join(hidden, os.path.basename(target))
-            self._staged[target] = temporary
+            if self._hidden is not None and os.path.dirname(target) == os.path.realpath(str(self.folder)):
+                temporary = os.path.join(self._hidden, os.path.basename(target))
+            else:
+                temporary = _temporary_name(target)
             if os.path.basename(path) == self._record:
                 self._old_record = target
+            self._staged[target] = temporary
             try:
                 _stage(temporary, target, blocks)
             except BaseException:
-                del self._staged[target]  # the others may still appear
+                del self._staged[target]
                 _discard(temporary)
                 raise
         except OSError as error:
             raise _refusal(path, error) from error
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is not None:
-            self._abandon()
-            return
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
-            self._rename()
+            if kind is None:
+                self._rename()
         except KeyboardInterrupt:
             # A sequence half old and half new would be worse than a late stop.
             self._rename()
@@ -205,7 +142,7 @@ class StagedFiles:
         for inside in (False, True):
             if inside and self._hidden is not None:
                 with suppress(OSError):  # another process may have made the folder: its files are then replaced
-                    os.rename(self._hidden, os.path.abspath(self.folder))
+                    os.rename(self._hidden, os.path.abspath(str(self.folder)))
             for target, temporary in self._staged.items():
                 if (os.path.dirname(temporary) == self._hidden) != inside or not os.path.lexists(temporary):
                     continue
@@ -218,16 +155,14 @@ class StagedFiles:
 
     def _abandon(self) -> None:
         """Remove the files without a final name, and the folders made for them."""
-        for temporary in self._staged.values():
-            _discard(temporary)
-        for place in reversed(self._made):
-            _discard_folder(place)
+        for place in (*self._staged.values(), *reversed(self._made)):
+            _discard(place)
 
 
 def discard_unfinished() -> None:
     """Remove all files without a final name, and the folders made for them, when a process ends without unwinding."""
     for place in reversed(list(_unfinished)):
-        _discard_folder(place) if os.path.isdir(place) else _discard(place)
+        _discard(place)
 
 
 def _check_path(path: str) -> None:
@@ -272,10 +207,8 @@ def _descriptor(path: str) -> int | None:
 def _opened(path: str) -> IO[bytes]:
     """Open a path that is not a regular file for writing, without making or emptying anything."""
     descriptor = _descriptor(path)
-    if descriptor is not None:
-        # Opening /dev/stdout by name would restart at the beginning of a redirected file.
-        return open(os.dup(descriptor), "wb")
-    return open(os.open(path, os.O_WRONLY), "wb")
+    # Opening /dev/stdout by name would restart at the beginning of a redirected file.
+    return open(os.open(path, os.O_WRONLY) if descriptor is None else os.dup(descriptor), "wb")
 
 
 def _temporary_name(target: str) -> str:
@@ -319,15 +252,9 @@ def _write(file: IO[bytes], blocks: Iterable[bytes]) -> None:
     file.flush()
 
 
-def _discard(temporary: str) -> None:
-    with suppress(OSError):
-        os.unlink(temporary)
-    _unfinished.pop(temporary, None)
-
-
-def _discard_folder(place: str) -> None:
-    with suppress(OSError):  # not empty: it holds finished files, or those of another process
-        os.rmdir(place)
+def _discard(place: str) -> None:
+    with suppress(OSError):  # a folder is not empty: it holds finished files, or those of another process
+        os.rmdir(place) if os.path.isdir(place) else os.unlink(place)
     _unfinished.pop(place, None)
 
 

@@ -347,9 +347,9 @@ def _files(output: str, folder: str | None, book: Manifest | None, one_by_one: b
         from gtb_cli.files import StagedFiles
 
         with StagedFiles(folder or os.curdir) as files:
-            yield files.add_path
+            yield files.add
             if book is not None and not book.is_direct:
-                files.add_path(book.path, book.blocks())
+                files.add(book.path, book.blocks())
                 return
     if book is not None:
         book.write()

@@ -99,7 +99,7 @@ class Manifest:
         from gtb_cli.files import StagedFiles
 
         with StagedFiles(os.path.dirname(output)) as files:
-            files.add_path(output, blocks)
+            files.add(output, blocks)
         if time.monotonic() - self._written > 2.0:  # seconds: the text of a long manifest takes longer than a mesh
             self.write()
 

@@ -38,16 +38,7 @@ NAME_DIGITS = 6  # digits of numbers in file names, unless a number needs more
 class SequenceOutput:
     """The output that the options of a sequence ask for: its meshes, a spec on standard output, or both.
 
-    Attributes
-    ----------
-    place : str
-        A folder, a file with an animation, or standard output.
-    meshes, emits_spec, animated : bool
-        Whether meshes are written, a spec is printed, and the meshes are one animation.
-    distances : bool
-        Whether distances to the limit are measured.
-    options : MeshOptions
-    console : Console
+    The place of the meshes is a folder, a file with an animation, or standard output.
     """
 
     place: str
@@ -94,11 +85,70 @@ class SequenceOutput:
             if self.animated:
                 # Meshes are made after the file is opened, so that a file that cannot be written is an error at once.
                 labels = [*(f"{sequence.key}={text}" for text in texts), "limit"]
-                write_blocks(self.place, _animation(sequence, labels, self, source))
+                write_blocks(self.place, self._animation(sequence, labels, source))
             else:
-                _write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], self, source)
+                self._write_folder(sequence, [*(f"{prefix}{text}" for text in texts), "limit"], source)
         if self.emits_spec:
             write_text(STANDARD, spec_text)
+
+    def _write_folder(self, sequence: MeshSequence, labels: list[str], source: str) -> None:
+        """Make the meshes, and write them and `sequence.json`."""
+        stem, kind = file_stem(sequence.name), self.options.format or "obj"
+        names = [f"{stem}-{label}.{kind}" for label in labels]
+        *places, record = [os.path.join(self.place, name) for name in [*names, SEQUENCE_RECORD]]
+        check_folder(*places, record)
+        from gtb_cli.files import StagedFiles
+
+        entries = []
+        with StagedFiles(self.place, SEQUENCE_RECORD) as files:
+            for place, name, member in zip(places, names, self._members(sequence, names, source), strict=True):
+                files.add(place, self.options.encoded(member.mesh, kind))
+                entries.append(sequence.entry(member, name))
+                self._report(place, sequence, member, self.options.warnings(member.mesh, kind))
+            files.add(record, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
+
+    def _animation(self, sequence: MeshSequence, labels: list[str], source: str) -> Iterator[bytes]:
+        """Make the meshes and yield one file of them all; a warning that several share appears once."""
+        from gtb_cli.formats.morph import animated_glb
+
+        options = self.options
+        meshes: list[Mesh] = []
+        entries: list[dict[str, Any]] = []
+        said: set[str] = set()
+        file = "" if self.place == STANDARD else f"{self.place}: "
+        for label, member in zip(labels, self._members(sequence, labels, source), strict=True):
+            meshes.append(member.mesh)
+            entries.append(sequence.entry(member, label, "label"))
+            warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
+            said.update(warnings)
+            self._report(f"{file}{label}", sequence, member, warnings)
+        extras, normals = {"sequence": sequence.record(entries)}, options.recipe.normals
+        yield from animated_glb(meshes, labels, normals=normals, uv=options.uv, up=options.up, extras=extras)
+
+    def _members(self, sequence: MeshSequence, names: list[str], source: str) -> Iterator[Member]:
+        """Make the meshes, with the spec's name in errors."""
+        members = iter(sequence)
+        with self.console.counter(len(names)) as begin:
+            for name in names:
+                begin(name)
+                with about(source):
+                    member = next(members)
+                yield member
+
+    def _report(self, place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str]) -> None:
+        """Report a mesh and its warnings."""
+        if member.doubt:
+            doubt = f"the distance is between coarse meshes: {member.doubt}"
+            self.console.warn(f"{sequence.key} {member.value:g}: {doubt}")
+        for warning in warnings:
+            self.console.warn(f"{place}: {warning}")
+        text, filmed = "", member.film_distance
+        if member.value != sequence.values[-1]:
+            text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
+            text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
+        elif filmed is not None:
+            text = f", its film reaches {filmed:.3g} from it"
+        self.console.note(f"{place}: {summary(member.mesh)}{text}")
 
 
 def _output(
@@ -138,22 +188,16 @@ def sequence_options(spec_help: str) -> Option:
 def _is_animation(options: MeshOptions, output: str) -> bool:
     """Tell whether an output is an animation and not a folder; refuse options that a sequence cannot have."""
     suffix = suffix_of(output)
-    if is_folder(output):
-        animated = False
-    elif output == STANDARD or is_device(output):
-        if options.format != ANIMATION_FORMAT:
-            raise click.UsageError(
-                "a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation"
-            )
-        animated = True
-    else:
-        animated = suffix == ANIMATION_FORMAT
-        if animated and options.format not in (None, ANIMATION_FORMAT):
-            raise click.UsageError(
-                f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
-            )
-        if suffix in FORMATS and not animated:
-            raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
+    is_stream = output == STANDARD or is_device(output)
+    animated = not is_folder(output) and (is_stream or suffix == ANIMATION_FORMAT)
+    if is_stream and options.format != ANIMATION_FORMAT:
+        raise click.UsageError("a sequence is several files: give -o DIR, or -o FILE.glb or -f glb for an animation")
+    if animated and options.format not in (None, ANIMATION_FORMAT):
+        raise click.UsageError(
+            f"{output} names a GLB file, the only kind with an animation; -f {options.format} differs"
+        )
+    if suffix in FORMATS and not animated and not is_folder(output):
+        raise click.UsageError(f"a sequence is several files and needs a folder, and {output} names a file")
     if options.ascii and (animated or options.format == ANIMATION_FORMAT):
         raise click.UsageError("--ascii: GLB has no text form")
     if animated:
@@ -176,65 +220,3 @@ def number_text(value: float) -> str:
     digits = next(n for n in range(1, 18) if float(f"{value:.{n}g}") == value)
     mantissa, e, exponent = f"{value:.{max(digits, NAME_DIGITS)}g}".partition("e")
     return mantissa + (f"e{int(exponent)}" if e else "")
-
-
-def _write_folder(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> None:
-    """Make the meshes, and write them and `sequence.json`."""
-    stem, kind = file_stem(sequence.name), out.options.format or "obj"
-    names = [f"{stem}-{label}.{kind}" for label in labels]
-    check_folder(*(os.path.join(out.place, name) for name in [*names, SEQUENCE_RECORD]))
-    from gtb_cli.files import StagedFiles
-
-    entries = []
-    with StagedFiles(out.place, SEQUENCE_RECORD) as files:
-        for name, member in _members(sequence, names, out.console, source):
-            files.add(name, out.options.encoded(member.mesh, kind))
-            entries.append(sequence.entry(member, name))
-            warnings = out.options.warnings(member.mesh, kind)
-            _say(os.path.join(out.place, name), sequence, member, warnings, out.console)
-        files.add(SEQUENCE_RECORD, [(json.dumps(sequence.record(entries), indent=2) + "\n").encode("ascii")])
-
-
-def _animation(sequence: MeshSequence, labels: list[str], out: SequenceOutput, source: str) -> Iterator[bytes]:
-    """Make the meshes and yield one file of them all; a warning that several share appears once."""
-    from gtb_cli.formats.morph import animated_glb
-
-    options = out.options
-    meshes: list[Mesh] = []
-    entries: list[dict[str, Any]] = []
-    said: set[str] = set()
-    file = "" if out.place == STANDARD else f"{out.place}: "
-    for label, member in _members(sequence, labels, out.console, source):
-        meshes.append(member.mesh)
-        entries.append(sequence.entry(member, label, "label"))
-        warnings = [text for text in options.warnings(member.mesh, ANIMATION_FORMAT) if text not in said]
-        said.update(warnings)
-        _say(f"{file}{label}", sequence, member, warnings, out.console)
-    extras = {"sequence": sequence.record(entries)}
-    yield from animated_glb(meshes, labels, normals=options.recipe.normals, uv=options.uv, up=options.up, extras=extras)
-
-
-def _members(sequence: MeshSequence, names: list[str], console: Console, source: str) -> Iterator[tuple[str, Member]]:
-    """Make the meshes, with the spec's name in errors."""
-    members = iter(sequence)
-    with console.counter(len(names)) as begin:
-        for name in names:
-            begin(name)
-            with about(source):
-                member = next(members)
-            yield name, member
-
-
-def _say(place: str, sequence: MeshSequence, member: Member, warnings: Iterable[str], console: Console) -> None:
-    """Report a mesh and its warnings."""
-    if member.doubt:
-        console.warn(f"{sequence.key} {member.value:g}: the distance is between coarse meshes: {member.doubt}")
-    for warning in warnings:
-        console.warn(f"{place}: {warning}")
-    text, filmed = "", member.film_distance
-    if member.value != sequence.values[-1]:
-        text += f", {member.distance:.3g} from the limit" if member.distance is not None else ""
-        text += f", {filmed:.3g} from the limit with its film" if filmed is not None else ""
-    elif filmed is not None:
-        text = f", its film reaches {filmed:.3g} from it"
-    console.note(f"{place}: {summary(member.mesh)}{text}")
