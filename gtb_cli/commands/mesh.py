@@ -189,7 +189,7 @@ def mesh(
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
     if deps is not None:
-        from gtb_cli.shell.upkeep import rules
+        from gtb_cli.shell.manifest import rules
 
         write_text(deps, rules([(file.output, file.path) for file in written], spec_format))
     for file in written:
@@ -267,7 +267,7 @@ def _planned(
         return Written(output(stem_of(path)), path, _size_of(entry), entry["warnings"])
     sums = None
     if book is not None:
-        from gtb_cli.shell.upkeep import input_sums
+        from gtb_cli.shell.manifest import input_sums
 
         sums = input_sums(path, spec_format)  # before the spec is read: it may change meanwhile
     with spec_of(path, spec_format) as spec:

@@ -22,37 +22,16 @@ R = TypeVar("R")
 CONNECTION_SECONDS = 10.0  # seconds within which a scheduler must answer
 
 
-PATIENCE_SECONDS = 5.0  # seconds between two checks, while a result is awaited, that there are workers
-
-# HOST:PORT; an address that contains colons stands in brackets
-ADDRESS = re.compile(r"[^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5}")
-
-
 def in_cluster(
     function: Callable[[T], R], tasks: Iterable[T], address: str, warn: Callable[[str], None]
 ) -> Generator[R]:
     """Yield ``function(task)`` for each task, in their order, computed by the workers of a Dask cluster.
 
-    Parameters
-    ----------
-    function : callable
-        Defined at the top level of a module.
-    tasks : iterable
-    address : str
-        Address of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file.
-    warn : callable
-        Takes what may be unexpected: no worker for ten seconds, or workers with other processors than this machine's.
-
-    Raises
-    ------
-    GtbError
-        Dask is not installed, no scheduler answers, there are no workers, or they have other versions; a task kills
-        one worker after another; or `function` raises it.
-
-    Notes
-    -----
-    If a worker dies, another one does its unfinished tasks. Workers that join later take part, unchecked. At most two
-    results for each thread of the workers wait for their turn.
+    `address` is that of the scheduler, such as ``tcp://127.0.0.1:8786``, or the name of its scheduler file; `warn`
+    takes what may be unexpected. If a worker dies, another one does its unfinished tasks. Workers that join later take
+    part, unchecked. At most two results for each thread of the workers wait for their turn. Raises what `function`
+    raises, and a `GtbError` if Dask is not installed, no scheduler answers, there are no workers, they have other
+    versions, or a task kills one after another.
     """
     client = _connected(address)
     from distributed.scheduler import KilledWorker
@@ -74,13 +53,12 @@ def in_cluster(
 
 def _connected(address: str) -> Any:
     """Return a client of the scheduler."""
-    no_dask = "--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'"
     from concurrent.futures import Future
 
     try:
         from distributed import Client
     except ImportError:
-        raise GtbError(no_dask) from None
+        raise GtbError("--cluster needs Dask, the extra gtb-cli[cluster]: pip install 'gtb-cli[cluster]'") from None
 
     class Connection(Client):  # type: ignore[misc]
         def __del__(self) -> None:  # closing a client that never connected takes long and prints messages
@@ -117,9 +95,10 @@ def _scheduler(address: str) -> str:
                 address = json.load(file)["address"]
         except (ValueError, KeyError, TypeError):
             raise ValueError("this is not a scheduler file of Dask") from None
-    scheme, separator, place = address.rpartition("://")
-    if not (separator and scheme not in ("tcp", "tls")) and ADDRESS.fullmatch(place):
-        return f"{scheme or 'tcp'}://{place}"
+    # HOST:PORT; an address that contains colons stands in brackets
+    match = re.fullmatch(r"(?:(tcp|tls)://)?([^:/\s]+:\d{1,5}|\[[\da-fA-F:.]+\]:\d{1,5})", address)
+    if match:
+        return f"{match[1] or 'tcp'}://{match[2]}"
     raise ValueError("expected tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file")
 
 
@@ -127,7 +106,7 @@ def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str],
     """Wait for a result, unless no worker is left to compute it."""
     from concurrent.futures import CancelledError, wait
 
-    while not wait([future], PATIENCE_SECONDS).done:
+    while not wait([future], 5.0).done:  # seconds between two checks that there are workers
         if client.status != "running":
             raise GtbError(f"--cluster {address}: the scheduler has gone")
         if not client.ncores():

@@ -110,13 +110,7 @@ def say(line: str) -> None:
 
 
 class Console:
-    """Messages of a command, on standard error.
-
-    Parameters
-    ----------
-    quiet : bool
-        Print only errors.
-    """
+    """Messages of a command, on standard error; if it is quiet, only errors."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet

@@ -35,24 +35,20 @@ def x_of(ctx: click.Context, param: click.Parameter, value: str | tuple[str, ...
 
 def lifting_of(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | int | None:
     """Read lifting values, or the index of a knot."""
-    # Prefix of a knot's index, which stands for the lifting that is 1 at this knot and 0 at all others
-    knot_prefix = "knot:"
-    index_digits = 6  # largest number of digits of a knot's index; patches have fewer knots than that
     text = (value or "").strip()
-    if not text.startswith(knot_prefix):
+    if not text.startswith("knot:"):
         return numbers_of(ctx, param, value)
-    index = text.removeprefix(knot_prefix)
-    if not index.isdecimal() or not index.isascii():
+    match = re.fullmatch(r"knot:(\d{1,9})", text, re.ASCII)
+    if not match:
         raise click.BadParameter(f"{value!r}: expected the index of a knot, such as knot:3", ctx, param)
-    return int(index[:index_digits])
+    return int(match[1])
 
 
 def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> dict[int, int]:
     """Read pairs K:Q."""
-    move_pattern = re.compile(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", re.ASCII)
     moves: dict[int, int] = {}
     for text in value:
-        match = move_pattern.fullmatch(text)
+        match = re.fullmatch(r"\s*(\d{1,9})\s*:\s*(\d{1,9})\s*", text, re.ASCII)
         if not match:
             raise click.BadParameter(f"{text!r}: expected two knot indices, such as 3:1", ctx, param)
         k, q = int(match[1]), int(match[2])
@@ -64,10 +60,7 @@ def moves_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...])
 def heights_of(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatArray:
     """Return (n,) lifting values: those given; 1 at the knot with this index and 0 at all others; or the patch's own.
 
-    Raises
-    ------
-    DomainError
-        There are none, or their number is not that of the knots.
+    Raises a `DomainError` if there are none, or their number is not that of the knots.
     """
     from gtb_cli.knots.decomposition import lifting_of_knot
     from gtb_cli.theory.degeneration import lifting_of
@@ -79,15 +72,8 @@ def heights_of(patch: Patch, lifting: tuple[float, ...] | int | None) -> FloatAr
 class LimitRequest:
     """The degeneration (x, lifting) or knot limit (moves, steps) that the options ask for.
 
-    Attributes
-    ----------
-    xs : tuple of float
-    lifting : tuple of float, int or None
-        Values, or the index of a knot.
-    moves : dict of int to int
-        From each knot that moves to the knot at whose place it arrives.
-    steps : tuple of float or None
-        Fractions of the way.
+    The lifting is values, or the index of a knot; `moves` lead from knots to the knots at whose places they arrive, and
+    `steps` are fractions of the way.
     """
 
     xs: tuple[float, ...]
@@ -106,12 +92,8 @@ class LimitRequest:
     ) -> Frames:
         """Return meshes on the way to the limit, and its net; `xs` and `steps` are the defaults.
 
-        Raises
-        ------
-        SpecError, DomainError
-            The shape is a model or has no lifting, or a move is not possible.
-        click.UsageError
-            The options mix the two kinds of limits.
+        Raises a `SpecError` or `DomainError` if the shape is a model or has no lifting, or a move is not possible, and
+        a usage error if the options mix the two kinds of limits.
         """
         from gtb_cli.pictures.nets import net_of
         from gtb_cli.pictures.sequences import frames_of, frames_of_degeneration

@@ -1,4 +1,4 @@
-"""`--manifest`: a file with checksums, sizes and measures of mesh files, and the options that made them."""
+"""`--manifest`, `--resume` and `--deps`: mesh files as records of what made them."""
 
 import hashlib
 import json
@@ -13,23 +13,14 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.console import STANDARD
 from gtb_cli.shell.streams import is_device, write_blocks
-from gtb_cli.shell.upkeep import is_up_to_date, known_entries, sum_of
 from gtb_cli.shell.versions import versions
 
 
 class Manifest:
-    """A manifest that is being made.
+    """The manifest of meshes that are being made, for a path (``"-"``: standard output).
 
-    Parameters
-    ----------
-    path : str
-        Where the manifest goes; ``"-"`` is standard output.
-    settings : mapping
-        The options that all files share, as plain data.
-    output : str
-        The file or folder of the meshes.
-    resume : bool
-        Whether an old manifest of this name may show that files are up to date.
+    `settings` are the options that all files share, as plain data, and `output` is their file or folder. With `resume`,
+    an old manifest of this name may show that files are up to date.
     """
 
     def __init__(self, path: str, settings: Mapping[str, object], output: str, *, resume: bool = False) -> None:
@@ -39,7 +30,7 @@ class Manifest:
         self.is_direct = path == STANDARD or is_device(path)
         self._settings = settings
         self._entries: dict[str, Mapping[str, Any] | None] = {}
-        self._known = known_entries(path, versions(), settings) if resume else {}
+        self._known = _known_entries(path, settings) if resume else {}
         self._earlier: dict[str, Mapping[str, Any]] = {}
         self._written = -math.inf
         folder = os.path.dirname(path) or os.curdir
@@ -52,7 +43,7 @@ class Manifest:
         """Record a file with its old entry and return this; None if the file has to be made again."""
         name = self._name(output)
         entry: Mapping[str, Any] | None = self._known.get(name)
-        if entry is None or not is_up_to_date(entry, spec, output):
+        if entry is None or not _is_up_to_date(entry, spec, output):
             return None
         self._entries[name] = entry
         return entry
@@ -63,7 +54,7 @@ class Manifest:
         for name, entry in self._known.items():
             path = os.path.join(self._place, name.rpartition("/")[2])
             is_listed = self._name(path) == name and name not in self._entries
-            if is_listed and not os.path.islink(path) and sum_of(path) == entry["sha256"]:
+            if is_listed and not os.path.islink(path) and _sum_of(path) == entry["sha256"]:
                 self._earlier[path] = {"file": name, "sha256": entry["sha256"]}
 
     def left_over(self, outputs: Iterable[str]) -> list[str]:
@@ -122,3 +113,86 @@ class Manifest:
         if name.split(os.sep, 1)[0] == os.pardir or os.path.isabs(name):
             name = os.path.basename(output)
         return name.replace(os.sep, "/")
+
+
+def input_sums(path: str, spec_format: str | None) -> dict[str, str]:
+    """Return checksums of the files of a spec, by path relative to its folder; none if one cannot be read."""
+    from gtb_cli.language.includes import sources
+
+    start = len(path) - len(os.path.basename(path))
+    files = sources(path, spec_format)  # type: ignore[arg-type]
+    sums = {file[start:].replace(os.sep, "/"): _sum_of(file) for file in files}
+    return {name: found for name, found in sums.items() if found is not None} if all(sums.values()) else {}
+
+
+def _known_entries(manifest: str, options: Mapping[str, object]) -> dict[str, Any]:
+    """Read the entries of an old manifest by file name; just the checksum where other versions or options made one."""
+    try:
+        with open(manifest, "rb") as file:
+            record = json.load(file)
+        is_like = record["versions"] == versions() and record["options"] == json.loads(json.dumps(options))
+        known: dict[str, Any] = {}
+        for entry in [*record["files"], *record.get("earlier", ())]:
+            match entry:
+                case {"file": str(name), "sha256": str(found)}:
+                    known[name] = entry if is_like and "versions" not in entry else {"sha256": found}
+        return known
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return {}  # a manifest that cannot be read shows nothing
+
+
+def _is_up_to_date(entry: Mapping[str, Any], spec: str, output: str) -> bool:
+    """Tell whether a file, and the files that it was made from, are what its entry says."""
+    counts = (entry.get("vertices"), entry.get("faces", entry.get("segments")))
+    match entry:
+        case {"warnings": [*texts], "inputs": dict(inputs)} if all(isinstance(text, str) for text in texts):
+            folder = os.path.dirname(spec) or os.curdir
+            sums = (_sum_of(os.path.join(folder, name)) == found for name, found in inputs.items())
+            is_its_own = next(iter(inputs), None) == os.path.basename(spec) and _sum_of(output) == entry["sha256"]
+            return is_its_own and all(isinstance(count, int) for count in counts) and all(sums)
+    return False
+
+
+def _sum_of(path: str) -> str | None:
+    """Return the sha256 of a regular file, or None if there is no such file."""
+    if not os.path.isfile(path):
+        return None
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+def rules(targets: Iterable[tuple[str, str]], spec_format: str | None) -> str:
+    """Write rules for make: each output depends on its spec and the included files, which have rules of their own.
+
+    A rule without prerequisites and recipe lets make go on after an included file has been deleted.
+    """
+    from gtb_cli.language.includes import sources
+
+    text, included = "", dict[str, None]()
+    for output, spec in targets:
+        files = sources(spec, spec_format)  # type: ignore[arg-type]
+        included |= dict.fromkeys(files[1:])
+        text += f"{_target(output)}: {' '.join(map(_escaped, files))}\n"
+    return text + "".join(f"{_target(name)}:\n" for name in included)
+
+
+def _target(name: str) -> str:
+    """Name a target as make reads it: not as a pattern."""
+    return _escaped(name).replace("%", "\\%")
+
+
+def _escaped(name: str) -> str:
+    """Name a file as make reads it, or refuse a name that make would take for something else, such as a recipe."""
+    # Characters that mean something to make, and that a backslash does not quote everywhere
+    make_signs = frozenset(";:=|*?[~")
+    if not name.isprintable() or not make_signs.isdisjoint(name):
+        raise ExportError(
+            f"--deps: make cannot name {name!r}: expected no control characters, and none of ; : = | * ? [ ~"
+        )
+    kept = name.replace("\\", "\\\\") if any(c in name for c in " #") else name
+    for mark in " #":
+        kept = kept.replace(mark, f"\\{mark}")
+    return kept.replace("$", "$$")

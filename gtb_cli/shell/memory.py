@@ -18,31 +18,26 @@ def is_scarce() -> bool:
 
     A worker process that cannot allocate what it needs to send its result would be waited for in vain.
     """
-    ample_bytes = 1 << 30
     limit = limit_of_addresses()
-    return limit is not None and limit < ample_bytes
+    return limit is not None and limit < 1 << 30
 
 
 def prepare_for_limit() -> None:
     """Let BLAS take its memory first: later, where there is none left, it ends the process itself or hangs.
 
-    Raises
-    ------
-    GtbError
-        The limit is so low that not even the libraries can be loaded.
+    Raises a `GtbError` if the limit is so low that not even the libraries can be loaded.
     """
     # Smallest limit: numpy, scipy and trimesh with the buffers of both BLAS libraries take 285 MB of addresses
     least_bytes = 320 << 20
-    buffered_size = 200  # rows of matrices whose product needs the buffer of BLAS, which it then keeps
     limit = limit_of_addresses()
     if limit is None:
         return
     if limit < least_bytes:
-        needed = f"gtb needs at least {least_bytes >> 20} MB"
-        raise GtbError(f"not enough memory: the limit (ulimit -v) is {limit >> 20} MB, {needed}")
+        at_least = f"gtb needs at least {least_bytes >> 20} MB"
+        raise GtbError(f"not enough memory: the limit (ulimit -v) is {limit >> 20} MB, {at_least}")
     import numpy as np
 
-    matrix = np.ones((buffered_size, buffered_size))
+    matrix = np.ones((200, 200))  # whose product needs the buffer of BLAS, which it then keeps
     np.matmul(matrix, matrix)
     if is_scarce():
         from scipy.linalg.blas import dgemm

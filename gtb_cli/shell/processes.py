@@ -35,15 +35,8 @@ def in_order(
 ) -> Generator[R]:
     """Yield the results of tasks in order, whoever computes them.
 
-    Parameters
-    ----------
-    submit : callable
-        Starts a task and returns its future.
-    tasks : iterable
-    limit : callable
-        Returns how many results may wait for their turn; called again after each task.
-    result_of : callable, optional
-        Waits for the result of a future.
+    `submit` starts a task and returns its future, and `result_of` waits for it. At most ``limit()`` results, asked
+    again after each task, wait for their turn.
     """
     waiting: deque[Future[R]] = deque()
     try:
@@ -59,24 +52,11 @@ def in_order(
 
 
 def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> Generator[R]:
-    """Yield ``function(task)`` for each task, in their order, computed by several processes.
+    """Yield ``function(task)`` for each task, in their order, computed by this many processes.
 
-    Parameters
-    ----------
-    function : callable
-        Defined at the top level of a module.
-    tasks : iterable
-    jobs : int
-        Number of processes.
-
-    Raises
-    ------
-    GtbError
-        A process cannot be started, or was killed, as happens when memory runs out; or `function` raises it.
-
-    Notes
-    -----
-    At most `jobs` + 1 results wait at a time. Closing the generator ends the processes at once.
+    `function` is defined at the top level of a module. At most `jobs` + 1 results wait at a time. Closing the generator
+    ends the processes at once. Raises what `function` raises, and a `GtbError` if a process cannot be started, or was
+    killed, as happens when memory runs out.
     """
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
@@ -114,6 +94,7 @@ def in_processes(function: Callable[[T], R], tasks: Iterable[T], jobs: int) -> G
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent process, and end when that ends, however it ends."""
     import threading
+    from multiprocessing import parent_process
 
     if not os.environ.get("GTB_TRACEBACK"):
         sys.stderr = None  # where memory runs out, the trace of what failed goes there: this process's parent says it
@@ -121,13 +102,11 @@ def _start_worker() -> None:
     for name in ("SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    from multiprocessing import parent_process
-
     parent = parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
+
+    def end_with_parent() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()

@@ -15,8 +15,6 @@ PACKAGES = ("numpy", "scipy", "trimesh")  # packages that take part in making fi
 def versions() -> dict[str, str | None]:
     """Return the versions of this program, of packages (None: not installed) and of Python; and the processor's kind.
 
-    Notes
-    -----
     ``sources`` is a checksum of this program's own files, as its version stays through many changes.
     """
     return {

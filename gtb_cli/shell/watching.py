@@ -23,34 +23,26 @@ HOST = "127.0.0.1"
 class Watch:
     """The content of files as it is now: made anew when a file has changed; after an error, the last good one.
 
-    Parameters
-    ----------
-    paths : sequence of str
-    see : function
-        Reads the files; its errors are shown.
+    `see` reads the files at `paths`; its errors are shown.
     """
 
     def __init__(self, paths: Sequence[str], see: Callable[[], Content]) -> None:
         self._paths, self._see, self._lock = paths, see, Lock()
-        self._files: Sequence[str] = paths
-        self._stamp: object = None
-        self.version = 0
-        self.error = ""
-        self.data: dict[str, Any] = {}
-        self.changed = 0
+        self._stamps: dict[str, object] = {}  # of the files, and of those that they include
+        self.version = self.changed = 0  # states that were seen; the last of them that was good
+        self.error, self.data = "", dict[str, Any]()
         self.look()
 
     def look(self) -> None:
         """Read the files again if they have changed."""
         with self._lock:
-            if self._stamp == [_stamp(path) for path in self._files]:
+            if self._stamps and all(_stamp(file) == stamp for file, stamp in self._stamps.items()):
                 return
             from gtb_cli.language.includes import sources
             from gtb_cli.pictures.page import page_data
 
-            inner = (sources(path) if os.path.isfile(path) else [path] for path in self._paths)
-            self._files = [file for files in inner for file in files]  # included files, too
-            self._stamp = [_stamp(path) for path in self._files]
+            files = [file for path in self._paths for file in (sources(path) if os.path.isfile(path) else [path])]
+            self._stamps = {file: _stamp(file) for file in files}
             self.version += 1
             try:
                 for path in self._paths:
@@ -93,8 +85,6 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
     headers = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
 
     class Handler(BaseHTTPRequestHandler):
-        """Answers requests for the page and for news, and refuses requests to any other host name."""
-
         server_version, sys_version = "gtb", ""
 
         def do_GET(self) -> None:
@@ -113,12 +103,9 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
         def _answer(self, status: int, kind: str, text: str) -> None:
             body = text.encode("utf-8")
             self.send_response(status)
-            for name, value in {
-                **headers,
-                "Content-Type": f"{kind}; charset=utf-8",
-                "Content-Length": len(body),
-            }.items():
-                self.send_header(name, str(value))
+            for name, value in (headers | {"Content-Type": f"{kind}; charset=utf-8"}).items():
+                self.send_header(name, value)
+            self.send_header("Content-Length", str(len(body)))
             self.end_headers()
             self.wfile.write(body)
 
@@ -129,13 +116,7 @@ def handler(watch: Watch, port: int) -> type[BaseHTTPRequestHandler]:
 
 
 def serve(paths: Sequence[str], see: Callable[[], Content], port: int, console: Console, *, opens: bool) -> None:
-    """Serve a page on the loopback address until Ctrl-C.
-
-    Raises
-    ------
-    ExportError
-        The port is taken.
-    """
+    """Serve a page on the loopback address until Ctrl-C; an `ExportError` says that the port is taken."""
     watch = Watch(paths, see)
     try:
         server = ThreadingHTTPServer((HOST, port), BaseHTTPRequestHandler)

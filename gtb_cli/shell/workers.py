@@ -14,15 +14,7 @@ R = TypeVar("R")
 
 
 class Workers(NamedTuple):
-    """A number of processes, or a cluster.
-
-    Attributes
-    ----------
-    jobs : int
-        Number of processes; 1 means this process, and 0 one for each processor.
-    cluster : str or None
-        Address or file of the scheduler of a cluster.
-    """
+    """A number of processes (1: this one; 0: one for each processor), or a cluster: its scheduler's address or file."""
 
     jobs: int
     cluster: str | None = None

@@ -210,7 +210,7 @@ def test_make_reads_the_rules(place):
     Path(name).write_text('include = ["part.toml"]\n' + Path("bicubic.toml").read_text())
     Path("part.toml").write_text('include = ["deep.toml"]\n')
     Path("deep.toml").write_text("")
-    from gtb_cli.shell.upkeep import rules
+    from gtb_cli.shell.manifest import rules
 
     text = rules([("out/a.obj", name), ("out/pentagon.obj", "pentagon.toml")], None)
     assert text.splitlines()[1:] == ["out/pentagon.obj: pentagon.toml", "part.toml:", "deep.toml:"]
