@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import click
 
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-Argument = TypeVar("Argument")
-Result = TypeVar("Result")
 Write: TypeAlias = Callable[[str, Iterable[bytes]], None]
 
 
@@ -150,107 +148,87 @@ def mesh(
         raise click.UsageError("--prune needs --resume and a folder of meshes")
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place, (*CAD_SUFFIXES, *CELL_FORMATS))
-    book = None if manifest is None else _manifest(manifest, options, kind, place, spec_format, resume)
+    book = None
+    if manifest is not None:
+        from gtb_cli.shell.manifest import Manifest
 
-    several = folder is not None  # then an error in one spec does not stop the others
-    planned = partial(_planned, place=place, options=options, kind=kind, spec_format=spec_format, book=book)
-    found: list[Task | Written | GtbError] = [_outcome(path, planned, path, several) for path in paths]
-    errors = [item for item in found if isinstance(item, GtbError)]
-    plan = [item for item in found if not isinstance(item, GtbError)]
-    if not plan:
-        raise _joined(errors)
-    if several:
+        settings = replace(options, format=kind).settings | {"spec_format": spec_format}
+        book = Manifest(manifest, settings, place, resume=resume)
+
+    errors: list[GtbError] = []  # of specs: none stops the others
+    plan: list[Task] = []
+    for path in paths:
+        task = attempted(path, lambda path: _planned(path, place, options, kind, spec_format, book), path)
+        errors.append(task) if isinstance(task, GtbError) else plan.append(task)
+    if folder is not None:
         _check_targets(plan)
     if book is not None:
-        book.expect([item.output for item in plan])
-        if folder is not None:
+        book.expect([task.output for task in plan])
+        if folder is not None and plan:
             also = [_output(place, kind, stem_of(path)) for path in paths]  # those with errors
-            for name in book.left_over([*also, *(item.output for item in plan)]):
+            for name in book.left_over([*also, *(task.output for task in plan)]):
                 if prune:
                     book.remove(name)
                     console.note(f"{name}: removed, no spec makes it now")
                 else:
                     console.warn(f"{name}: no spec makes it now (--prune removes it)")
 
-    tasks = [item for item in plan if isinstance(item, Task)]
-    encoded = workers.results(_encoded_whole, tasks, partial(_encoded_by, several=several), console.warn)
-    written: list[Written] = []
-    with closing(encoded), _files(output, folder, book, resume) as write, console.counter(len(tasks)) as begin:
-        for item in plan:
-            if isinstance(item, Written):
-                written.append(item)
+    work = [task for task in plan if task.kept is None]
+    made = partial(_made, options=options, kind=kind)
+    found = workers.results(partial(made, whole=True), work, partial(made, whole=False), console.warn)
+    written: list[tuple[Task, str, list[str]]] = []
+    with closing(found), _files(output, folder, book, resume) as write, console.counter(len(work)) as begin:
+        for task in plan:
+            if task.kept is not None:
+                written.append((task, f"{_count(task.kept)}, up to date", task.kept["warnings"]))
                 continue
-            begin(item.path)
-            outcome = _written(item, next(encoded), write, book, several)
-            if isinstance(outcome, GtbError):
-                errors.append(outcome)
+            begin(task.path)
+            file = next(found)
+            if not isinstance(file, GtbError):
+                file = _written(task, file, write, book)
+            if isinstance(file, GtbError):
+                errors.append(file)
             else:
-                written.append(outcome)
+                written.append((task, file.size, file.warnings))
         if not written:  # then a folder made for them is also removed
             raise _joined(errors)
     if deps is not None:
         from gtb_cli.shell.manifest import rules
 
-        write_text(deps, rules([(file.output, file.path) for file in written], spec_format))
-    for file in written:
-        console.report(file.output, file.size, file.warnings)
+        write_text(deps, rules([(task.output, task.path) for task, *_ in written], spec_format))
+    for task, size, warnings in written:
+        console.report(task.output, size, warnings)
     if errors:
         raise _joined(errors)
 
 
 class Task(NamedTuple):
-    """A mesh to make, with checksums of the files that its spec is read from if there is a manifest."""
+    """A mesh to make, with checksums of the files of its spec for a manifest; or one that is kept, by its entry."""
 
     output: str
     path: str
-    spec: Patch | Model
-    options: MeshOptions
-    kind: str
-    sums: dict[str, str] | None
+    spec: Patch | Model | None = None
+    sums: dict[str, str] | None = None
+    kept: Mapping[str, Any] | None = None
 
 
-class Encoded(NamedTuple):
+class Made(NamedTuple):
     """A mesh file that has not been written yet; `facts` are for the manifest, `lines` those of a text."""
 
     blocks: Iterable[bytes]
     size: str
     warnings: list[str]
-    facts: dict[str, object] | None
+    facts: dict[str, object]
     lines: int
-
-
-class Written(NamedTuple):
-    """A mesh file that is there, and what the user is told about it."""
-
-    output: str
-    path: str
-    size: str
-    warnings: Sequence[str]
 
 
 def _is_for_folder(given: Sequence[str], paths: Sequence[str], output: str) -> bool:
     """Tell whether the output is a folder, or refuse one that cannot hold so many meshes."""
     if is_folder(output) or (output != STANDARD and any(map(os.path.isdir, given))):
         return True
-    if len(paths) > 1 and output == STANDARD:
+    if len(paths) > 1 and (output == STANDARD or suffix_of(output) in FORMATS):
         raise click.UsageError(f"{len(paths)} specs need a folder for their meshes: -o FOLDER")
-    if len(paths) > 1 and suffix_of(output) in FORMATS:
-        raise click.UsageError(f"{len(paths)} specs need a folder for their meshes, and {output} names a file")
     return len(paths) > 1
-
-
-def _manifest(
-    path: str, options: MeshOptions, kind: str, place: str, spec_format: str | None, resume: bool
-) -> Manifest:
-    from gtb_cli.shell.manifest import Manifest
-
-    settings = replace(options, format=kind).settings | {"spec_format": spec_format}
-    return Manifest(path, settings, place, resume=resume)
-
-
-def _outcome(path: str, function: Callable[[Argument], Result], argument: Argument, several: bool) -> Result | GtbError:
-    """Call a function, and return the error if there are several specs."""
-    return attempted(path, function, argument) if several else function(argument)
 
 
 def _joined(errors: list[GtbError]) -> GtbError:
@@ -260,19 +238,19 @@ def _joined(errors: list[GtbError]) -> GtbError:
 
 def _planned(
     path: str, place: str, options: MeshOptions, kind: str, spec_format: str | None, book: Manifest | None
-) -> Task | Written:
+) -> Task:
     """Read a spec, unless its mesh is up to date according to the manifest."""
-    output = partial(_output, place, kind)
-    if book is not None and path != STANDARD and (entry := book.kept(output(stem_of(path)), path)) is not None:
-        return Written(output(stem_of(path)), path, _size_of(entry), entry["warnings"])
     sums = None
     if book is not None:
         from gtb_cli.shell.manifest import input_sums
 
+        output = _output(place, kind, stem_of(path))
+        if path != STANDARD and (entry := book.kept(output, path)) is not None:
+            return Task(output, path, kept=entry)
         sums = input_sums(path, spec_format)  # before the spec is read: it may change meanwhile
     with spec_of(path, spec_format) as spec:
         options.recipe.check_size(spec)
-    return Task(output(stem_of(path) or file_stem(spec.name)), path, spec, options, kind, sums)
+    return Task(_output(place, kind, stem_of(path) or file_stem(spec.name)), path, spec, sums)
 
 
 def _output(place: str, kind: str, stem: str | None) -> str:
@@ -280,99 +258,84 @@ def _output(place: str, kind: str, stem: str | None) -> str:
     return place if os.path.basename(place) else os.path.join(place, f"{stem}.{kind}")
 
 
-def _size_of(entry: Mapping[str, Any]) -> str:
+def _count(entry: Mapping[str, Any]) -> str:
     cells = "segments" if "segments" in entry else "faces"
-    return f"{entry['vertices']} vertices, {entry[cells]} {cells}, up to date"
+    return f"{entry['vertices']} vertices, {entry[cells]} {cells}"
 
 
-def _check_targets(plan: Iterable[Task | Written]) -> None:
+def _check_targets(plan: Iterable[Task]) -> None:
     """Refuse two files of one name in the folder, and files that this command reads."""
     sources: dict[str, str] = {}
-    for item in plan:
-        if item.output in sources:
-            name = os.path.basename(item.output)
-            raise click.UsageError(f"{sources[item.output]} and {item.path} would both be written to {name}")
-        sources[item.output] = item.path
+    for task in plan:
+        if task.output in sources:
+            name = os.path.basename(task.output)
+            raise click.UsageError(f"{sources[task.output]} and {task.path} would both be written to {name}")
+        sources[task.output] = task.path
     check_folder(*sources)
 
 
-def _encoded_by(task: Task, several: bool) -> Encoded | GtbError:
-    return _outcome(task.path, _encoded, task, several)
+def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:
+    """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
+    def made(spec: Patch | Model) -> Made:
+        with about(shown_input(task.path)):
+            mesh, remarks = options.made(spec, kind)
+            blocks = options.encoded(mesh, kind)
+        warnings = [*remarks, *options.warnings(mesh, kind)]
+        facts: dict[str, object] = {}
+        if task.sums is not None:
+            from gtb_cli.formats.export import standing
+            from gtb_cli.meshes.measures import measure
+            from gtb_cli.shell.versions import versions
 
-def _encoded_whole(task: Task) -> Encoded | GtbError:
-    """Return a file as a single block, which a process can send to another."""
-    return attempted(task.path, lambda task: (made := _encoded(task))._replace(blocks=[b"".join(made.blocks)]), task)
+            measures = measure(standing(mesh, kind, options.up)).record()
+            facts = {**options.settings_for(spec), **measures, "inputs": task.sums, "warnings": warnings}
+            facts["versions"] = versions()  # here, which may be another machine than that of the manifest
+        assurance = options.recipe.assurance(spec)
+        is_open = options.recipe.leaves_open(spec)
+        size = summary(mesh, may_be_closed=not is_open) + (f", tolerance {assurance}" if assurance else "")
+        if kind == "stl" and is_open:
+            size += ", open: --thickness D makes a solid"
+        lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
+        return Made([b"".join(blocks)] if whole else blocks, size, warnings, facts, lines)
 
-
-def _encoded(task: Task) -> Encoded:
-    """Make a mesh and the bytes of its file."""
-    _, path, spec, options, kind, sums = task
-    with about(shown_input(path)):
-        mesh, remarks = options.made(spec, kind)
-        blocks = options.encoded(mesh, kind)
-    warnings = [*remarks, *options.warnings(mesh, kind)]
-    facts = None
-    if sums is not None:
-        from gtb_cli.formats.export import standing
-        from gtb_cli.meshes.measures import measure
-        from gtb_cli.shell.versions import versions
-
-        measures = measure(standing(mesh, kind, options.up)).record()
-        facts = {**options.settings_for(spec), **measures, "inputs": sums, "warnings": warnings}
-        facts["versions"] = versions()  # here, which may be another machine than that of the manifest
-    assurance = options.recipe.assurance(spec)
-    is_open = options.recipe.leaves_open(spec)
-    size = summary(mesh, may_be_closed=not is_open) + (f", tolerance {assurance}" if assurance else "")
-    if kind == "stl" and is_open:
-        size += ", open: --thickness D makes a solid"
-    lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0
-    return Encoded(blocks, size, warnings, facts, lines)
+    assert task.spec is not None
+    return attempted(task.path, made, task.spec)
 
 
 @contextmanager
-def _files(output: str, folder: str | None, book: Manifest | None, one_by_one: bool) -> Iterator[Write]:
-    """Give the function that writes a file; all appear at the end, with the manifest, or each at once."""
-    is_direct = output == STANDARD or is_device(output) or book is None or book.is_direct
-    if folder is None and is_direct:
-        yield write_blocks
-    elif folder is not None and book is not None and one_by_one:
+def _files(output: str, folder: str | None, book: Manifest | None, resume: bool) -> Iterator[Write]:
+    """Give the function that writes a file; all appear at the end, with the manifest, or with --resume each at once."""
+    if folder is not None and book is not None and resume:
         try:
             yield book.write_one
         finally:
             if os.path.isdir(folder):  # otherwise nothing was made
                 book.write()
         return
+    together = book is not None and not (book.is_direct or output == STANDARD or is_device(output))
+    if folder is None and not together:
+        yield write_blocks
     else:
         from gtb_cli.files import StagedFiles
 
         with StagedFiles(folder or os.curdir) as files:
             yield files.add
-            if book is not None and not book.is_direct:
+            if book is not None and together:
                 files.add(book.path, book.blocks())
-                return
-    if book is not None:
+    if book is not None and not together:
         book.write()
 
 
-def _written(
-    task: Task, made: Encoded | GtbError, write: Write, book: Manifest | None, several: bool
-) -> Written | GtbError:
+def _written(task: Task, made: Made, write: Write, book: Manifest | None) -> Made | GtbError:
     """Write a file, or return the error in its spec; an error in writing is raised."""
     max_terminal_lines = 1000
-    if isinstance(made, GtbError):
-        return made
     if is_terminal(task.output) and made.lines > max_terminal_lines:
         raise ExportError(f"the mesh has {made.lines} lines, and standard output is a terminal: give -o FILE")
-    blocks = made.blocks
-    if book is not None and made.facts is not None:
-        blocks = book.recorded(task.output, made.facts, blocks)
     try:
-        write(task.output, blocks)
+        write(task.output, made.blocks if book is None else book.recorded(task.output, made.facts, made.blocks))
     except (GtbError, OSError):
         raise
-    except Exception as error:
-        if not several:
-            raise
-        return fault(task.path, error)  # blocks are made as they are written: it is this spec's error
-    return Written(task.output, task.path, made.size, made.warnings)
+    except Exception as error:  # noqa: BLE001 -- blocks are made as they are written: it is this spec's error
+        return fault(task.path, error)
+    return made

@@ -80,7 +80,7 @@ def test_too_little_memory_is_an_error(error, monkeypatch):
 
     monkeypatch.setattr("gtb_cli.tessellation.tessellate.tessellate", hungry)
     result = gtb("mesh", PENTAGON, status=2)
-    assert (result.out, result.err) == (b"", "gtb: error: not enough memory for this\n")
+    assert (result.out, result.err) == (b"", f"gtb: error: {PENTAGON}: not enough memory for this\n")
 
 
 # --- mesh

@@ -483,7 +483,7 @@ def test_memory_that_runs_out_is_an_error(start, tmp_path):
     )
     _, error = child.communicate(timeout=TIMEOUT)
     assert child.returncode == 2
-    assert error == b"gtb: error: not enough memory for this\n"
+    assert error == f"gtb: error: {PENTAGON}: not enough memory for this\n".encode()
     assert names(tmp_path) == []
 
 
@@ -503,7 +503,7 @@ def test_with_any_larger_limit_the_process_ends_by_itself(start, tmp_path, megab
     arguments = "mesh", PENTAGON, "-n", "500", "-o", tmp_path / "x.obj"
     child = start(*arguments, stderr=subprocess.PIPE, preexec_fn=limit)
     _, error = child.communicate(timeout=TIMEOUT)
-    assert (child.returncode, b"gtb: error: not enough memory for this\n" in error) in ((0, False), (2, True))
+    assert (child.returncode, b": not enough memory for this\n" in error) in ((0, False), (2, True))
 
 
 # --- the same bytes
