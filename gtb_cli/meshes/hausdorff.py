@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, paired, rows_of
+from gtb_cli.arrays import FloatArray, IntArray, bounds_of, joined, rows_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.nearest import NearestCells, spatial_order
@@ -20,18 +19,10 @@ DISTANCE_ROUNDING = 1e-14  # fraction of the meshes' size below which a distance
 
 MAX_CUTS = 250_000  # pieces cut in each direction; the search then stops with the bound proved so far
 
-CONCURRENT_CELLS = 100_000  # cells from which on the two directions are measured at the same time
-
 
 @dataclass(frozen=True)
 class Farthest:
-    """The point that is farthest from something else.
-
-    Attributes
-    ----------
-    distance : float
-    at : tuple of 3 float
-    """
+    """The point that is farthest from something else, and its distance, in model units."""
 
     distance: float
     at: tuple[float, float, float]
@@ -70,28 +61,12 @@ class Distance:
         return self.distance
 
 
-def mesh_distance(
-    a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_CUTS, concurrent: int = CONCURRENT_CELLS
-) -> Distance:
+def mesh_distance(a: Mesh, b: Mesh, accuracy: float = 0.0, *, effort: int = MAX_CUTS) -> Distance:
     """Measure the Hausdorff distance between two meshes, as the surfaces or curves that their cells fill.
 
-    Parameters
-    ----------
-    a, b : Mesh
-        Triangles or segments; unused vertices do not count.
-    accuracy : float
-        Acceptable error of the distance, in model units: the search ends there, or at a thousandth of the distance,
-        whichever is more.
-    effort : int
-        How many pieces may be cut in each direction, fewer if the meshes are small; with 0, the bound is that of whole
-        cells.
-    concurrent : int
-        Both directions are searched at the same time if the larger mesh has this many cells; the result is the same.
-
-    Raises
-    ------
-    DomainError
-        A mesh has no cells, or vertices that are not finite.
+    The search ends at an error of `accuracy`, in model units, or of a thousandth of the distance, whichever is more, or
+    when `effort` pieces are cut in each direction; with 0, the bound is that of whole cells. Raises `DomainError` for a
+    mesh without cells, or with vertices that are not finite.
 
     Notes
     -----
@@ -104,75 +79,42 @@ def mesh_distance(
     by then: the distance itself for meshes of up to some ten thousand cells; only about the length of the cells for two
     meshes of a million cells each that do not match.
     """
+    from multiprocessing.pool import ThreadPool
+
     used, distinct = [], []
     for mesh in (a, b):
         if not len(mesh.cells):
             raise DomainError("mesh: has no cells, so that no distance can be measured")
-        used.append(mesh.vertices[are_used(mesh.cells, len(mesh.vertices))])
+        used.append(mesh.used)
         if not np.isfinite(used[-1]).all():
             raise DomainError("mesh: vertices must be finite")
-        distinct.append(_distinct(mesh.cells, len(mesh.vertices), len(used[-1])))
+        distinct.append(_distinct(mesh.cells, len(used[-1])))
     # A common power of two and origin, so that squares neither over- nor underflow.
     low, high = bounds_of(np.concatenate([bounds_of(points) for points in used]))
     origin, exponent = low + (high - low) / 2, int(np.frexp((high - low).max())[1])
     first, second = (np.ldexp(mesh.vertices - origin, -exponent) for mesh in (a, b))
     allowed = float(np.ldexp(accuracy, -exponent))
     cells, others = distinct
-    directions = [(first, cells, second[others]), (second, others, first[cells])]
-    at_once = max(map(len, distinct)) >= concurrent
-    forward, backward = (_at_once if at_once else _in_turn)(directions, allowed, effort)
-
-    def place(point: FloatArray) -> tuple[float, float, float]:
-        x, y, z = (np.ldexp(point, exponent) + origin).tolist()
-        return x, y, z
-
-    ways = [Farthest(float(np.ldexp(way.found, exponent)), place(way.place)) for way in (forward, backward)]
-    bound = float(np.ldexp(max(forward.bound, backward.bound), exponent))
-    return Distance(ways[0], ways[1], bound, is_proved=True)
+    with ThreadPool(1) as pool:  # one more thread: numpy and scipy release the interpreter's lock
+        waiting = pool.apply_async(_directed, (second, others, first[cells], allowed, effort))
+        searches = _directed(first, cells, second[others], allowed, effort), waiting.get()
+    forward, backward = (
+        Farthest(float(np.ldexp(found.found, exponent)), tuple((np.ldexp(found.place, exponent) + origin).tolist()))
+        for found in searches
+    )
+    bound = float(np.ldexp(max(found.bound for found in searches), exponent))
+    return Distance(forward, backward, bound, is_proved=True)
 
 
-def _distinct(cells: IntArray, count: int, used: int) -> IntArray:
-    """Cells of `count` vertices, `used` of them in cells, without repetitions if there are far too many for a surface.
+def _distinct(cells: IntArray, used: int) -> IntArray:
+    """Cells of `used` vertices, without repetitions if there are far too many for a surface.
 
     The search would take each copy for a piece of its own, and damaged files have millions in the same place.
     """
     most_cells = 16  # for each vertex; surfaces have two for each, and curves one
-    if len(cells) <= most_cells * used or count ** cells.shape[1] > np.iinfo(np.int64).max:
+    if len(cells) <= most_cells * used:
         return cells
-    corners = np.sort(cells, axis=1).T
-    keys = corners[0]
-    for corner in corners[1:]:
-        keys = paired(keys, corner, count)
-    return cells[np.unique(keys, return_index=True)[1]]
-
-
-Direction: TypeAlias = tuple[FloatArray, IntArray, FloatArray]
-
-
-def _in_turn(directions: list[Direction], accuracy: float, effort: int) -> list[_FarthestPoint]:
-    return [_directed(*direction, accuracy, effort) for direction in directions]
-
-
-def _at_once(directions: list[Direction], accuracy: float, effort: int) -> list[_FarthestPoint]:
-    """Search in two threads, since numpy and scipy release the interpreter's lock."""
-    import threading
-
-    results: list[_FarthestPoint | BaseException] = []
-
-    def run() -> None:
-        try:
-            results.append(_directed(*directions[1], accuracy, effort))
-        except BaseException as error:  # noqa: BLE001 -- the waiting thread raises it again
-            results.append(error)
-
-    # A daemon: Ctrl-C ends the process without waiting for the thread.
-    thread = threading.Thread(target=run, daemon=True)
-    thread.start()
-    forward = _directed(*directions[0], accuracy, effort)
-    thread.join()
-    if isinstance(results[0], BaseException):
-        raise results[0]
-    return [forward, results[0]]
+    return cells[np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]]
 
 
 def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy: float, effort: int) -> _FarthestPoint:
@@ -185,7 +127,7 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     used = np.flatnonzero(are_used(cells, len(vertices)))
     used = used[spatial_order(vertices[used])]
     distances, nearest = np.empty(len(vertices)), np.empty(len(vertices), dtype=np.int64)
-    distances[used], nearest[used] = search.look_at_many(vertices[used])
+    distances[used], nearest[used] = search.look_at(vertices[used])
     kept = []
     for begin in range(0, len(cells), cell_batch):
         rows = cells[begin : begin + cell_batch]
@@ -257,19 +199,6 @@ class _FarthestPoint:
                 samples, likely = find(pieces.middles, pieces.samples, pieces.likely)
                 pieces = self.needed(pieces.bounded(self.tree, likely, samples))
         return pieces
-
-    def look_at_many(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Like `look_at`, for (m, 3) points in an order that keeps neighbours together."""
-        together = 64  # consecutive points, one of which is measured first to speed up the rest
-        block = np.arange(len(points)) // together
-        first = np.arange(0, len(points), together)
-        distances, cells = self.look_at(points[first])
-        away = np.linalg.norm(points - points[first][block], axis=1)
-        radius = np.maximum.reduceat(away, first)
-        upper, guess = distances[block] + away, cells[block]
-        open_ = np.flatnonzero((distances + radius > self.found)[block])
-        upper[open_], guess[open_] = self.look_at(points[open_])
-        return upper, guess
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
         """Distances of (m, 3) points, exact if they may be the largest, otherwise upper bounds; and the nearest cells.

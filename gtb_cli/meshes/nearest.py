@@ -1,17 +1,12 @@
 """Distances of points from segments and triangles: pair by pair, and from the nearest of many."""
 
-from __future__ import annotations
-
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of, column_dot, cross_of_columns
 from gtb_cli.values import frozen
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 BLOCK_POINTS = 8192  # points that are measured together: their arrays stay in the processor's cache
 
@@ -22,15 +17,8 @@ PAIR_BATCH = 1 << 18  # pairs of a point and a box examined together; longer lis
 
 @frozen
 class NearestCells:
-    """Segments or triangles, arranged for finding the nearest ones.
+    """Segments (k, 2, 3) or triangles (k, 3, 3) of any size and shape, arranged for finding the nearest ones.
 
-    Parameters
-    ----------
-    corners : (k, 2, 3) or (k, 3, 3) float
-        Cells of any size and shape; they may be flat or points.
-
-    Notes
-    -----
     Cells are sorted along a space-filling curve; eight consecutive boxes make a box of the next level. The search for a
     point starts from the cell with the nearest centre and visits all boxes nearer than the nearest cell so far. It
     takes about 3 s for 1 million points and triangles of similar meshes.
@@ -67,24 +55,12 @@ class NearestCells:
 
     def distances(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """(m,) distance of each point from its own cell."""
-        result = np.empty(len(points))
-        for begin, end in _ranges(len(points), BLOCK_POINTS):
-            result[begin:end] = cell_distances(points[begin:end], self.corners[cells[begin:end]])
-        return result
+        return cell_distances(points, *np.moveaxis(self.corners[cells], 1, 0))
 
     def search(self, points: FloatArray, bounds: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-        """Find the nearest cells.
+        """(m,) distances and indices of the nearest cells, up to rounding.
 
-        Parameters
-        ----------
-        points : (m, 3) float
-        bounds, cells : (m,)
-            A cell for each point, and its distance from the point, such as `start` returns.
-
-        Returns
-        -------
-        distances, cells : (m,)
-            Distance and index of the nearest cell, up to rounding.
+        Given are a cell for each of (m, 3) points, and its distance from the point, such as `start` returns.
         """
         bounds, cells = bounds.copy(), cells.copy()
         top = len(self._boxes) - 1
@@ -126,27 +102,30 @@ class NearestCells:
         """Lowest and highest corners of the boxes of each level, cells first."""
         sorted_corners = np.moveaxis(self.corners[self._order], 1, 0)
         levels = [(np.asarray(reduce(np.minimum, sorted_corners)), np.asarray(reduce(np.maximum, sorted_corners)))]
-        while len(levels[-1][0]) > BRANCHES:
-            low, high = (side[::BRANCHES].copy() for side in levels[-1])
-            for k in range(1, BRANCHES):  # several times faster than reduceat
-                lows, highs = (side[k::BRANCHES] for side in levels[-1])
-                np.minimum(low[: len(lows)], lows, out=low[: len(lows)])
-                np.maximum(high[: len(highs)], highs, out=high[: len(highs)])
-            levels.append((low, high))
+        while (count := len(levels[-1][0])) > BRANCHES:
+            first = np.arange(0, count, BRANCHES)
+            levels.append((np.minimum.reduceat(levels[-1][0], first), np.maximum.reduceat(levels[-1][1], first)))
         return levels
 
     @cached_property
-    def _centres(self) -> cKDTree:
+    def _centres(self) -> Any:  # scipy.spatial.cKDTree
         from scipy.spatial import cKDTree
 
         return cKDTree(middles(self.corners), balanced_tree=False, compact_nodes=False)
 
 
-def cell_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """(m,) distances of (m, 3) points, each from its own segment (m, 2, 3) or triangle (m, 3, 3)."""
-    if corners.shape[1] == 2:
-        return to_segments(points, corners[:, 0], corners[:, 1])
-    return to_triangles(points, corners[:, 0], corners[:, 1], corners[:, 2])
+def cell_distances(points: FloatArray, *corners: FloatArray) -> FloatArray:
+    """(m,) distances of (m, 3) points, each from its own cell, given as the (m, 3) ends of segments or (m, 3) corners.
+
+    Segments and triangles may be flat or a point.
+    """
+    result = np.empty(len(points))
+    for start in range(0, len(points), BLOCK_POINTS):
+        rows = slice(start, start + BLOCK_POINTS)
+        p, origin, *others = (np.ascontiguousarray(each[rows].T) for each in (points, *corners))
+        sides = [other - origin for other in others]
+        result[rows] = _to_triangles(p - origin, *sides) if len(sides) == 2 else np.sqrt(_to_side(p - origin, *sides))
+    return result
 
 
 def middles(corners: FloatArray) -> FloatArray:
@@ -157,54 +136,22 @@ def middles(corners: FloatArray) -> FloatArray:
 def spatial_order(points: FloatArray) -> IntArray:
     """The order of (m, 3) points along Morton's space-filling curve, in which consecutive points are mostly near."""
     low, high = bounds_of(points)
-    bits = 20  # of each coordinate, which `_spread` takes
+    bits = 20  # of each coordinate
     extent = float((high - low).max()) or 1.0
-    grid = ((points - low) * ((2**bits - 1) / extent)).astype(np.uint64)
-    key = np.zeros(len(points), dtype=np.uint64)
-    for axis in range(3):
-        key |= _spread(grid[:, axis]) << np.uint64(axis)
+    grid = ((points - low) * ((2**bits - 1) / extent)).astype(np.int64)
+    key = np.zeros(len(points), dtype=np.int64)
+    for bit in range(bits):
+        for axis in range(3):
+            key |= (grid[:, axis] >> bit & 1) << (3 * bit + axis)
     return np.argsort(key, kind="stable")
-
-
-def _spread(values: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
-    """Put two zero bits between the bits of 20-bit numbers."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        values = (values | (values << np.uint64(shift))) & np.uint64(mask)
-    return values
 
 
 def _ranges(count: int, length: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + length, count)) for begin in range(0, count, length)]
 
 
-def to_segments(points: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """(m,) distances of (m, 3) points, each from its own segment from (m, 3) `a` to `b`; equal ends are a point."""
-    result = np.empty(len(points))
-    for start in range(0, len(points), BLOCK_POINTS):
-        rows = slice(start, start + BLOCK_POINTS)
-        p, origin, end = (np.ascontiguousarray(each[rows].T) for each in (points, a, b))
-        result[rows] = np.sqrt(_to_side(p - origin, end - origin))
-    return result
-
-
-def to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(m,) distances of (m, 3) points, each from its own triangle; triangles may be flat or a point."""
-    result = np.empty(len(points))
-    for start in range(0, len(points), BLOCK_POINTS):
-        rows = slice(start, start + BLOCK_POINTS)
-        result[rows] = _to_triangles(*(np.ascontiguousarray(each[rows].T) for each in (points, a, b, c)))
-    return result
-
-
-def _to_triangles(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """(m,) distances of points from triangles, all as (3, m) columns."""
-    ab, ac, relative = b - a, c - a, points - a
+def _to_triangles(relative: FloatArray, ab: FloatArray, ac: FloatArray) -> FloatArray:
+    """(m,) distances of (3, m) points from triangles with one corner at the origin, and these others."""
     normal = cross_of_columns(ab, ac)
     square = column_dot(normal, normal)
     safe = np.where(square > 0, square, 1.0)

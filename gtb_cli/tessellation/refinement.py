@@ -16,7 +16,7 @@ from gtb_cli.certificates.cells import Certificates
 from gtb_cli.certificates.surface import Uncertified
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.nearest import to_segments
+from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
 from gtb_cli.tessellation.complex import Complex
 from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
@@ -246,7 +246,7 @@ class _Refinement:
         self.nearby = place_share * self.tolerance / speed if speed > 0 else 0.0
         row, u = peaks.along(edges)
         sample = self.sampler.points(edges.patch[row], u, edges.face[row])
-        np.maximum.at(mesh.edges.error, sides[row], to_segments(sample, *mesh.ends(sides[row])))
+        np.maximum.at(mesh.edges.error, sides[row], cell_distances(sample, *mesh.ends(sides[row])))
 
     def steps_at(self, rows: IntArray) -> IntArray:
         """(k,) steps of the lattices on which some cells are sampled."""

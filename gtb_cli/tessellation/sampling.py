@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.nearest import to_segments, to_triangles
+from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
@@ -59,7 +59,7 @@ class Sampling:
             middle = _either(edges.guess.take(own, axis=0), (_either(start, end) + _either(end, start)) / 2)
             guesses = _at_shares(np.stack([_either(start, middle), middle, _either(end, middle)], axis=1), quadratic)
             points, right = self._near(edges.patch.take(each), u, edges.face.take(each), guesses, within)
-            return [points, to_segments(points, *mesh.ends(each)), right]
+            return [points, cell_distances(points, *mesh.ends(each)), right]
 
         return self._in_blocks(sample, rows, len(t))
 
@@ -76,7 +76,7 @@ class Sampling:
             sides = [_either(side, (corners[k] + corners[k - 2]) / 2) for k, side in enumerate(sides)]
             guesses = _at_shares(np.stack([*corners, *sides], axis=1), quadratic)
             points, right = self._near(cells.patch.take(each), u, np.full(len(each), INTERIOR), guesses, within)
-            return [points, to_triangles(points, *mesh.corners(each)), right]
+            return [points, cell_distances(points, *mesh.corners(each)), right]
 
         return self._in_blocks(sample, rows, len(weights))
 
@@ -84,7 +84,7 @@ class Sampling:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
         inner = np.full(len(cell), INTERIOR)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inner, within)
-        return to_triangles(sample, *self.mesh.corners(cell))
+        return cell_distances(sample, *self.mesh.corners(cell))
 
     def _near(
         self, patch: IntArray, u: FloatArray, face: IntArray, guesses: FloatArray, within: float

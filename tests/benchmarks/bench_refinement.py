@@ -10,7 +10,7 @@ import numpy as np
 
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import to_triangles
+from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -105,4 +105,4 @@ def largest_error(patch: Patch, mesh: Mesh) -> float:
     u = np.einsum("pk,tkd->ptd", PLACES, mesh.parameters[mesh.faces]).reshape(-1, 2)
     corners = np.tile(mesh.vertices[mesh.faces], (len(PLACES), 1, 1))
     a, b, c = corners.transpose(1, 0, 2)
-    return float(to_triangles(patch.evaluate(u, "linear"), a, b, c).max())
+    return float(cell_distances(patch.evaluate(u, "linear"), a, b, c).max())

@@ -12,7 +12,7 @@ from gtb_cli.certificates.surface import SurfaceCertificate
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import NearestCells, to_segments, to_triangles
+from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
@@ -48,11 +48,11 @@ def distances(shape: Patch, mesh: Mesh) -> float:
     u = np.einsum("wc,kcd->kwd", places, mesh.parameters[mesh.cells]).reshape(-1, 2)
     points = shape.evaluate(u, "linear")
     corners = [np.repeat(mesh.vertices[column], len(places), axis=0) for column in mesh.cells.T]
-    found = [float(to_triangles(points, *corners).max())]
+    found = [float(cell_distances(points, *corners).max())]
     for k in range(3):
         on_side = np.tile(places[:, k] == 0, len(mesh.cells))
         ends = [corners[k - 1][on_side], corners[k - 2][on_side]]
-        found.append(float(to_segments(points[on_side], *ends).max()))
+        found.append(float(cell_distances(points[on_side], *ends).max()))
     return max(found)
 
 

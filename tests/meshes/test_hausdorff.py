@@ -161,19 +161,6 @@ def test_without_effort_the_bound_is_still_one():
     assert found.distance <= exact.distance <= found.bound
 
 
-def test_large_meshes_take_both_directions_at_once_with_the_same_result(monkeypatch):
-    a, b = pairs()["pentagon"]
-    expected = mesh_distance(a, b)
-    assert mesh_distance(a, b, concurrent=0) == expected
-
-    def broken(*arguments):
-        raise MemoryError
-
-    monkeypatch.setattr(hausdorff, "_directed", broken)
-    with pytest.raises(MemoryError):
-        mesh_distance(a, b, concurrent=0)
-
-
 @pytest.mark.parametrize("exponent", [-290, 290])
 def test_extreme_sizes(exponent):
     a, b = surface(3), moved(surface(4), 0, 0, 0.5)

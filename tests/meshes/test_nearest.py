@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from trimesh.triangles import closest_point
 
-from gtb_cli.meshes.nearest import BLOCK_POINTS, NearestCells, cell_distances, middles, to_segments, to_triangles
+from gtb_cli.meshes.nearest import BLOCK_POINTS, NearestCells, cell_distances, middles
 from tests.tiny_meshes import surface
 
 ROUNDING = 1e-12
@@ -21,7 +21,7 @@ def triangles(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 def test_distances_from_triangles_as_trimesh_finds_them(count):
     points, corners = triangles(count)
     expected = np.linalg.norm(closest_point(corners, points) - points, axis=1) if count else np.empty(0)
-    found = to_triangles(points, *np.moveaxis(corners, 1, 0))
+    found = cell_distances(points, *np.moveaxis(corners, 1, 0))
     assert found.shape == (count,)
     assert np.allclose(found, expected, rtol=0, atol=ROUNDING)
 
@@ -29,7 +29,7 @@ def test_distances_from_triangles_as_trimesh_finds_them(count):
 def test_flat_triangles_are_segments_and_points():
     points, corners = triangles(200)
     corners[:, 2] = corners[:, 0] + np.linspace(-0.5, 1.5, 200)[:, None] * (corners[:, 1] - corners[:, 0])
-    found = to_triangles(points, *np.moveaxis(corners, 1, 0))
+    found = cell_distances(points, *np.moveaxis(corners, 1, 0))
     t = np.linspace(0, 1, 2001)[:, None, None]
     ends = np.linspace(-0.5, 1.5, 200)[:, None]
     low, high = np.minimum(ends, 0), np.maximum(ends, 1)
@@ -40,8 +40,8 @@ def test_flat_triangles_are_segments_and_points():
     assert (found >= sampled - step).all()
     corners[:] = corners[:, [0]]
     expected = np.linalg.norm(points - corners[:, 0], axis=1)
-    assert np.allclose(to_triangles(points, *np.moveaxis(corners, 1, 0)), expected, rtol=1e-15, atol=0)
-    assert np.allclose(to_segments(points, corners[:, 0], corners[:, 1]), expected, rtol=1e-15, atol=0)
+    assert np.allclose(cell_distances(points, *np.moveaxis(corners, 1, 0)), expected, rtol=1e-15, atol=0)
+    assert np.allclose(cell_distances(points, corners[:, 0], corners[:, 1]), expected, rtol=1e-15, atol=0)
 
 
 @pytest.mark.parametrize("kind", [2, 3])
@@ -51,7 +51,7 @@ def test_the_nearest_of_all_cells(kind, count):
     corners = corners[:, :kind]
     points = np.random.default_rng(2).normal(size=(60, 3))
     cells = NearestCells(corners)
-    every = np.array([cell_distances(np.broadcast_to(point, (count, 3)), corners) for point in points])
+    every = np.array([cell_distances(np.broadcast_to(p, (count, 3)), *np.moveaxis(corners, 1, 0)) for p in points])
     start, first = cells.start(points)
     assert np.array_equal(start, every[np.arange(60), first])
     found, nearest = cells.search(points, start, first)

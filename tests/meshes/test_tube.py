@@ -11,7 +11,7 @@ from stl import mesh as stl
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import to_triangles
+from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.meshes.tube import RING_SIDES, folded_segments, ring_size, tube
 from gtb_cli.tessellation.attributes import curve_tangents
 from gtb_cli.tessellation.recipe import Recipe
@@ -417,7 +417,7 @@ def test_the_tolerance_is_that_of_the_tube(name, radius, tolerance):
     points = pipe(patch, radius, 61, 11)
     distance = np.full(len(points), np.inf)
     for a, b, c in mesh.vertices[mesh.cells]:
-        distance = np.minimum(distance, to_triangles(points, *(np.broadcast_to(x, points.shape) for x in (a, b, c))))
+        distance = np.minimum(distance, cell_distances(points, *(np.broadcast_to(x, points.shape) for x in (a, b, c))))
     assert distance.max() <= tolerance
     assert distance.max() > tolerance / 10 or radius < tolerance
 

@@ -7,7 +7,7 @@ import pytest
 
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import NearestCells, to_segments, to_triangles
+from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.moment import solve
 from gtb_cli.moment.solve import LogSum
 from gtb_cli.tessellation.barycentric import MIN_SAMPLES
@@ -87,7 +87,7 @@ def largest_distance(shape: Patch, mesh: Mesh, samples: int = 30_000) -> float:
     u = np.einsum("kwc,kcd->kwd", weights, mesh.parameters[mesh.cells]).reshape(-1, shape.dimension)
     points = shape.evaluate(u, "linear")
     corners = [mesh.vertices[np.repeat(column, each)] for column in mesh.cells.T]
-    return float((to_segments if mesh.is_curve else to_triangles)(points, *corners).max())
+    return float(cell_distances(points, *corners).max())
 
 
 def domain_areas(triangles) -> np.ndarray:
