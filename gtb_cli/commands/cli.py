@@ -17,50 +17,44 @@ AS_JSON = "gtb_cli.as_json"  # key in the context of `gtb`: whether --json is am
 # Exit statuses; a comparison that says no raises `click.exceptions.Exit`, a requirement raises its own error.
 DONE, REFUSED, FAILED = 0, 1, 2
 
-# Groups of commands: the place from which each is imported when it is called, and its summary in one line
+# Groups of commands, each with its summary in one line
 GROUPS = {
     "Make": {
-        "mesh": ("gtb_cli.commands.mesh:mesh", "Turn curves, patches and models into meshes."),
-        "degenerate": ("gtb_cli.commands.degenerate:degenerate", "Mesh a toric degeneration and its limit."),
-        "knot-limit": (
-            "gtb_cli.commands.knot_limit:knot_limit",
-            "Mesh a patch whose knots move to others, and the limit.",
-        ),
-        "new": ("gtb_cli.commands.new:new", "Print a starter spec with comments."),
-        "fit": ("gtb_cli.commands.fit:fit", "Find a curve through points."),
-        "fill": ("gtb_cli.commands.fill:fill", "Fill a hole with three or more sides and exact tangent planes."),
-        "fair": ("gtb_cli.commands.fair:fair", "Choose inner control points that make a surface fair."),
+        "mesh": "Turn curves, patches and models into meshes.",
+        "degenerate": "Mesh a toric degeneration and its limit.",
+        "knot-limit": "Mesh a patch whose knots move to others, and the limit.",
+        "new": "Print a starter spec with comments.",
+        "fit": "Find a curve through points.",
+        "fill": "Fill a hole with three or more sides and exact tangent planes.",
+        "fair": "Choose inner control points that make a surface fair.",
     },
     "Look and compare": {
-        "info": ("gtb_cli.commands.info:info", "Say what a spec describes."),
-        "view": ("gtb_cli.commands.view:view", "Make a page to look at surfaces in a browser."),
-        "plot": ("gtb_cli.commands.plot:plot", "Draw a figure for print: PNG, SVG or PDF."),
-        "check": ("gtb_cli.commands.check:check", "Measure the properties of a patch that the paper proves."),
-        "diff": ("gtb_cli.commands.diff:diff", "Compare meshes, or folders of them, with a tolerance."),
+        "info": "Say what a spec describes.",
+        "view": "Make a page to look at surfaces in a browser.",
+        "plot": "Draw a figure for print: PNG, SVG or PDF.",
+        "check": "Measure the properties of a patch that the paper proves.",
+        "diff": "Compare meshes, or folders of them, with a tolerance.",
     },
     "Bring in and out": {
-        "import": ("gtb_cli.commands.import_:import_", "Turn files of other programs into specs."),
-        "expand": ("gtb_cli.commands.expand:expand", "Print a spec with names, copies and included files carried out."),
-        "bezier": ("gtb_cli.commands.bezier:bezier", "Divide patches and curves into exact rational Bézier pieces."),
-        "schema": ("gtb_cli.commands.schema:schema", "Print the JSON Schema of a spec."),
+        "import": "Turn files of other programs into specs.",
+        "expand": "Print a spec with names, copies and included files carried out.",
+        "bezier": "Divide patches and curves into exact rational Bézier pieces.",
+        "schema": "Print the JSON Schema of a spec.",
     },
     "Mathematics": {
-        "eval": ("gtb_cli.commands.evaluate:evaluate", "Evaluate points, or the basis, at given parameters."),
-        "decompose": (
-            "gtb_cli.commands.decompose:decompose",
-            "Print the regular decomposition that a lifting induces.",
-        ),
-        "elevate": ("gtb_cli.commands.elevate:elevate", "Elevate the degree: more control points for the same image."),
-        "boundary": ("gtb_cli.commands.boundary:boundary", "Print the curves along the edges of a surface."),
-        "isocurve": ("gtb_cli.commands.isocurve:isocurve", "Print the curve on which a parameter keeps its value."),
-        "coefficients": ("gtb_cli.commands.coefficients:coefficients", "Make the basis add up to 1, where possible."),
+        "eval": "Evaluate points, or the basis, at given parameters.",
+        "decompose": "Print the regular decomposition that a lifting induces.",
+        "elevate": "Elevate the degree: more control points for the same image.",
+        "boundary": "Print the curves along the edges of a surface.",
+        "isocurve": "Print the curve on which a parameter keeps its value.",
+        "coefficients": "Make the basis add up to 1, where possible.",
     },
     "Help": {
-        "help": ("gtb_cli.commands.help:help_", "Say what a command does, as its --help does."),
-        "completion": ("gtb_cli.commands.completion:completion", "Print a script for completion by the shell."),
+        "help": "Say what a command does, as its --help does.",
+        "completion": "Print a script for completion by the shell.",
     },
 }
-COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
+COMMANDS = {name: summary for group in GROUPS.values() for name, summary in group.items()}
 
 
 class LazyGroup(click.Group):
@@ -74,10 +68,10 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        place, summary = COMMANDS[cmd_name]
-        module, _, attribute = place.partition(":")
-        command: click.Command = getattr(import_module(module), attribute)
-        command.short_help = summary
+        names_in_python = {"eval": "evaluate", "import": "import_", "help": "help_"}
+        room = names_in_python.get(cmd_name, cmd_name.replace("-", "_"))
+        command: click.Command = getattr(import_module(f"gtb_cli.commands.{room}"), room)
+        command.short_help = COMMANDS[cmd_name]
         return command
 
     def resolve_command(
@@ -98,27 +92,25 @@ class LazyGroup(click.Group):
         width = max(map(len, COMMANDS))  # so that the summaries of all groups are in line
         for title, commands in GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl([(name.ljust(width), summary) for name, (_, summary) in commands.items()])
+                formatter.write_dl([(name.ljust(width), summary) for name, summary in commands.items()])
 
 
 def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     if not value or ctx.resilient_parsing:
         return
-    click.echo(_versions() if ctx.meta.get(AS_JSON) else f"gtb {__version__}")
+    text = f"gtb {__version__}"
+    if ctx.meta.get(AS_JSON):
+        import json
+
+        from gtb_cli.shell.versions import package_version, versions
+
+        text = json.dumps(versions() | {"click": package_version("click")})
+    click.echo(text)
     ctx.exit()
 
 
 def _note_json(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     ctx.meta[AS_JSON] = value
-
-
-def _versions() -> str:
-    """Return the versions of everything that takes part in a result, as a JSON object."""
-    import json
-
-    from gtb_cli.shell.versions import package_version, versions
-
-    return json.dumps(versions() | {"click": package_version("click")})
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -174,8 +166,6 @@ def run(arguments: Sequence[str]) -> int:
         say(error.format_message())
     except click.UsageError as error:
         errors.append(_usage_text(error))
-    except click.ClickException as error:
-        errors.append(error.format_message())
     except BrokenPipeError:
         abandon(sys.stdout)
         return DONE

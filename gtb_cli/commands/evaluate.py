@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain, islice
-from typing import IO, TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import click
 
-from gtb_cli.errors import DomainError, GtbError, SpecError, ToleranceError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, spec_argument, text_options
-from gtb_cli.shell.streams import opened, read_patch, shown_input, write_blocks
+from gtb_cli.shell.streams import number_rows, opened, read_patch, shown_input, write_blocks, write_text
 from gtb_cli.vocabulary import MAX_FACES, PARAMETRIZATIONS
 
 if TYPE_CHECKING:
@@ -22,11 +21,7 @@ if TYPE_CHECKING:
     from gtb_cli.theory.parametrization import Parametrization
     from gtb_cli.theory.patch import Patch
 
-# Lines that are evaluated together. The number does not depend on how a pipe delivers them, so the last digits do not
-# either.
-BATCH_LINES = 8192
-
-MAX_LINE_BYTES = 10_000  # longest line, in bytes
+BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: last digits depend on the number
 
 
 @click.command("eval")
@@ -85,11 +80,10 @@ def evaluate(
     values = partial(evaluated, parametrization=parametrization)
     batches = _batches(loaded, params, values) if grid is None else _grid(loaded, grid, values)
     if as_json:
-        write_blocks(output, _json(batches, "basis" if basis else "points"))
-        return
+        return write_text(output, _json(batches, "basis" if basis else "points"))
     first = [" ".join(_columns(loaded, basis)).encode("ascii") + b"\n"] if header else []
-    with_parameters = header or grid is not None
-    write_blocks(output, chain(first, map(_rows_with_parameters if with_parameters else _rows, batches)))
+    rows = map(_with_parameters, batches) if header or grid is not None else (_rows(found) for _, found in batches)
+    write_blocks(output, chain(first, rows))
 
 
 def _columns(patch: Patch, basis: bool) -> list[str]:
@@ -113,106 +107,38 @@ def _grid(
         yield block, values(block)
 
 
-def _rows_with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
-    import numpy as np
-
-    return _rows((batch[0], np.concatenate(batch, axis=1)))
-
-
 def _batches(
     patch: Patch, params: str, values: Callable[[FloatArray], FloatArray]
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield parameters and values, `BATCH_LINES` lines at a time."""
+    """Yield parameters and values, `BATCH_LINES` lines at a time; on a terminal every line at once."""
     import numpy as np
 
-    source = shown_input(params)
-    d = patch.dimension
     with opened(params) as file:
-        for first, lines in _lines(file, source):
-            plain = [line.partition(b"#")[0].replace(b",", b" ") for line in lines]
-            fields = [line.split() for line in plain]
-            counts = set(map(len, fields))
-            if not counts <= {0, d}:
-                _refuse(source, first, lines, fields, d)
+        rows = number_rows(file, shown_input(params), [patch.dimension])
+        while batch := list(islice(rows, 1 if file.isatty() else BATCH_LINES)):
+            u = np.array([row for _, row in batch])
             try:
-                numbers = list(map(float, chain.from_iterable(fields)))
-            except ValueError:
-                _refuse(source, first, lines, fields, d)
-            if not numbers:
-                continue
-            u = np.array(numbers).reshape(-1, d)
-            try:
-                result = values(u)
+                yield u, values(u)
             except DomainError as error:
-                raise _located(error, source, first, fields) from None
-            yield u, result
+                # The index at the start of the message, which is that of a parameter, becomes the number of its line.
+                match = re.fullmatch(r"parameters\[(\d+)\](: .*)", str(error), re.DOTALL)
+                text = f":{batch[int(match[1])][0]}{match[2]}" if match else f": {error}"
+                raise DomainError(f"{shown_input(params)}{text}") from None
 
 
-def _lines(file: IO[bytes], source: str) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield batches of lines, each with the number of its first line, from 1; on a terminal every line at once."""
-    first, size = 1, 1 if file.isatty() else BATCH_LINES
-    rest = iter(partial(file.readline, MAX_LINE_BYTES + 1), b"")
-    while lines := list(islice(rest, size)):
-        for number, line in enumerate(lines, first):
-            if len(line) > MAX_LINE_BYTES:
-                raise SpecError(f"{source}:{number}: a line of more than {MAX_LINE_BYTES} characters")
-        if first == 1:
-            lines[0] = lines[0].removeprefix(codecs.BOM_UTF8)
-        yield first, lines
-        first += len(lines)
+def _with_parameters(batch: tuple[FloatArray, FloatArray]) -> bytes:
+    import numpy as np
+
+    return _rows(np.concatenate(batch, axis=1))
 
 
-def _refuse(source: str, first: int, lines: list[bytes], fields: list[list[bytes]], d: int) -> NoReturn:
-    """Raise the error that says which line is wrong."""
-    for number, (line, words) in enumerate(zip(lines, fields, strict=True), first):
-        for word in words:
-            try:
-                float(word)
-            except ValueError:
-                raise SpecError(f"{source}:{number}: {_shown(word)} is not a number") from None
-        if words and len(words) != d:
-            expected = "one number, t" if d == 1 else "two numbers, u v"
-            raise SpecError(f"{source}:{number}: expected {expected}, got {_shown(line)}")
-    raise AssertionError("no line is wrong")
-
-
-def _shown(text: bytes) -> str:
-    shown = text.strip().decode("utf-8", "backslashreplace")
-    return repr(shown if len(shown) <= 60 else f"{shown[:60]}…")
-
-
-def _located(error: DomainError, source: str, first: int, fields: list[list[bytes]]) -> GtbError:
-    """Replace the index at the start of a message, which is that of a parameter, by the number of its line."""
-    match = re.fullmatch(r"parameters\[(\d+)\]: (.*)", str(error), re.DOTALL)
-    if match is None:
-        return DomainError(f"{source}: {error}")
-    numbers = [number for number, words in enumerate(fields, first) if words]
-    return DomainError(f"{source}:{numbers[int(match[1])]}: {match[2]}")
-
-
-def _rows(batch: tuple[FloatArray, FloatArray]) -> bytes:
-    _, values = batch
+def _rows(values: FloatArray) -> bytes:
     line = " ".join(["%r"] * values.shape[1]) + "\n"
     return (line * len(values) % tuple(values.ravel().tolist())).encode("ascii")
 
 
-def _json(batches: Iterator[tuple[FloatArray, FloatArray]], key: str) -> Iterator[bytes]:
-    """Yield the text of a JSON object, a line for each point."""
-    parameters = []
-    yield f'{{"{key}": ['.encode("ascii")
-    separator = "\n"
-    for u, values in batches:
-        parameters.append(u)
-        yield (separator + _json_rows(values)).encode("ascii")
-        separator = ",\n"
-    yield b'\n], "parameters": ['
-    separator = "\n"
-    for u in parameters:
-        yield (separator + _json_rows(u)).encode("ascii")
-        separator = ",\n"
-    yield b"\n]}\n"
-
-
-def _json_rows(values: FloatArray) -> str:
-    row = "[" + ", ".join(["%r"] * values.shape[1]) + "]"
-    return ",\n".join([row] * len(values)) % tuple(values.ravel().tolist())
+def _json(batches: Iterator[tuple[FloatArray, FloatArray]], key: str) -> str:
+    """Return the text of a JSON object, a line for each point."""
+    found = list(batches)
+    points, parameters = (",".join(f"\n{row}" for pair in found for row in pair[part].tolist()) for part in (1, 0))
+    return f'{{"{key}": [{points}\n], "parameters": [{parameters}\n]}}\n'

@@ -1,18 +1,13 @@
 """`gtb fit`: a curve through points, or a surface through them or near them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from itertools import islice
 
 import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.options import INPUT, numbers_of, text_options
-from gtb_cli.shell.streams import about, read_bytes, read_patch, shown_input, stem_of, write_text
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from gtb_cli.shell.streams import about, number_rows, opened, read_patch, shown_input, stem_of, write_text
 
 
 @click.command
@@ -65,29 +60,11 @@ def fit(
     console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} {left}")
 
 
-def _points(path: str, sizes: tuple[int, int]) -> Sequence[Sequence[float]]:
+def _points(path: str, sizes: tuple[int, int]) -> list[list[float]]:
     """Read points, one on each line."""
-    # Largest size of a file of points, in bytes: as many points as a surface may be fitted to, with every digit
-    max_point_file_bytes = 10_000_000
-    source = shown_input(path)
-    data = read_bytes(path, max_point_file_bytes + 1)
-    if len(data) > max_point_file_bytes:
-        raise SpecError(f"{source}: more than {max_point_file_bytes} bytes")
-    rows: list[list[float]] = []
-    for number, line in enumerate(data.decode("utf-8-sig", "backslashreplace").splitlines(), 1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        if len(words) not in sizes or (rows and len(words) != len(rows[0])):
-            expected = ("two or three" if sizes == (2, 3) else "three or five") if not rows else str(len(rows[0]))
-            raise SpecError(f"{source}:{number}: expected {expected} coordinates, got {len(words)}")
-        row = []
-        for word in words:
-            try:
-                row.append(float(word))
-            except ValueError:
-                raise SpecError(f"{source}:{number}: {word[:60]!r} is not a number") from None
-        rows.append(row)
-    if not rows:
-        raise SpecError(f"{source}: has no points")
+    max_points = 1_000_000
+    with opened(path) as file:
+        rows = [row for _, row in islice(number_rows(file, shown_input(path), sizes), max_points + 1)]
+    if not 0 < len(rows) <= max_points:
+        raise SpecError(f"{shown_input(path)}: has {f'more than {max_points}' if rows else 'no'} points")
     return rows

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import stat
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import IO, TYPE_CHECKING
 
 import click
@@ -90,6 +92,31 @@ def opened(path: str) -> Iterator[IO[bytes]]:
         raise
     except OSError as error:
         raise SpecError(f"{shown_input(path)}: {error.strerror or error}") from None
+
+
+def number_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
+    """Yield the numbers in each line of a file, with the number of the line; empty lines and comments are skipped.
+
+    A line with other words is a `SpecError`, and so are more or less numbers than one of the sizes and the first row.
+    """
+    max_line_bytes = 10_000
+    for number, line in enumerate(iter(partial(file.readline, max_line_bytes + 1), b""), 1):
+        if len(line) > max_line_bytes:
+            raise SpecError(f"{source}:{number}: a line of more than {max_line_bytes} characters")
+        if number == 1:
+            line = line.removeprefix(codecs.BOM_UTF8)
+        row: list[float] = []
+        for word in line.partition(b"#")[0].replace(b",", b" ").split():
+            try:
+                row.append(float(word))
+            except ValueError:
+                shown = word.decode("utf-8", "backslashreplace")[:60]
+                raise SpecError(f"{source}:{number}: {shown!r} is not a number") from None
+        if row and len(row) not in sizes:
+            raise SpecError(f"{source}:{number}: expected {' or '.join(map(str, sizes))} numbers, got {len(row)}")
+        if row:
+            yield number, row
+            sizes = [len(row)]
 
 
 def is_regular(file: IO[bytes]) -> bool:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 import gtb_cli
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
-from gtb_cli.commands.evaluate import BATCH_LINES, MAX_LINE_BYTES
+from gtb_cli.commands.evaluate import BATCH_LINES
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.shell import console, streams
@@ -35,7 +35,7 @@ TRIANGLE = b"knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 
 def test_help_lists_every_command():
     result = gtb("--help")
     assert result.status == 0
-    for name, (_, summary) in COMMANDS.items():
+    for name, summary in COMMANDS.items():
         assert f"  {name} " in result.text
         assert summary in " ".join(result.text.split())
 
@@ -255,8 +255,8 @@ def test_eval_linearly_has_linear_precision():
     ("text", "message"),
     [
         (b"1 1\n" * (BATCH_LINES + 5) + b"\n0 -1\n", f"<stdin>:{BATCH_LINES + 7}: (0.0, -1.0) is outside the domain"),
-        (b"1 " * 100 + b"\n", "<stdin>:1: expected two numbers"),
-        (b"1 1\n" + b"1 " * MAX_LINE_BYTES, f"<stdin>:2: a line of more than {MAX_LINE_BYTES} characters"),
+        (b"1 " * 100 + b"\n", "<stdin>:1: expected 2 numbers, got 100"),
+        (b"1 1\n" + b"1 " * 10_000, "<stdin>:2: a line of more than 10000 characters"),
     ],
 )
 @pytest.mark.parametrize("parametrization", ["toric", "linear"])

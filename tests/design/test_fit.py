@@ -158,13 +158,13 @@ def test_fit_takes_knots():
     [
         (b"", "<stdin>: has no points"),
         (b"# none\n", "<stdin>: has no points"),
-        (b"1 2\n1\n", "<stdin>:2: expected 2 coordinates, got 1"),
-        (b"1\n", "<stdin>:1: expected two or three coordinates, got 1"),
+        (b"1 2\n1\n", "<stdin>:2: expected 2 numbers, got 1"),
+        (b"1\n", "<stdin>:1: expected 2 or 3 numbers, got 1"),
         (b"1 2\n1 x\n", "<stdin>:2: 'x' is not a number"),
         (b"1 2\n1 \xff\n", "is not a number"),
         (b"1 2\n1 inf\n", "<stdin>: points[1][1]: must be finite"),
         (b"1 2\n", "<stdin>: points: expected 2 to 100, got 1"),
-        (b"1 2\n" * 2_600_000, "<stdin>: more than 10000000 bytes"),
+        (b"1 2\n" * 1_000_001, "<stdin>: has more than 1000000 points"),
     ],
 )
 def test_points_that_are_none(text, message):

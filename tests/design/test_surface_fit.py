@@ -117,6 +117,6 @@ def test_the_command_fits_a_surface():
     assert len(parse(result.text).knots) == len(patch.knots)
     net = "\n".join(" ".join(map(repr, row)) for row in patch.control_points.tolist()).encode()
     assert "16 points, " in gtb("fit", "-", "--patch", BICUBIC, stdin=net).err
-    assert "three or five coordinates, got 2" in gtb("fit", "-", "--patch", BICUBIC, stdin=b"0 0\n", status=2).err
+    assert "expected 3 or 5 numbers, got 2" in gtb("fit", "-", "--patch", BICUBIC, stdin=b"0 0\n", status=2).err
     assert gtb("fit", "-", "--patch", "-", stdin=b"").status == 2
     assert gtb("fit", "-", "--patch", BICUBIC, "--knots", "0,1", stdin=b"").status == 2
