@@ -1,24 +1,60 @@
-"""Measure the paper's properties on a patch or model: what was measured, its bound, and the verdict."""
+"""The properties that the paper proves, each with the function that measures it on a patch or model."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
+from gtb_cli.checks import basis, curve, degeneration, ends, injectivity, reductions
 from gtb_cli.checks.joints import joint_findings
 from gtb_cli.checks.probe import Measure, Probe
-from gtb_cli.checks.properties import PROPERTIES
 from gtb_cli.checks.report import Finding, ModelReport, Report, not_applicable
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.theory.model import Model
-from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 
 
+class Property(NamedTuple):
+    """A property: where the paper states it for curves and for surfaces (None: not at all), and its measure."""
+
+    name: str
+    of_curves: str | None
+    of_surfaces: str | None
+    measure: Measure
+
+
+# Properties in the order in which they are reported
+PROPERTIES = (
+    Property("definition", "Def. 3.1", "Def. 4.1", basis.definition),
+    Property("nonnegativity", "Thm 2.1 (a)", "Thm 2.3 (a)", basis.nonnegativity),
+    Property("partition of unity", "Thm 2.1 (b)", "Thm 2.3 (b)", basis.partition_of_unity),
+    Property("corners", "Thm 2.1 (d), Sec. 3 (b)", "Thm 2.3 (d), Sec. 4 (c)", basis.corners),
+    Property("boundary curves", None, "Thm 2.3 (c), Thm 4.0", reductions.boundary_curves),
+    Property("convex hull", "Sec. 3 (a)", "Sec. 4 (a)", basis.hull),
+    Property("affine invariance", "Sec. 3 (a)", "Sec. 4 (a)", basis.affine_invariance),
+    Property("weights times coefficients", "eq. 202", "eq. 205", basis.products),
+    Property("edge scale", "Remark 3.1", "Remark 3.1", basis.edge_scale),
+    Property("classical Bézier", "Thm 2.1 (e), Sec. 3 (d)", "Thm 2.3 (e), Sec. 4 (b)", reductions.classical_bezier),
+    Property("total positivity", "Thm 2.1 (c)", None, curve.total_positivity),
+    Property("strict total positivity", "Thm 2.2", None, curve.strict_total_positivity),
+    Property("progressive iteration", "Sec. 3 (c)", None, curve.progressive_iteration),
+    Property("variation diminishing", "Thm 3.3", None, curve.variation_diminishing),
+    Property("convexity", "Sec. 3 (i)", None, curve.convexity),
+    Property("end tangents", "Sec. 3 (e)", None, ends.end_tangents),
+    Property("end tangent lengths", "eq. 302", None, ends.end_tangent_lengths),
+    Property("one weight to infinity", "Sec. 3 (g)", None, degeneration.one_weight),
+    Property("isoparametric curves", None, "Sec. 4 (d)", reductions.isoparametric_curves),
+    Property("injective for all weights", None, "Craciun et al. 2010", injectivity.for_all_weights),
+    Property("sign of the Jacobian", None, "Craciun et al. 2010", injectivity.jacobian_sign),
+    Property("multiple knots", "Thm 3.1, Cor. 3.1", "Thm 4.1", reductions.multiple_knots),
+    Property("weights of the degeneration", "eq. 304", "eq. 403", degeneration.weights),
+    Property("toric degeneration", "Thm 3.2", "Thm 4.2", degeneration.toric_degeneration),
+    Property("linear precision", "Ex. 4.1", "Ex. 4.1", basis.linear_precision),
+    Property("linear precision, linear parametrization", "Ex. 4.1", "Ex. 4.1", basis.linear_precision_of_linear),
+    Property("coefficients of unity", "eq. 8", "eq. 8", basis.coefficients_of_unity),
+)
+
+
 def check(shape: Patch | Model) -> Report | ModelReport:
-    """Measure every property the paper proves: see `check_patch` and `check_model`."""
-    return check_model(shape) if isinstance(shape, Model) else check_patch(shape)
-
-
-def check_patch(patch: Patch) -> Report:
-    """Measure every property the paper proves, on a patch.
+    """Measure every property the paper proves, on a patch, or on each patch of a model and at the joints between them.
 
     Notes
     -----
@@ -31,31 +67,18 @@ def check_patch(patch: Patch) -> Report:
     ----------
     See `PROPERTIES`, which has one for each property.
     """
-    return _checked(Probe(patch))
+    if isinstance(shape, Model):
+        return ModelReport(shape.name, tuple(map(check_patch, shape)), joint_findings(shape))
+    return check_patch(shape)
 
 
-def check_model(model: Model) -> ModelReport:
-    """Measure every property on each patch of a model, and the joints between patches."""
-    alike: dict[RationalBasis, list[int]] = {}
-    for index, patch in enumerate(model):
-        alike.setdefault(patch.rational_basis, []).append(index)
-    reports: dict[int, Report] = {}
-    for first, *others in alike.values():  # one basis after the other: its values may take 8 MB
-        probe = Probe(model.patches[first])
-        reports[first] = _checked(probe)
-        reports |= {index: _checked(probe.of(model.patches[index])) for index in others}
-    return ModelReport(model.name, tuple(reports[index] for index in sorted(reports)), joint_findings(model))
-
-
-def _checked(probe: Probe) -> Report:
-    patch, findings = probe.patch, []
-    for prop in PROPERTIES:
-        reference = prop.of_curves if patch.dimension == 1 else prop.of_surfaces
+def check_patch(patch: Patch) -> Report:
+    """Measure every property on a patch; see `check`."""
+    probe, findings = Probe(patch), []
+    for name, of_curves, of_surfaces, measure in PROPERTIES:
+        reference = of_curves if patch.dimension == 1 else of_surfaces
         if reference is not None:
-            found = probe.of_basis.get(prop.name) or _measured(prop.measure, probe)
-            if prop.of_basis:
-                probe.of_basis[prop.name] = found
-            findings.append(replace(found, name=prop.name, reference=reference))
+            findings.append(replace(_measured(measure, probe), name=name, reference=reference))
     return Report(patch.name, tuple(findings))
 
 

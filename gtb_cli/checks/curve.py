@@ -1,4 +1,4 @@
-"""Properties of curves that follow from their totally positive bases, and one weight that tends to infinity."""
+"""Properties of curves that follow from their totally positive bases."""
 
 import math
 from itertools import permutations
@@ -6,17 +6,12 @@ from itertools import permutations
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray
-from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice, evenly, principal_axes
+from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, principal_axes
 from gtb_cli.checks.report import Finding, at_most, not_applicable, number, within_rounding
-from gtb_cli.knots.decomposition import lifting_of_knot
-from gtb_cli.moment.torus import exponents
-from gtb_cli.theory.basis import torus_coordinates
-from gtb_cli.theory.degeneration import degenerate
 
 MAX_MINOR_ORDER = 4  # rows of a sampled minor, which is then a sum of at most 24 products
 
 UNDERFLOW_NOTE = "in each sampled minor there are values of the basis below the range of floats"
-
 
 MIN_CHORD = 1e-3  # of the extent: a shorter chord is joined with the next, as its direction would be rounding
 
@@ -36,7 +31,7 @@ def total_positivity(probe: Probe) -> Finding:
 
 def strict_total_positivity(probe: Probe) -> Finding:
     """Measure the same minors, which are positive at parameters inside Δ for distinct knots."""
-    if probe.repetitions:
+    if probe.merged is not probe.patch:
         return not_applicable("repeated knots make equal columns: the basis is merely totally positive")
     minors, bound = _minors(probe)
     if not len(minors):
@@ -52,21 +47,23 @@ def strict_total_positivity(probe: Probe) -> Finding:
 def _minors(probe: Probe) -> tuple[FloatArray, float]:
     """Return sampled minors, relative to the sums of their products' sizes, and what rounding may do to one."""
     count = 400  # of each order
-    n = len(probe.patch.knots)
-    u = np.sort(probe.u[probe.inside, 0])
-    basis = probe.patch.basis(u)[:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
+    random = np.random.default_rng(0)
+    places = probe.inside[np.argsort(probe.u[probe.inside, 0])]
+    basis = probe.basis[places][:, np.argsort(probe.patch.knots[:, 0], kind="stable")]
     ratios = [np.zeros(0)]
-    orders = min(MAX_MINOR_ORDER, n, len(u))
+    orders = min(MAX_MINOR_ORDER, *basis.shape)
     for order in range(1, orders + 1):
-        spread = evenly(count, 2 * order)
-        rows, columns = (_subsets(part, total) for part, total in ((spread[:, :order], len(u)), (spread[:, order:], n)))
+        rows, columns = (
+            np.sort(random.integers(0, total - order + 1, (count, order)), axis=1) + np.arange(order)
+            for total in basis.shape
+        )
         entries = basis[rows[:, :, None], columns[:, None, :]]
         for axis in (2, 1):  # rows, then columns, are scaled: the minor is scaled by the product of the factors
             entries = entries / np.maximum(np.abs(entries).max(axis=axis, keepdims=True), np.finfo(float).tiny)
         minor, size = np.zeros(count), np.zeros(count)
         for permutation in permutations(range(order)):
             product = np.prod(entries[:, np.arange(order), permutation], axis=1)
-            minor += _sign(permutation) * product
+            minor += np.linalg.det(np.eye(order)[list(permutation)]) * product
             size += np.abs(product)
         # Inside Δ a zero can only be a value below the range of floats.
         decidable = (size != 0) & (entries != 0).all(axis=(1, 2))
@@ -75,22 +72,11 @@ def _minors(probe: Probe) -> tuple[FloatArray, float]:
     return np.nan_to_num(np.concatenate(ratios), nan=-np.inf), bound
 
 
-def _subsets(spread: FloatArray, count: int) -> IntArray:
-    """Return (m, k) ascending, distinct indices below `count` from (m, k) numbers in [0, 1)."""
-    k = spread.shape[1]
-    return np.asarray(np.sort(spread * (count - k + 1), axis=1).astype(np.int64) + np.arange(k))
-
-
-def _sign(permutation: tuple[int, ...]) -> int:
-    inversions = sum(a > b for i, a in enumerate(permutation) for b in permutation[i + 1 :])
-    return -1 if inversions % 2 else 1
-
-
 def progressive_iteration(probe: Probe) -> Finding:
     """Measure the spectral radius of I − C, where C is the collocation matrix at the knots: errors shrink by it."""
     most = 300  # for the time of dense eigenvalues
     patch = probe.patch
-    if probe.repetitions:
+    if probe.merged is not patch:
         return not_applicable("repeated knots make the collocation matrix singular")
     if len(patch.knots) > most:
         return not_applicable(f"measured for at most {most} knots")
@@ -98,8 +84,7 @@ def progressive_iteration(probe: Probe) -> Finding:
     matrix = patch.basis(patch.knots[order])[:, order]
     if not np.isfinite(matrix).all():
         return at_most(np.inf, 1.0, "values of the basis are not finite")
-    eigenvalues = np.linalg.eigvals(matrix)
-    radius = float(np.abs(1 - eigenvalues).max())
+    radius = float(np.abs(1 - np.linalg.eigvals(matrix)).max())
     doubt = len(matrix) * VALUE_ROUNDINGS * EPS + 4 * probe.rounding
     reason = "factor by which errors shrink in a round, at the knots"
     if abs(radius - 1) <= doubt**0.5:
@@ -111,17 +96,15 @@ def variation_diminishing(probe: Probe) -> Finding:
     """Compare how often lines (planes for a curve in space) cross the curve and its control polygon."""
     count = 100  # lines, or planes
     grazing_distance = 1e-6  # of the extent: lines as near to a control point are left out
-    control = _polygon(probe) / probe.extent
-    points = _linear_points(probe, 513) / probe.extent  # between these, crossings may be missed, but none are added
-    axes, flat = _plane(control)
-    spread = evenly(count, 3)
-    angle, z = 2 * np.pi * spread[:, 0], np.zeros(count) if flat else 2 * spread[:, 1] - 1
+    control, points, flat = _in_principal_axes(probe, 513)  # between these, crossings may be missed, but none are added
+    random = np.random.default_rng(0)
+    angle, place = 2 * np.pi * random.random(count), random.random((count, 1))
+    z = np.zeros(count) if flat else random.uniform(-1, 1, count)
     ring = np.sqrt(1 - z**2)
-    normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1) @ axes
+    normals = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1)
     sides, curve_sides = normals @ control.T, normals @ points.T
-    low, high = sides.min(axis=1), sides.max(axis=1)
-    offset = low + spread[:, 2] * (high - low)
-    sides, curve_sides = sides - offset[:, None], curve_sides - offset[:, None]
+    offset = sides.min(axis=1, keepdims=True) + place * np.ptp(sides, axis=1, keepdims=True)
+    sides, curve_sides = sides - offset, curve_sides - offset
     clear = np.abs(sides).min(axis=1) > grazing_distance + probe.distance_rounding
     if not clear.any():
         return not_applicable("the control points all coincide")
@@ -134,92 +117,61 @@ def variation_diminishing(probe: Probe) -> Finding:
 def _changes(values: FloatArray, tolerance: float) -> IntArray:
     """Return (m,) numbers of sign changes along the rows; values within the tolerance do not count."""
     signs = np.sign(values) * (np.abs(values) > tolerance)
-    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), -1), axis=1)
-    filled = np.where(last >= 0, np.take_along_axis(signs, np.maximum(last, 0), axis=1), 0)
+    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)
+    filled = np.take_along_axis(signs, last, axis=1)
     return np.asarray((filled[:, 1:] * filled[:, :-1] < 0).sum(axis=1))
 
 
 def convexity(probe: Probe) -> Finding:
     """Check that a curve with a convex control polygon turns one way, and once around with its chord."""
-    turn_tolerance = 1e-6  # in radians, of the sum of a polygon's turns
-    control = _polygon(probe)
-    axes, flat = _plane(control / probe.extent)
+    turn_tolerance = 1e-6  # of a whole turn
+    control, points, flat = _in_principal_axes(probe, 129)
     if not flat:
         return not_applicable("the control points are not in a plane")
-    sine, turning = _turning(control @ axes[:2].T, probe.extent)
-    if sine is None:
+    wrong, turns = _turning(control)
+    if math.isnan(wrong):
         return not_applicable("the control points are on a line")
-    if sine > probe.distance_rounding or abs(abs(turning) - 2 * np.pi) > turn_tolerance:
+    if wrong > probe.distance_rounding or abs(turns - 1) > turn_tolerance:
         return not_applicable("the control polygon, closed by its chord, is not convex")
-    points = _linear_points(probe, 129) @ axes[:2].T
-    sine, turning = _turning(points, probe.extent)
-    if sine is None:
+    wrong, turns = _turning(points)
+    if math.isnan(wrong):
         return not_applicable("the curve is a segment to rounding")
-    if abs(abs(turning) - 2 * np.pi) > turn_tolerance:
-        return at_most(abs(turning) / (2 * np.pi), 1.0, "turns of the curve, closed by its chord")
+    if abs(turns - 1) > turn_tolerance:
+        return at_most(abs(turns - 1), turn_tolerance, "difference from one turn of the curve, closed by its chord")
     bound = 2 * probe.distance_rounding / MIN_CHORD
-    return within_rounding(sine, bound, "sine of the largest turn the wrong way; the control polygon is convex")
+    return within_rounding(wrong, bound, "sine of the largest turn the wrong way; the control polygon is convex")
 
 
-def _turning(points: FloatArray, extent: float) -> tuple[float | None, float]:
-    """Return the sine of a closed polygon's largest turn the wrong way (None if straight), and the sum of turns."""
-    kept = [points[0]]
-    for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) > MIN_CHORD * extent:
-            kept.append(point)
-    while len(kept) > 1 and np.hypot(*(kept[-1] - kept[0])) <= MIN_CHORD * extent:
+def _turning(points: FloatArray) -> tuple[float, float]:
+    """Return the sine of a closed polygon's largest turn the wrong way (NaN if it is straight), and its turns."""
+    places = (points[:, :2] @ [1, 1j]).tolist()
+    kept = places[:1]
+    for place in places[1:]:
+        if abs(place - kept[-1]) > MIN_CHORD:
+            kept.append(place)
+    while len(kept) > 1 and abs(kept[-1] - kept[0]) <= MIN_CHORD:
         kept.pop()
-    corners = np.array(kept)
-    chords = np.roll(corners, -1, axis=0) - corners
-    if len(corners) < 3 or not np.isfinite(corners).all():
-        return None if np.isfinite(points).all() else np.inf, 0.0
-    following = np.roll(chords, -1, axis=0)
-    cross = chords[:, 0] * following[:, 1] - chords[:, 1] * following[:, 0]
-    dot = (chords * following).sum(axis=1)
-    sines = cross / np.hypot(*chords.T) / np.hypot(*following.T)
-    turning = float(np.arctan2(cross, dot).sum())
-    if np.abs(sines).max() <= PLANE_WIDTH:
-        return None, 0.0
-    wrong = -sines if turning > 0 else sines
-    return max(0.0, float(wrong.max())), turning
+    if len(kept) < 3:
+        return math.nan, 0.0
+    chords = np.roll(kept, -1) - kept
+    angles = np.angle(np.roll(chords, -1) / chords)
+    angles *= np.sign(angles.sum())
+    sines = np.sin(angles)
+    return math.nan if np.abs(sines).max() <= PLANE_WIDTH else max(0.0, -float(sines.min())), angles.sum() / (2 * np.pi)
 
 
-def one_weight(probe: Probe) -> Finding:
-    """Check that every point inside Δ goes to a knot's control point if its weight outgrows all others."""
-    infinite_weight_log = 120.0  # logarithm of the ratio between one knot's share and all others
+def _in_principal_axes(probe: Probe, count: int) -> tuple[FloatArray, FloatArray, bool]:
+    """Return (n, 3) control points and (count, 3) even points of the curve in units of the extent, and if it is flat.
+
+    They are measured from the middle of the control points along their principal axes, of which the third one does not
+    matter to flat ones.
+    """
     patch = probe.patch
-    u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
-    s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u))
-    logs = exponents(patch.knots - patch.domain.center, patch.log_products, s)
-    worst = 0.0
-    n = len(patch.knots)
-    for k in choice(n, 16):
-        growth = infinite_weight_log + float((logs.max(axis=0) - logs[k]).max())
-        heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
-        worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
-    return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")
-
-
-def _polygon(probe: Probe) -> FloatArray:
-    """Return (n, 3) control points in the order of their knots, relative to their middle."""
-    points = probe.patch.control_points[np.argsort(probe.patch.knots[:, 0], kind="stable")]
-    return np.asarray(points - _middle(probe))
-
-
-def _middle(probe: Probe) -> FloatArray:
-    control = probe.patch.control_points
-    return np.asarray((control.min(axis=0) + control.max(axis=0)) / 2)
-
-
-def _linear_points(probe: Probe, count: int) -> FloatArray:
-    """Return (count, 3) points of the curve, evenly spaced in the linear parametrisation, about the same middle."""
-    start, end = probe.patch.domain.vertices
-    p = start + (end - start) * np.linspace(0.0, 1.0, count)[:, None]
-    p[-1] = end
-    return np.asarray(probe.patch.points_at(probe.linear.locations(p), count) - _middle(probe))
-
-
-def _plane(control: FloatArray) -> tuple[FloatArray, bool]:
-    """Return the principal axes (rows) of control points, and whether these lie in the plane of the first two."""
+    control = patch.control_points[np.argsort(patch.knots[:, 0], kind="stable")]
+    middle = (control.min(axis=0) + control.max(axis=0)) / 2
+    start, end = patch.domain.vertices
+    points = patch.evaluate(np.linspace(start, end, count), "linear")
+    control, points = ((array - middle) / probe.extent for array in (control, points))
     axes = principal_axes(control - control.mean(axis=0))
-    return axes, bool(np.ptp(control @ axes[2]) <= PLANE_WIDTH + 8 * EPS * np.abs(control).max())
+    control, points = control @ axes.T, points @ axes.T
+    return control, points, bool(np.ptp(control[:, 2]) <= PLANE_WIDTH + 8 * EPS * np.abs(control).max())

@@ -1,4 +1,4 @@
-"""Limit properties: repeated knots, and weights that grow along a lifting."""
+"""Limit properties: weights that grow along a lifting, and a single weight that grows."""
 
 import math
 
@@ -7,19 +7,11 @@ import numpy as np
 from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import VALUE_ROUNDINGS, Probe, choice
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
-from gtb_cli.knots.decomposition import regular_decomposition
+from gtb_cli.knots.decomposition import lifting_of_knot, regular_decomposition
 from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.moment.torus import exponents
+from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.degeneration import cells_of, degenerate
-
-
-def multiple_knots(probe: Probe) -> Finding:
-    """Compare a patch with repeated knots with the patch in which these are merged."""
-    if not probe.repetitions:
-        return not_applicable("no knot is repeated")
-    value = probe.distance(probe.merged.evaluate(probe.u), probe.points)
-    return within_rounding(
-        value, probe.distance_rounding, "largest distance from the patch of merged knots, of the extent"
-    )
 
 
 def weights(probe: Probe) -> Finding:
@@ -28,14 +20,14 @@ def weights(probe: Probe) -> Finding:
     A common factor of the weights changes no point; this one is so large that they must be logarithms.
     """
     common_factor_log = 1000.0  # beyond the range of floats
-    patch = probe.patch
+    patch, tiny = probe.patch, np.finfo(float).tiny
     lifting = np.arange(len(patch.knots)) % 2.0 if patch.lifting is None else patch.lifting
-    lifting = lifting / max(float(np.abs(lifting).max()), np.finfo(float).tiny)
-    growth = (lifting - lifting.max()) / max(float(np.ptp(lifting)), np.finfo(float).tiny)
+    lifting = lifting / max(float(np.abs(lifting).max()), tiny)
+    growth = (lifting - lifting.max()) / max(float(np.ptp(lifting)), tiny)
     shares = probe.basis * np.exp(growth)
     expected = (shares / shares.sum(axis=1, keepdims=True)) @ patch.control_points
     value = max(
-        probe.distance(probe.points_of(degenerate(patch, math.e, growth + common)), expected)
+        probe.distance(degenerate(patch, math.e, growth + common).evaluate(probe.u), expected)
         for common in (0, common_factor_log)
     )
     bound = 2 * probe.distance_rounding + common_factor_log * EPS * VALUE_ROUNDINGS
@@ -76,9 +68,22 @@ def toric_degeneration(probe: Probe) -> Finding:
         places = triangulation(cell.domain, max(2, finest)).parameters
         p.append(cell.domain.center + cell_scale * (places - cell.domain.center))
         expected.append(cell.evaluate(p[-1], "linear"))
-    places = np.concatenate(p)
-    value = probe.distance(far.evaluate(places, "linear"), np.concatenate(expected))
+    value = probe.distance(far.evaluate(np.concatenate(p), "linear"), np.concatenate(expected))
     what = "curve" if patch.dimension == 1 else "surface"
     power = f"x^λ, log x = {exponent:.3g}"
     bound = limit_tolerance + probe.distance_rounding
     return within_rounding(value, bound, f"largest distance from the regular control {what} at {power}, of the extent")
+
+
+def one_weight(probe: Probe) -> Finding:
+    """Check that every point inside Δ goes to a knot's control point if its weight outgrows all others."""
+    infinite_weight_log = 120.0  # logarithm of the ratio between one knot's share and all others
+    patch, worst, n = probe.patch, 0.0, len(probe.patch.knots)
+    u = np.asarray(patch.domain.center + patch.domain.size * np.array([[-0.25], [0.0], [0.25]]))
+    s = torus_coordinates(patch.domain, patch.domain.heights_of_columns(u))
+    logs = exponents(patch.knots - patch.domain.center, patch.log_products, s)
+    for k in choice(n, 16):
+        growth = infinite_weight_log + float((logs.max(axis=0) - logs[k]).max())
+        heavy = degenerate(patch, math.e, growth * lifting_of_knot(n, k))
+        worst = max(worst, probe.distance(heavy.evaluate(u), patch.control_points[k]))
+    return within_rounding(worst, probe.distance_rounding, "largest distance from the control point, of the extent")

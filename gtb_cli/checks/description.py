@@ -1,16 +1,14 @@
 """Descriptions of patches: kind, domain, and the distance of the parametrisation from a linear one."""
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.checks.bounds import bounds
-from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import EdgeNormals, domain
+from gtb_cli.knots.domain import EdgeNormals, has_integer_corners
 from gtb_cli.knots.lattice import lattice_of
 from gtb_cli.knots.triangulation import cell_count, triangulation
 from gtb_cli.theory.parametrization import RationalBasis
@@ -26,25 +24,11 @@ Kind: TypeAlias = Literal[
 class Description:
     """Description of a patch. Made by `description`.
 
-    Attributes
-    ----------
-    kind : str
-        "rational Bézier curve", "rational Bézier triangle" or "rational Bézier tensor product" if the knots are a
-        whole lattice of that shape, at any place and scale; otherwise "toric" if they are integers, or "GT".
-    degree : tuple of int
-        Degree of a rational Bézier curve or triangle, or the two degrees of a tensor product; empty for others.
-    edges : tuple of tuple of int
-        Indices of the knots on each edge of Δ, in order along it; for a curve, those at its two ends.
-    edge_normals : {"unit", "primitive"} or None
-        The normals that "auto" has chosen; None for a curve.
-    bounding_box : (2, 3) float
-        Lowest and highest coordinates of the patch, see `gtb_cli.checks.bounds.bounds`.
-    control_box : (2, 3) float
-        Lowest and highest coordinates of the control points, between which the patch lies.
-    linear_precision_error : float
-        ``max |Σ_i T_i(u) a_i − u|`` over a sampling of Δ in the toric parametrisation, in units of the knots.
-    repeated_knots : tuple of tuple of int
-        Groups of indices of equal knots.
+    `kind` and `degree` (empty for the last two kinds) say that the knots are a whole lattice at any place and scale,
+    that they are integers ("toric"), or neither ("GT"). `edges` has the indices of the knots on each edge of Δ, in
+    order along it, or at each end of a curve; `edge_normals` the normals that "auto" has chosen, None for a curve. The
+    boxes, (2, 3) lowest and highest coordinates, are those of the patch and of its control points;
+    `linear_precision_error` is ``max |Σ_i T_i(u) a_i − u|`` over Δ in the toric parametrisation, in units of the knots.
     """
 
     kind: Kind
@@ -58,17 +42,7 @@ class Description:
 
 
 def description(patch: Patch) -> Description:
-    """Describe a patch.
-
-    Notes
-    -----
-    Every patch has linear precision in the linear parametrisation; the error is that of
-    the toric one, and is 0 up to rounding for Bézier patches whose products c_i ω_i are binomial.
-
-    References
-    ----------
-    Sections 2 and 4 of the paper; Ex. 4.1.
-    """
+    """Describe a patch (Sections 2 and 4 of the paper; Ex. 4.1)."""
     kind, degree = _kind(patch)
     shape = patch.domain
     return Description(
@@ -78,23 +52,9 @@ def description(patch: Patch) -> Description:
         edge_normals=_edge_normals(patch),
         bounding_box=bounds([patch]),
         control_box=bounds_of(patch.control_points),
-        linear_precision_error=_linear_precision_error(patch),
-        repeated_knots=_repeated_knots(patch.knots),
+        linear_precision_error=_linear_precision_error(patch.rational_basis),
+        repeated_knots=repeated_knots(patch.knots),
     )
-
-
-def descriptions(patches: Iterable[Patch]) -> list[Description]:
-    """Describe patches; those with one basis differ only in their boxes."""
-    known: dict[tuple[RationalBasis, EdgeNormals], Description] = {}
-    found = []
-    for patch in patches:
-        key = (patch.rational_basis, patch.edge_normals)
-        if key in known:
-            control_box = bounds_of(patch.control_points)
-            found.append(replace(known[key], bounding_box=bounds([patch]), control_box=control_box))
-        else:
-            found.append(known.setdefault(key, description(patch)))
-    return found
 
 
 def _kind(patch: Patch) -> tuple[Kind, tuple[int, ...]]:
@@ -114,26 +74,22 @@ def _edge_normals(patch: Patch) -> EdgeNormals | None:
         return None
     if patch.edge_normals != "auto":
         return patch.edge_normals
-    try:
-        domain(patch.domain.vertices, "primitive")
-    except DomainError:
-        return "unit"
-    return "primitive"
+    return "primitive" if has_integer_corners(patch.domain.vertices) else "unit"
 
 
-def _linear_precision_error(patch: Patch) -> float:
+@lru_cache(maxsize=64)  # the patches of a model often have one basis
+def _linear_precision_error(basis: RationalBasis) -> float:
     most_segments, most_points = 64, 20_000  # roughly: domains with many edges are sampled at fewer segments of each
-    shape = patch.domain
+    shape = basis.domain
     resolution = max(2, min(most_segments, math.isqrt(2 * most_points // cell_count(shape, 1))))
     u = triangulation(shape, resolution).parameters
-    centred = patch.knots - shape.center
-    images = patch.rational_basis.blend(centred, patch.rational_basis.locations(u), len(u))
-    offsets = images - (u - shape.center)
+    offsets = basis.blend(shape.knots - shape.center, basis.locations(u), len(u)) - (u - shape.center)
     return float(np.sqrt((offsets**2).sum(axis=1)).max())
 
 
-def _repeated_knots(knots: FloatArray) -> tuple[tuple[int, ...], ...]:
-    _, group, count = np.unique(knots, axis=0, return_inverse=True, return_counts=True)
-    group = group.ravel()
-    repeated = sorted(np.flatnonzero(count > 1).tolist(), key=lambda k: int(np.argmax(group == k)))
-    return tuple(tuple(np.flatnonzero(group == k).tolist()) for k in repeated)
+def repeated_knots(knots: FloatArray) -> tuple[tuple[int, ...], ...]:
+    """Return groups of indices of equal knots, ascending, in the order of the first of each."""
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for index, knot in enumerate(knots.tolist()):
+        groups.setdefault(tuple(knot), []).append(index)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)

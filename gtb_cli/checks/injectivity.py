@@ -7,7 +7,7 @@ import numpy as np
 from gtb_cli.arrays import EPS, FloatArray, IntArray, planar_cross
 from gtb_cli.checks.probe import Probe
 from gtb_cli.checks.report import Finding, not_applicable, number
-from gtb_cli.knots.hull import KNOT_TOLERANCE, KNOT_ULPS
+from gtb_cli.knots.hull import knot_tolerance
 
 MAX_TRIPLES = 1_000_000  # a tenth of a second: all triples of up to 182 knots, some of more
 
@@ -69,7 +69,7 @@ def planar(points: FloatArray) -> FloatArray | None:
     """Return (n, 2) coordinates of points in their common plane, seen from above, or None if they have none."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     centred = points - middle
-    tolerance = _tolerance(points)
+    tolerance = knot_tolerance(points)
     if np.abs(centred[:, 2]).max() <= tolerance:
         return np.asarray(centred[:, :2])
     axes = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)[2]
@@ -77,12 +77,6 @@ def planar(points: FloatArray) -> FloatArray | None:
     if np.abs((centred - centred.mean(axis=0)) @ normal).max() > tolerance:
         return None
     return np.asarray(centred @ np.stack([axes[0], axes[1] if normal[2] >= 0 else -axes[1]], axis=1))
-
-
-def _tolerance(points: FloatArray) -> float:
-    """Return the distance within which points count as lying in a plane or on a line."""
-    size = float(np.ptp(points, axis=0).max())
-    return KNOT_TOLERANCE * size + KNOT_ULPS * EPS * float(np.abs(points).max())
 
 
 def _triples(n: int) -> list[tuple[IntArray, IntArray, IntArray]]:
@@ -103,5 +97,5 @@ def _signs(points: FloatArray, i: IntArray, j: IntArray, k: IntArray) -> FloatAr
     first, second = points[j] - points[i], points[k] - points[i]
     areas = planar_cross(first, second)
     longest = np.maximum(np.abs(first).max(axis=1), np.abs(second).max(axis=1))
-    flat = np.abs(areas) <= 2 * _tolerance(points) * longest
+    flat = np.abs(areas) <= 2 * knot_tolerance(points) * longest
     return np.where(flat, 0.0, np.sign(areas))

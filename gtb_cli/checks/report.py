@@ -43,10 +43,7 @@ def at_most(value: float, bound: float, reason: str) -> Finding:
 
 
 def within_rounding(value: float, bound: float, reason: str) -> Finding:
-    """Return that a property holds if its largest violation, as a fraction of sizes, is within rounding.
-
-    If rounding may do too much to tell, it is not applicable.
-    """
+    """Return like `at_most`, for a bound that is rounding; not applicable if rounding may do too much to tell."""
     vacuous_bound = 0.01  # size, as a fraction of what is compared, above which a bound for rounding proves nothing
     if value <= bound and bound > vacuous_bound:
         return not_applicable(f"rounding may do {bound:.1g}: exponents, or distances from the origin, are too large")

@@ -62,7 +62,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
 
     from gtb_cli.arrays import bounds_of
     from gtb_cli.checks.bounds import bounds
-    from gtb_cli.checks.description import descriptions
+    from gtb_cli.checks.description import description
     from gtb_cli.tessellation.recipe import welded
     from gtb_cli.theory.model import Model
 
@@ -70,7 +70,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
         loaded = welded(read, weld)
     if isinstance(loaded, Model):
         all_shown = in_full or len(loaded.patches) <= MAX_PATCHES_SHOWN
-        found = descriptions(loaded.patches) if all_shown else []
+        found = [*map(description, loaded.patches)] if all_shown else []
         return {
             "name": loaded.name,
             "kind": "model",
@@ -80,7 +80,7 @@ def _found(spec: str, spec_format: str | None, weld: float | str | None, in_full
             **_joints(loaded, all_shown),
             "patches": [*map(_report, loaded.patches, found)] or [{}] * len(loaded.patches),
         }
-    return _report(loaded, *descriptions([loaded]))
+    return _report(loaded, description(loaded))
 
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:

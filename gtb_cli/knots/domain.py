@@ -309,10 +309,15 @@ def _built(
     return Domain(points, vertices, scaled, incidence, heights, edge_normals, scale if scale.ndim else float(scale))
 
 
+def has_integer_corners(vertices: FloatArray) -> bool:
+    """Whether all vertices are integers that floats hold, so that the normals of edges may be primitive."""
+    return bool((vertices == np.rint(vertices)).all()) and float(np.abs(vertices).max()) < 2.0**52
+
+
 def _normals(vertices: FloatArray, edge_normals: EdgeNormals) -> FloatArray:
     edges = np.roll(vertices, -1, axis=0) - vertices
     normals = np.stack([-edges[:, 1], edges[:, 0]], axis=1)
-    integer = bool((vertices == np.rint(vertices)).all()) and float(np.abs(vertices).max()) < 2.0**52
+    integer = has_integer_corners(vertices)
     if edge_normals == "primitive" and not integer:
         corner = tuple(float(x) for x in vertices[int(np.argmax((vertices != np.rint(vertices)).any(axis=1)))])
         raise DomainError(f"edge_normals: primitive needs integer corners of the hull, got {corner}")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from gtb_cli.checks import check as room
-from gtb_cli.checks.properties import PROPERTIES
+from gtb_cli.checks.check import PROPERTIES
 from gtb_cli.checks.report import Finding
 from gtb_cli.shell.versions import versions
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process
