@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import filecmp
 import json
 import os
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.console import STANDARD, Console, complain, lines_about, printable
-from gtb_cli.shell.differences import Bytes, limits, record, text_about
+from gtb_cli.shell.differences import Answer, limits, record, text_about
 from gtb_cli.shell.folders import pairs
 from gtb_cli.shell.options import (
     INPUT,
@@ -27,35 +30,10 @@ from gtb_cli.vocabulary import FORMATS, RESOLUTION, SPEC_FORMATS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.distances.comparison import Operand
-    from gtb_cli.meshes.difference import Aspect, Difference, Kind
+    from gtb_cli.meshes.difference import Aspect, Kind
     from gtb_cli.theory.parametrization import Parametrization
 
-DIFFERENT, TROUBLE = 1, 2
-"""Exit statuses, the same as those of diff(1)."""
-
-
-class Source(NamedTuple):
-    """One of the two inputs, and how to read it."""
-
-    path: str
-    recipe: Recipe
-    spec_format: str | None
-
-
-class Question(NamedTuple):
-    """What is asked about two inputs."""
-
-    tolerance: float | str | None
-    kind: Kind
-    ignore: tuple[Aspect, ...]
-
-
-class Answer(NamedTuple):
-    """What is found, by the names of the inputs, and what is to be said about it."""
-
-    found: Difference | Bytes
-    names: tuple[str, str]
-    warnings: list[str]
+Compare: TypeAlias = Callable[[str, str], Answer]
 
 
 def _tolerance_or_none(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
@@ -149,51 +127,58 @@ def diff(
     for path in (a, b):
         if path != STANDARD and not os.path.exists(path):
             raise GtbError(f"{path}: No such file or directory")
-    source, question = Source("", recipe, spec_format), Question(tolerance, kind, ignore)
+    question = tolerance, kind, ignore
+    compare = partial(_compared, recipe=recipe, spec_format=spec_format, question=question, console=console)
     if os.path.isdir(a) and os.path.isdir(b):
-        _diff_folders(a, b, source, question, as_json, output, console)
-        return
+        return _diff_folders(a, b, compare, as_json, output)
     if os.path.isdir(a) and b != STANDARD:
         a = os.path.join(a, os.path.basename(b))
     elif os.path.isdir(b) and a != STANDARD:
         b = os.path.join(b, os.path.basename(a))
     try:
-        answer = _compared(source._replace(path=a), source._replace(path=b), question, console)
+        answer = compare(a, b)
     except GtbError as error:
         if as_json:
             write_text(output, json.dumps({"same": False, "errors": lines_about(error)}) + "\n")
         raise
-    write_text(output, json.dumps(record(*answer)) + "\n" if as_json else text_about(*answer[:2]))
-    if not answer.found.same:
-        raise click.exceptions.Exit(DIFFERENT)
+    write_text(output, json.dumps(record(answer)) + "\n" if as_json else text_about(answer))
+    if not answer.same:
+        raise click.exceptions.Exit(1)
 
 
-def _compared(first: Source, second: Source, question: Question, console: Console) -> Answer:
+def _compared(
+    first: str,
+    second: str,
+    recipe: Recipe,
+    spec_format: str | None,
+    question: tuple[float | str | None, Kind, tuple[Aspect, ...]],
+    console: Console,
+) -> Answer:
     """Read and compare two inputs, and say where the answer does not quite fit the question."""
-    names = shown_input(first.path), shown_input(second.path)
-    if _are_equal_meshes(first.path, second.path):
-        return Answer(Bytes(True), names, [])
+    names = shown_input(first), shown_input(second)
+    if _are_equal_meshes(first, second):
+        return Answer(names, True)
     from gtb_cli.distances.comparison import compared, made_with
 
-    a, b = _read(first), _read(second)
+    a, b = _read(first, recipe, spec_format), _read(second, recipe, spec_format)
     found = compared(a, b, *question)
     warnings, notes = limits(found), []
-    if question.kind == "auto" and not found.same and a.spec is not None and b.spec is not None:
-        other = compared(a, b, question.tolerance, "surface")
+    tolerance, kind, _ = question
+    if kind == "auto" and not found.same and a.spec is not None and b.spec is not None:
+        other = compared(a, b, tolerance, "surface")
         did = "vertex by vertex" if found.method == "vertices" else "as surfaces"
         notes.append(
             f"their meshes were compared {did}; the surfaces themselves (--as surface) are {other.distance:.3g} apart"
         )
-    if found.method == "surface" and question.kind == "auto" and found.same_kind and first.recipe.tolerance is None:
+    if kind == "auto" and found.method == "surface" and found.same_kind and recipe.tolerance is None:
         made = made_with(a, b)
-        if made not in (None, first.recipe.resolution):
+        if made not in (None, recipe.resolution):
             spec, mesh = names if a.spec is not None else names[::-1]
             notes.append(f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares their vertices")
-    for warning in warnings:
-        console.warn(f"{', '.join(names)}: {warning}")
-    for note in notes:
-        console.note(f"{', '.join(names)}: {note}")
-    return Answer(found, names, [*warnings, *notes])
+    for say, messages in ((console.warn, warnings), (console.note, notes)):
+        for message in messages:
+            say(f"{', '.join(names)}: {message}")
+    return Answer(names, found.same, found, (*warnings, *notes))
 
 
 def _are_equal_meshes(first: str, second: str) -> bool:
@@ -205,26 +190,14 @@ def _are_equal_meshes(first: str, second: str) -> bool:
     with opened(first) as file:
         start = file.read(1 << 16)
     is_mesh = format_of(start) is not None or size_limit(start, 0) == os.path.getsize(first)  # binary STL
-    return is_mesh and _have_equal_bytes(first, second)
+    return is_mesh and filecmp.cmp(first, second, shallow=False)
 
 
-def _have_equal_bytes(first: str, second: str) -> bool:
-    block = 1 << 20  # bytes compared at a time
-    with opened(first) as file, opened(second) as other:
-        if os.fstat(file.fileno()).st_size != os.fstat(other.fileno()).st_size:
-            return False
-        while (data := file.read(block)) == other.read(block):
-            if not data:
-                return True
-        return False
-
-
-def _read(source: Source) -> Operand:
+def _read(path: str, recipe: Recipe, spec_format: str | None) -> Operand:
     """Read a mesh file, or make the mesh of a spec."""
     from gtb_cli.distances.comparison import BEGINNING_BYTES, bytes_at_most, decoded
     from gtb_cli.formats.meshfiles import MAX_STREAM_BYTES
 
-    path, recipe, spec_format = source
     shown = shown_input(path)
     with opened(path) as file:
         start = file.read(BEGINNING_BYTES)
@@ -241,47 +214,45 @@ def _read(source: Source) -> Operand:
     return decoded(data, shown, recipe, spec_format)  # type: ignore[arg-type]
 
 
-def _diff_folders(
-    a: str, b: str, source: Source, question: Question, as_json: bool, output: str, console: Console
-) -> None:
-    found_pairs, errors = pairs(a, b)
-    refuse_overwriting((path for pair in found_pairs for path in pair[1:] if path is not None), [output])
-    specs = not any(suffix_of(path) in FORMATS for pair in found_pairs for path in pair[1:] if path is not None)
-    results: list[tuple[str, Answer]] = []
-    missing: list[str] = []
-    extra: list[str] = []
-    for name, first, second in found_pairs:
+def _diff_folders(a: str, b: str, compare: Compare, as_json: bool, output: str) -> None:
+    """Compare all files of two folders, and end with the worst status."""
+    matched, errors = pairs(a, b)
+    paths = [path for pair in matched for path in pair[1:] if path is not None]
+    refuse_overwriting(paths, [output])
+    has_meshes = any(suffix_of(path) in FORMATS for path in paths)
+    answers: dict[str, Answer] = {}
+    for name, first, second in matched:
         if first is None or second is None:
-            (missing if second is None else extra).append(name)
             continue
         try:
             for path in (first, second):
                 if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe would wait for its writer
                     raise GtbError(f"{path}: is not a file")
             suffixes = {suffix_of(first), suffix_of(second)}
-            if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and (specs or len(suffixes) > 1)):
-                sides = source._replace(path=first), source._replace(path=second)
-                results.append((name, _compared(*sides, question, console)))
+            specs_count = not has_meshes or len(suffixes) > 1
+            if suffixes <= FORMATS.keys() or (suffixes <= {*SPEC_FORMATS, *FORMATS} and specs_count):
+                answers[name] = compare(first, second)
             else:
-                results.append((name, Answer(Bytes(_have_equal_bytes(first, second)), (first, second), [])))
-        except GtbError as error:
+                answers[name] = Answer((first, second), filecmp.cmp(first, second, shallow=False))
+        except (GtbError, OSError) as error:
             errors[name] = "\n".join(lines_about(error))
-    same = not missing and not extra and not errors and all(answer.found.same for _, answer in results)
+    missing = [name for name, _, second in matched if second is None]
+    extra = [name for name, first, _ in matched if first is None]
+    different = [answer for answer in answers.values() if not answer.same]
+    same = not (missing or extra or errors or different)
     if as_json:
-        files = [{"name": name, **record(*answer)} for name, answer in results]
+        files = [{"name": name, **record(answer)} for name, answer in answers.items()]
         report = {"same": same, "files": files, "missing": missing, "extra": extra, "errors": errors}
         write_text(output, json.dumps(report) + "\n")
     else:
-        lines = [f"missing: {os.path.join(a, name)} is not in {b}" for name in missing]
-        lines += [f"extra: {os.path.join(b, name)} is not in {a}" for name in extra]
-        text = "".join(text_about(*answer[:2]) for _, answer in results if not answer.found.same)
-        text += "".join(f"{printable(line)}\n" for line in lines)
-        number = sum(answer.found.same for _, answer in results)
-        counts = [f"{number} same", f"{len(results) - number} different", f"{len(missing)} missing"]
-        counts += [f"{len(extra)} extra"] + ([f"{len(errors)} unreadable"] if errors else [])
-        write_text(output, f"{text}{', '.join(counts)}\n")
+        text = "".join(map(text_about, different))
+        text += "".join(f"{printable(f'missing: {os.path.join(a, name)} is not in {b}')}\n" for name in missing)
+        text += "".join(f"{printable(f'extra: {os.path.join(b, name)} is not in {a}')}\n" for name in extra)
+        counts = f"{len(answers) - len(different)} same, {len(different)} different"
+        counts += f", {len(missing)} missing, {len(extra)} extra" + (f", {len(errors)} unreadable" if errors else "")
+        write_text(output, f"{text}{counts}\n")
     for message in errors.values():
         for line in message.splitlines():
             complain(line)
     if not same:
-        raise click.exceptions.Exit(TROUBLE if errors else DIFFERENT)
+        raise click.exceptions.Exit(2 if errors else 1)

@@ -1,8 +1,5 @@
 """Reports on the difference of two meshes: as text, as plain data, and as warnings."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gtb_cli.shell.console import printable
@@ -11,36 +8,37 @@ if TYPE_CHECKING:
     from gtb_cli.meshes.difference import Difference, Point
 
 
-class Bytes(NamedTuple):
-    """Two files of which only the bytes were compared, or had to be."""
+class Answer(NamedTuple):
+    """The answer about two files of these names; without a difference if only their bytes were compared."""
 
+    names: tuple[str, str]
     same: bool
+    found: "Difference | None" = None
+    warnings: tuple[str, ...] = ()
 
 
-def limits(found: Difference | Bytes) -> list[str]:
+def limits(found: "Difference") -> list[str]:
     """Say where the answer does not quite fit the question."""
-    if isinstance(found, Bytes):
-        return []
     result = [f"{remark}, which is ignored" for remark in (*found.sides, *found.remarks) if remark not in found.faults]
     if found.asked and found.asked < found.tolerance:
         finest = "the numbers in the files are no finer at this size"
         result.append(f"tolerance {found.tolerance:.3g} instead of {found.asked:.3g}: {finest}")
     if found.stray is not None:
-        few = (
-            f"without a few vertices far from all others, the size is {found.stray:.3g} instead of {found.diagonal:.3g}"
-        )
-        result.append(f"{few}, which makes the tolerance {found.tolerance:.3g}")
+        size = f"the size is {found.stray:.3g} instead of {found.diagonal:.3g}"
+        makes = f"which makes the tolerance {found.tolerance:.3g}"
+        result.append(f"without a few vertices far from all others, {size}, {makes}")
     if not found.is_proved and found.method != "patches":
         what = f"nothing farther apart than {found.distance:.3g} was found, but it is not proved"
         result.append(f"{what}: between samples it could be {found.bound:.3g}")
     return result
 
 
-def record(found: Difference | Bytes, names: tuple[str, str], warnings: Sequence[str]) -> dict[str, Any]:
-    """Return a difference as plain data, ready for ``json.dumps``."""
-    if isinstance(found, Bytes):
+def record(answer: Answer) -> dict[str, Any]:
+    """Return an answer as plain data, ready for ``json.dumps``."""
+    names, same, found, warnings = answer
+    if found is None:
         files = {key: {"file": name} for key, name in zip("ab", names, strict=True)}
-        return {"same": found.same, "distance": 0.0 if found.same else None, "method": "bytes", **files}
+        return {"same": same, "distance": 0.0 if same else None, "method": "bytes", **files}
     report: dict[str, Any] = {
         "same": found.same,
         "distance": found.distance,
@@ -66,41 +64,37 @@ def record(found: Difference | Bytes, names: tuple[str, str], warnings: Sequence
     return report
 
 
-def text_about(found: Difference | Bytes, names: tuple[str, str]) -> str:
+def text_about(answer: Answer) -> str:
     """Return a line with the verdict and, if the meshes are not the same, a table of what differs."""
-    verdict = "same" if found.same else "different"
-    head = f"{verdict}: {printable(names[0])} and {printable(names[1])}"
-    if isinstance(found, Bytes):
-        return f"{head}: {'equal' if found.same else 'other'} bytes\n"
+    first, second = map(printable, answer.names)
+    found = answer.found
+    text = f"{'same' if answer.same else 'different'}: {first} and {second}: "
+    if found is None:
+        return f"{text}{'equal' if answer.same else 'other'} bytes\n"
+    what = "surfaces" if found.same_kind else "a curve and a surface,"
+    tolerance = f"tolerance {found.tolerance:.3g}\n"
     faults = "".join(f"  {fault}\n" for fault in found.faults)
     if found.method == "vertices":
-        text = f"{head}: the same faces, vertices up to {found.distance:.3g} apart"
-        text += f" (mean {found.mean:.3g}), tolerance {found.tolerance:.3g}\n"
+        text += f"the same faces, vertices up to {found.distance:.3g} apart (mean {found.mean:.3g}), {tolerance}"
         if found.same:
             return text
-        text += faults
         where = f" of {found.group}" if found.group else ""
-        return f"{text}  most at vertex {found.vertex}{where}: {_at(found.forward.at)} and {_at(found.backward.at)}\n"
+        places = f"{_at(found.forward.at)} and {_at(found.backward.at)}"
+        return f"{text}{faults}  most at vertex {found.vertex}{where}: {places}\n"
     if found.method == "patches":
-        what = "surfaces" if found.same_kind else "a curve and a surface,"
-        text = f"{head}: {what} {found.distance:.3g} apart, themselves (by a search, not proved), tolerance "
-        return f"{text}{found.tolerance:.3g}\n{faults}{'' if found.same else _farthest(found)}"
+        text += f"{what} {found.distance:.3g} apart, themselves (by a search, not proved), {tolerance}{faults}"
+        return text if found.same else text + _farthest(found)
     at_most = "" if found.bound <= found.distance * 1.01 or not found.same else f" (at most {found.bound:.3g})"
     if not found.is_proved:
         at_most = f" where they were looked at (not proved: at most {found.bound:.3g})"
-    what = "surfaces" if found.same_kind else "a curve and a surface,"
-    text = f"{head}: other faces, {what} {found.distance:.3g} apart{at_most}, tolerance {found.tolerance:.3g}\n"
-    text += faults + _farthest(found)
-    if found.first is None or found.second is None:
-        return text
-    rows = [measures.record() for measures in (found.first, found.second)]
-    for key in dict.fromkeys([*rows[0], *rows[1]]):
-        if key != "bounds":
-            text += _row(key.replace("_", " "), [row.get(key) for row in rows])
+    text += f"other faces, {what} {found.distance:.3g} apart{at_most}, {tolerance}{faults}{_farthest(found)}"
+    rows = [measures.record() for measures in (found.first, found.second) if measures is not None]
+    for key in dict.fromkeys(key for row in rows for key in row if key != "bounds"):
+        text += _row(key.replace("_", " "), [row.get(key) for row in rows])
     return text
 
 
-def _farthest(found: Difference) -> str:
+def _farthest(found: "Difference") -> str:
     """Return a line for each way."""
     ways = ("A from B", found.forward), ("B from A", found.backward)
     return "".join(f"  {way:24}{farthest.distance:.3g} at {_at(farthest.at)}\n" for way, farthest in ways)
@@ -122,5 +116,5 @@ def _number(value: float | int | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def _at(point: Point) -> str:
+def _at(point: "Point") -> str:
     return f"({' '.join(f'{x:.9g}' for x in point)})"
