@@ -31,65 +31,30 @@ Point: TypeAlias = tuple[float, float, float]
 class Difference:
     """How two meshes differ. Made by `difference`.
 
-    Attributes
-    ----------
-    method : {"vertices", "surface", "patches"}
-        What was compared: vertices one by one, if the meshes have the same cells; the surfaces (or curves) that the
-        meshes are; or those of the patches from which they would be made.
-    distance, bound : float
-        Largest distance found, and an upper bound of the true one; both are equal for vertices.
-    tolerance : float
-        Largest distance allowed.
-    asked : float or None
-        The tolerance asked for; None for the default.
-    resolution : float
-        Distance by which rounding in the files may separate equal points; no tolerance is smaller.
-    diagonal : float
-        Diagonal of the bounding box of the smaller mesh.
-    forward, backward : Farthest
-        From the first mesh to the second, and the other way.
-    mean : float or None
-        Mean distance of vertices.
-    vertex, other_vertex : int or None
-        Indices of the vertices at the largest distance.
-    group : str
-        Name of the group of the first mesh that has the farthest vertex; empty without groups.
-    first, second : Measures or None
-        Measures of the meshes; None if vertices were compared.
-    same_kind : bool
-        False if one is a curve and the other a surface: these are never the same.
-    turned : int
-        Number of faces that look to the other side, where everything is in the same place.
-    remarks : tuple of str
-        How else cells in the same place differ: in parts, holes, the vertices that they share, and in faces that are
-        missing, there twice or without area.
-    ignored : tuple of {"orientation", "connectivity"}
-        Which of these are no differences.
-    stray : float or None
-        The diagonal of the bounding box of nearly all vertices, if few others make it more than a hundred times as
-        long, and with it the tolerance.
+    Compared are vertices one by one, if the meshes have the same cells; the surfaces (or curves) that the meshes are;
+    or those of the patches from which they would be made. Distances are in model units.
     """
 
     method: Method
-    distance: float
-    bound: float
-    tolerance: float
-    asked: float | None
-    resolution: float
-    diagonal: float
-    forward: Farthest
+    distance: float  # the largest found
+    bound: float  # of the true one, from above; for vertices, the distance
+    tolerance: float  # the largest distance allowed
+    asked: float | None  # the tolerance asked for; None for the default
+    resolution: float  # by which rounding in the files may separate equal points; no tolerance is smaller
+    diagonal: float  # of the bounding box of the smaller mesh
+    forward: Farthest  # from the first mesh to the second
     backward: Farthest
-    mean: float | None = None
-    vertex: int | None = None
+    mean: float | None = None  # distance of vertices
+    vertex: int | None = None  # of the first mesh, at the largest distance
     other_vertex: int | None = None
-    group: str = ""
-    first: Measures | None = None
+    group: str = ""  # of the first mesh that has the farthest vertex; empty without groups
+    first: Measures | None = None  # None if vertices were compared
     second: Measures | None = None
-    same_kind: bool = True
-    turned: int = 0
-    remarks: tuple[str, ...] = ()
-    ignored: tuple[Aspect, ...] = ()
-    stray: float | None = None
+    same_kind: bool = True  # a curve and a surface are never the same
+    turned: int = 0  # faces that look to the other side, where everything is in the same place
+    remarks: tuple[str, ...] = ()  # how else cells in the same place differ
+    ignored: tuple[Aspect, ...] = ()  # which of these are no differences
+    stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
         what = "same" if self.same else "different"
@@ -126,34 +91,17 @@ def difference(
     *,
     effort: int = MAX_CUTS,
 ) -> Difference:
-    """Compare two meshes.
+    """Compare two meshes; the tolerance, `kind` and `ignore` are those of `diff`, the effort that of `mesh_distance`.
 
-    Parameters
-    ----------
-    a, b : KnownMesh
-    tolerance : float or str, optional
-        In model units, or as a percentage ``"1%"`` of the diagonal of the smaller mesh's bounding box. The default is
-        `DEFAULT_TOLERANCE` times this diagonal. The tolerance is never less than the resolution.
-    kind : {"auto", "vertices", "surface"}
-        Whether vertices are compared if the meshes have the same cells, or nothing but vertices or surfaces are.
-    ignore : collection of {"orientation", "connectivity"}
-        Whether it is no difference that faces are turned over; and that they share vertices in another way, or leave
-        other holes, are missing, there twice or without area, where none of it is farther away than the tolerance.
-    effort : int
-        See `mesh_distance`.
-
-    Raises
-    ------
-    DomainError
-        The tolerance is none; a mesh has no cells, or vertices that are not finite; vertices are to be compared of
-        meshes with other cells.
+    Raises `DomainError` if the tolerance is none, a mesh has no cells or vertices that are not finite, or vertices are
+    to be compared of meshes with other cells.
 
     Notes
     -----
-    The resolution is the largest distance between equal points after rounding to the numbers in the files: for each
-    coordinate, half a unit in the last place in either file, at the size of the largest coordinate. `matching` says
-    when two meshes have the same cells. Surfaces with other cells may be the same: an edge that is cut on both its
-    sides, or the other diagonal of a flat quadrilateral, is no difference, but all that `unlike` finds is one.
+    No tolerance is less than the resolution, the largest distance between equal points after rounding to the numbers in
+    the files: for each coordinate, half a unit in the last place in either file, at the size of the largest coordinate.
+    `matching` says when two meshes have the same cells. Surfaces with other cells may be the same: an edge that is cut
+    on both its sides, or the other diagonal of a flat quadrilateral, is no difference, but all that `unlike` finds is.
     """
     for mesh in (a.mesh, b.mesh):
         if not len(mesh.cells):
@@ -183,8 +131,8 @@ def difference(
             method="vertices",
             distance=distance,
             bound=distance,
-            forward=Farthest(distance, _point(a.mesh, vertex)),
-            backward=Farthest(distance, _point(b.mesh, other)),
+            forward=Farthest(distance, tuple(a.mesh.vertices[vertex].tolist())),
+            backward=Farthest(distance, tuple(b.mesh.vertices[other].tolist())),
             mean=float(matched.distances.mean()),
             vertex=vertex,
             other_vertex=other,
@@ -193,14 +141,12 @@ def difference(
             remarks=matched.remarks,
         )
     finer = 0.1  # largest error of a distance, as a fraction of the tolerance, and of the error before
-    remeasurements = 3  # while the tolerance lies between a distance and its bound
-    error = finer * allowed
-    found = mesh_distance(a.mesh, b.mesh, error, effort=effort)
-    for _ in range(remeasurements):
-        if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
-            break  # decided, or the effort was spent
+    error = allowed
+    for _ in range(4):
         error *= finer
         found = mesh_distance(a.mesh, b.mesh, error, effort=effort)
+        if not found.distance <= allowed < found.bound <= found.distance + 2 * error:
+            break  # decided, or the effort was spent
     first, second = measure(a.mesh), measure(b.mesh)
     same_kind = a.mesh.is_curve == b.mesh.is_curve
     turned, remarks = 0, tuple[str, ...]()
@@ -221,13 +167,7 @@ def difference(
 
 
 def allowed_for(tolerance: float | str | None, diagonal: float, resolution: float) -> tuple[float | None, float]:
-    """Return the tolerance asked for, in model units, and the one that holds; see `difference`.
-
-    Raises
-    ------
-    DomainError
-        It is no number from 0, and no percentage.
-    """
+    """Return the tolerance asked for, in model units, and the one that holds; `DomainError` if it is none."""
     if tolerance is None:
         return None, max(DEFAULT_TOLERANCE * diagonal, resolution)
     try:
@@ -258,11 +198,6 @@ def _diagonal(points: FloatArray) -> float:
     half = high / 2 - low / 2
     exponent = int(np.frexp(half.max())[1])
     return float(np.ldexp(np.linalg.norm(np.ldexp(half, -exponent)), exponent + 1))
-
-
-def _point(mesh: Mesh, vertex: int) -> Point:
-    x, y, z = mesh.vertices[vertex].tolist()
-    return x, y, z
 
 
 def _group(mesh: Mesh, vertex: int) -> str:

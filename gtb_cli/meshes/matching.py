@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, paired
 from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures
 from gtb_cli.meshes.mesh import Mesh
@@ -16,23 +16,13 @@ from gtb_cli.meshes.welding import weld
 
 @dataclass(frozen=True)
 class Matching:
-    """Vertices of two meshes with the same cells that belong together.
-
-    Attributes
-    ----------
-    vertices, others : (m,) int
-    distances : (m,) float
-    turned : int
-        Number of faces that are turned over.
-    remarks : tuple of str
-        How else the cells differ: in the vertices that they share.
-    """
+    """Vertices (m,) of two meshes with the same cells that belong together, and (m,) their distances."""
 
     vertices: IntArray
     others: IntArray
     distances: FloatArray
-    turned: int
-    remarks: tuple[str, ...]
+    turned: int  # faces that are turned over
+    remarks: tuple[str, ...]  # how else the cells differ: in the vertices that they share
 
 
 def matching(a: KnownMesh, b: KnownMesh, tolerance: float) -> Matching | None:
@@ -107,16 +97,9 @@ def _by_nearness(a: Mesh, b: Mesh, tolerance: float) -> tuple[IntArray, IntArray
 
 @dataclass(frozen=True)
 class _Faces:
-    """Faces of two meshes in common numbers: how often each occurs in either, and which turns it has there.
+    """Faces of two meshes in common numbers: (k,) numbers, and (f,) how often each occurs in either.
 
-    Attributes
-    ----------
-    face, other : (k,) int
-        The number of each face.
-    odd, other_odd : (k,) bool
-        Whether its corners run against those of other faces with this number.
-    here, there : (f,) int
-        How often each occurs.
+    The corners of odd (k,) faces run against those of other faces with their number.
     """
 
     face: IntArray
@@ -164,17 +147,21 @@ def _matched(a: KnownMesh, b: KnownMesh, cells: IntArray, others: IntArray) -> M
             np.take_along_axis(own, np.argsort(places, axis=1, kind="stable"), axis=1)[np.argsort(face, kind="stable")]
             for own, places, face in ((corners, cells, faces.face), (other_corners, others, faces.other))
         )
-    used, others_used = (np.flatnonzero(are_used(each.mesh.cells, len(each.mesh.vertices))) for each in (a, b))
+    used, others_used = (_used_count(each.mesh) for each in (a, b))
     if np.array_equal(corners, other_corners):
-        pairs = used, used
+        vertices = there = np.flatnonzero(are_used(corners, len(a.mesh.vertices)))
     else:
-        both = corners.ravel().astype(np.int64) * len(b.mesh.vertices) + other_corners.ravel()
-        vertices, there = np.divmod(np.unique(both), len(b.mesh.vertices))
-        pairs = vertices, there
+        count = len(b.mesh.vertices)
+        vertices, there = np.divmod(np.unique(paired(corners, other_corners, count)), count)
     remarks: tuple[str, ...] = ()
-    if a.has_indices and b.has_indices and not len(used) == len(others_used) == len(pairs[0]):
-        remarks = (f"faces share vertices in another way: {len(used)} against {len(others_used)} vertices",)
-    return Matching(*pairs, _distances(a.mesh.vertices[pairs[0]], b.mesh.vertices[pairs[1]]), turned, remarks)
+    if a.has_indices and b.has_indices and not used == others_used == len(vertices):
+        remarks = (f"faces share vertices in another way: {used} against {others_used} vertices",)
+    distances = _distances(a.mesh.vertices[vertices], b.mesh.vertices[there])
+    return Matching(vertices, there, distances, turned, remarks)
+
+
+def _used_count(mesh: Mesh) -> int:
+    return int(are_used(mesh.cells, len(mesh.vertices)).sum())
 
 
 def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -190,22 +177,15 @@ def unlike(
 ) -> tuple[int, tuple[str, ...]]:
     """Tell in what two surfaces, or curves, in the same place differ; common faces have corners that are `close`.
 
-    Returns
-    -------
-    turned : int
-        Faces of one that look to the other side than those of the other there.
-    remarks : tuple of str
-        Other parts, holes, and faces that are missing, there twice or without area.
+    Returns the number of faces of one that look to the other side than those of the other there, and remarks on other
+    parts, holes, and faces that are missing, there twice or without area.
     """
     rows = [("parts", first.components, second.components)]
     rows.append(("for vertices − edges + faces", first.euler_characteristic, second.euler_characteristic))
     if a.has_indices and b.has_indices:
         one, other = (component_count(each.mesh.cells, len(each.mesh.vertices)) for each in (a, b))
         rows.append(("parts that share no vertex", one, other))
-        one, other = (
-            int(are_used(each.mesh.cells, len(each.mesh.vertices)).sum()) - len(_places(each.mesh)[0])
-            for each in (a, b)
-        )
+        one, other = (_used_count(each.mesh) - len(_places(each.mesh)[0]) for each in (a, b))
         if bool(one) != bool(other):
             rows.append(("further vertices at the places of others", one, other))
     what = ("ends", "segments at a vertex") if first.is_curve else ("edges with one face", "faces at an edge")
