@@ -74,7 +74,7 @@ def require(
                 open_edges = _inward_faces(mesh)
             lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
     if "unfolded" in asked:
-        from gtb_cli.meshes.folds import folded_places
+        from gtb_cli.meshes.solidity import folded_places
 
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*folded_places(surface or mesh), *folds))]
     if "smooth" in asked:

@@ -32,7 +32,7 @@ from gtb_cli.fairing.energy import Energy, energy_matrix, energy_samples
 from gtb_cli.fairing.fair import FOLD_RINGS, RIDGE_FRACTION
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.folds import folded_pairs
+from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import block_length, exponents, shares
 from gtb_cli.theory.edges import edge_points_at

@@ -18,8 +18,7 @@ from gtb_cli.language.loading import parse
 from gtb_cli.language.scanner import Format
 from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, difference
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
-from gtb_cli.meshes.known import KnownMesh, known_exactly, largest_coordinates, rounding
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.shape import Shape, shape_of
 from gtb_cli.theory.model import Model

@@ -11,7 +11,7 @@ from gtb_cli.fairing.energy import Energy, energy_matrix
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.layers import layers
 from gtb_cli.knots.triangulation import central_triangulation
-from gtb_cli.meshes.folds import folded_pairs
+from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

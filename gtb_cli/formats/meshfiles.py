@@ -13,8 +13,7 @@ import numpy as np
 from gtb_cli.errors import GtbError
 from gtb_cli.files import read_file
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point
-from gtb_cli.meshes.known import KnownMesh, largest_coordinates, rounding
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import KnownMesh, Mesh, largest_coordinates, rounding
 from gtb_cli.vocabulary import FORMATS, LFS_FAULT, LFS_POINTER
 
 MAX_FILE_BYTES = 1 << 31  # largest size of a file in bytes; larger ones are refused

@@ -15,25 +15,12 @@ MAX_COMPARED_PAIRS = 50_000_000
 
 
 def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, bool]:
-    """Find triangles of a mesh that pass through others, or lie in one plane with others and overlap them.
+    """(p, 2) triangles of a mesh that pass through each other, or lie in one plane and overlap; each pair once.
 
-    Parameters
-    ----------
-    vertices : (m, 3) float
-        Those at exactly the same place are one.
-    cells : (k, 3) int
-        Triangles with two corners at one place are left out.
+    Vertices at exactly the same place are one, and triangles with two corners at one place are left out. Triangles that
+    only touch do not cross, and neighbours do not cross in what they share. The second value is false if more than
+    `MAX_COMPARED_PAIRS` are near each other, so that not all were compared.
 
-    Returns
-    -------
-    pairs : (p, 2) int
-        Pairs of cells, each pair once. Triangles that only touch do not cross, and neighbours do not cross in what they
-        share.
-    is_complete : bool
-        Whether all pairs were compared: at most `MAX_COMPARED_PAIRS` are near each other.
-
-    Notes
-    -----
     Boxes around the triangles are compared in a tree, level by level: about k log k, unless most of them overlap. A
     million triangles take about ten seconds.
     """

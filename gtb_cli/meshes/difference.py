@@ -12,10 +12,9 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.hausdorff import MAX_CUTS, Farthest, mesh_distance
-from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.matching import matching, unlike
 from gtb_cli.meshes.measures import Measures, measure
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import KnownMesh, Mesh
 
 # Fraction of the bounding box's diagonal. Other processors and libraries change meshes by about 1e-13 of it; moving a
 # control point by 1e-6 moves the surface by more than this wherever its basis function exceeds a thousandth.

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, dot, paired
-from gtb_cli.meshes.known import KnownMesh
 from gtb_cli.meshes.measures import Measures
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import KnownMesh, Mesh
 from gtb_cli.meshes.nearest import NearestCells, middles
 from gtb_cli.meshes.topology import are_used, component_count, sides_of
 from gtb_cli.meshes.welding import weld

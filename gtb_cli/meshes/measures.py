@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, bounds_of, cross, dot
+from gtb_cli.arrays import bounds_of, cross, dot
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, are_used, component_count, sides_of
@@ -15,45 +15,21 @@ from gtb_cli.meshes.welding import weld
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures of a mesh; vertices at exactly the same place count as one.
-
-    Attributes
-    ----------
-    vertices, cells : int
-        Numbers of vertices and cells.
-    bounds : ((3,), (3,)) float
-        Lowest and highest coordinates of the vertices that cells use.
-    area, length : float or None
-        Area of the triangles; length of the segments of a curve.
-    volume : float or None
-        Volume inside a closed, consistently oriented mesh (negative if the faces look inwards); otherwise None.
-    boundary_length : float or None
-        Total length of the edges with one face; None for a curve.
-    components : int
-        Parts that share no vertex.
-    euler_characteristic : int
-        Vertices in use, less edges, plus faces.
-    open_edges : int
-        Edges with one face; for a curve, its ends (vertices with one segment).
-    crowded_edges : int
-        Edges with more than two faces; for a curve, vertices with more than two segments.
-    collapsed : int
-        Cells with two corners at the same place; they count nowhere else.
-    """
+    """Measures of a mesh; vertices at exactly the same place count as one."""
 
     vertices: int
     cells: int
     is_curve: bool
-    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]
-    area: float | None
-    length: float | None
-    volume: float | None
-    boundary_length: float | None
-    components: int
-    euler_characteristic: int
-    open_edges: int
-    crowded_edges: int
-    collapsed: int
+    bounds: tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest of vertices in cells
+    area: float | None  # None for a curve
+    length: float | None  # None for a surface
+    volume: float | None  # negative if the faces look inwards; None if they are not closed and consistently oriented
+    boundary_length: float | None  # of the edges with one face; None for a curve
+    components: int  # parts that share no vertex
+    euler_characteristic: int  # vertices in use, less edges, plus faces
+    open_edges: int  # edges with one face; for a curve, vertices with one segment
+    crowded_edges: int  # edges with more than two faces; for a curve, vertices with more than two segments
+    collapsed: int  # cells with two corners at the same place; they count nowhere else
 
     @property
     def is_closed(self) -> bool:
@@ -65,7 +41,7 @@ class Measures:
         record: dict[str, Any] = {
             "vertices": self.vertices,
             "segments" if self.is_curve else "faces": self.cells,
-            "bounds": [list(self.bounds[0]), list(self.bounds[1])],
+            "bounds": [*map(list, self.bounds)],
             "components": self.components,
             "euler_characteristic": self.euler_characteristic,
         }
@@ -82,16 +58,9 @@ class Measures:
 
 
 def measure(mesh: Mesh) -> Measures:
-    """Measure a mesh.
+    """Measure a mesh, in about 1.5 s for a million triangles.
 
-    Raises
-    ------
-    DomainError
-        The mesh has no cells, or vertices that are not finite.
-
-    Notes
-    -----
-    About 1.5 s for a million triangles.
+    Raises `DomainError` for a mesh without cells, or with vertices that are not finite.
     """
     if not len(mesh.cells):
         raise DomainError("mesh: has no cells, there is nothing to measure")
@@ -131,7 +100,7 @@ def measure(mesh: Mesh) -> Measures:
         vertices=len(mesh.vertices),
         cells=len(mesh.cells),
         is_curve=mesh.is_curve,
-        bounds=(_triple(low), _triple(high)),
+        bounds=(tuple(low.tolist()), tuple(high.tolist())),
         area=area,
         length=length,
         volume=volume,
@@ -142,11 +111,6 @@ def measure(mesh: Mesh) -> Measures:
         crowded_edges=int(np.count_nonzero(number > 2)),
         collapsed=int(np.count_nonzero(~proper)),
     )
-
-
-def _triple(point: FloatArray) -> tuple[float, float, float]:
-    x, y, z = point.tolist()
-    return x, y, z
 
 
 def _scaled(value: float, exponent: int) -> float:

@@ -25,18 +25,10 @@ if TYPE_CHECKING:
 @by_value
 @frozen
 class Origin:
-    """Where the vertices of a model's mesh come from.
+    """Where the vertices of a model's mesh come from."""
 
-    Attributes
-    ----------
-    patch : (m,) int
-        The patch in whose domain each vertex has its parameters; the first one if several share the vertex.
-    turned : (p,) bool
-        The patches whose orientation the mesh reverses.
-    """
-
-    patch: IntArray
-    turned: BoolArray
+    patch: IntArray  # (m,) the patch in whose domain each vertex has its parameters; the first of several
+    turned: BoolArray  # (p,) the patches whose orientation the mesh reverses
 
 
 @by_value
@@ -270,3 +262,34 @@ def _view(values: ArrayLike, kind: type) -> NDArray[Any]:
     view: NDArray[Any] = (array.astype(kind, copy=False) if kind is np.float64 else as_indices(array, kind)).view()
     view.flags.writeable = False
     return view
+
+
+@frozen
+class KnownMesh:
+    """A mesh, and how accurately its coordinates are known."""
+
+    mesh: Mesh
+    # (3,) largest error of a coordinate along each axis: half a unit in the last digit or bit of the file, at the size
+    # of the largest coordinate of a vertex that cells use, plus a few roundings.
+    half_steps: FloatArray
+    format: str  # one of `FORMATS`, or "spec"
+
+    @property
+    def has_indices(self) -> bool:
+        """Whether its faces tell which vertices they share: an STL file has none, a GLB file has those of each node."""
+        return self.format not in ("stl", "glb")
+
+
+def known_exactly(mesh: Mesh) -> KnownMesh:
+    """A mesh that was computed here."""
+    return KnownMesh(mesh, rounding(largest_coordinates(mesh.used)), "spec")
+
+
+def rounding(largest: FloatArray) -> FloatArray:
+    """(3,) error of computed coordinates along each axis, from the largest absolute values."""
+    return largest * 2.0**-50  # rounding of a few operations
+
+
+def largest_coordinates(vertices: FloatArray) -> FloatArray:
+    """(3,) largest absolute values of the coordinates of (m, 3) vertices."""
+    return np.array([np.maximum(x.max(initial=0.0), -x.min(initial=0.0)) for x in vertices.T])

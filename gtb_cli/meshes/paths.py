@@ -18,36 +18,19 @@ MIN_TANGENT_COSINE = 0.5
 
 @frozen
 class Path:
-    """An open or closed polyline: segments with their directions at both ends.
+    """An open or closed polyline: segments with their directions at both ends."""
 
-    Attributes
-    ----------
-    segments : (s,) int
-        Cells of the mesh.
-    vertices : (s + 1,) or, closed, (s,) int
-    points : (s + 1, 3) float
-        The ends of the segments.
-    directions : (s, 2, 3) float
-        Unit vectors.
-    closed : bool
-    """
-
-    segments: IntArray
-    vertices: IntArray
-    points: FloatArray
-    directions: FloatArray
+    segments: IntArray  # (s,) cells of the mesh
+    vertices: IntArray  # (s + 1,) or, closed, (s,)
+    points: FloatArray  # (s + 1, 3) the ends of the segments
+    directions: FloatArray  # (s, 2, 3) unit vectors
     closed: bool
 
 
 def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = MIN_TANGENT_COSINE) -> Iterator[Path]:
-    """Yield the paths of a mesh of segments.
+    """Yield the paths of a mesh of segments; raises `DomainError` for one that is a single point.
 
     Their directions are the tangents (k, 2, 3) where the angle with the segment has at least this cosine.
-
-    Raises
-    ------
-    DomainError
-        A path is a single point.
     """
     closing_gap = 1e-9  # largest distance between the ends of a closed polyline, as a fraction of its extent
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -59,7 +42,8 @@ def paths(mesh: Mesh, tangents: FloatArray | None = None, least_cosine: float = 
         # The segment after skipped ones begins at their start; the last segment ends at the end of the path.
         long = np.flatnonzero(lengths > shortest)
         if not len(long):
-            raise DomainError(f"radius: the curve {mesh.name!r} is a single point at {_place(points[0])}")
+            place = ", ".join(f"{x:g}" for x in points[0])
+            raise DomainError(f"radius: the curve {mesh.name!r} is a single point at ({place})")
         kept = np.append(long, len(segments))
         kept[0] = 0
         points, vertices, segments = points[kept], vertices[kept], segments[long]
@@ -109,7 +93,3 @@ def _chains(cells: IntArray, count: int) -> Iterator[tuple[IntArray, IntArray, B
             if used[segment]:
                 break
         yield np.array(vertices), np.array(segments), np.array(backwards)
-
-
-def _place(point: FloatArray) -> str:
-    return f"({', '.join(f'{x:g}' for x in point)})"

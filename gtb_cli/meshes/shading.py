@@ -13,21 +13,13 @@ SHARPEST = 35.0  # largest angle in degrees between facets of a mesh of a file t
 
 
 class Normals(NamedTuple):
-    """Unit normals of a mesh.
+    """Unit normals of a mesh."""
 
-    Attributes
-    ----------
-    vectors : (k, 3) float
-        First those of the m vertices; then more of some of them, such as of further patches that meet there.
-    corners : (f, 3) int or None
-        The normal of each corner of each face. None: that of its vertex.
-    are_exact : bool
-        Whether all are the surface's own, and none is estimated from facets.
-    """
-
-    vectors: FloatArray
-    corners: IntArray | None = None
-    are_exact: bool = False
+    vectors: (
+        FloatArray  # (k, 3) first those of the m vertices; then more of some, as of further patches that meet there
+    )
+    corners: IntArray | None = None  # (f, 3) the normal of each corner of each face; None: that of its vertex
+    are_exact: bool = False  # all are the surface's own, and none is estimated from facets
 
 
 def normals_of_corners(cells: IntArray, count: int, vectors: FloatArray, rows: IntArray) -> Normals:
@@ -64,14 +56,9 @@ def facet_normals(vertices: FloatArray, cells: IntArray, sharpest: float = SHARP
 
 
 def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -> FloatArray:
-    """Replace normals that a surface does not have (NaN) by means of the facets that have them, weighted by area.
+    """Replace (k, 3) normals that a surface does not have (NaN) by means of the facets around, weighted by area.
 
-    Parameters
-    ----------
-    normals, places : (k, 3) float
-        Normals, and where they are.
-    corners : (f, 3) int
-        The normal of each corner of each face.
+    The normals are at (k, 3) places, and those of (f, 3) corners of faces.
     """
     missing = np.isnan(normals[:, 0])
     if not missing.any():
@@ -84,5 +71,4 @@ def filled_normals(normals: FloatArray, places: FloatArray, corners: IntArray) -
         np.add.at(sums, corners[touching, k], area)
     scale = np.abs(sums).max(axis=1, keepdims=True)
     sums = np.where(scale > 0, sums / np.where(scale > 0, scale, 1), [0.0, 0.0, 1.0])
-    sums /= np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.asarray(np.where(missing[:, None], sums, normals))
+    return np.where(missing[:, None], unit(sums), normals)

@@ -14,27 +14,13 @@ from gtb_cli.values import frozen
 
 @frozen
 class Sides:
-    """The sides of cells, and the edges that they share. Made by `sides_of`.
+    """The sides of cells, and the edges that they share. Made by `sides_of`."""
 
-    Attributes
-    ----------
-    directed : (k s, 2) int
-        Sides in the order of the cells, s = 1 for segments and 3 for triangles.
-    edges : (e, 2) int
-        Pairs of vertices joined by at least one side, each pair once, ascending, sorted.
-    edge : (k, s) int
-        The edge of each side.
-    first : (e,) int
-        The first side, a row of `directed`, that runs along each edge.
-    uses : (e,) int
-        Number of sides along each edge.
-    """
-
-    directed: IntArray
-    edges: IntArray
-    edge: IntArray
-    first: IntArray
-    uses: IntArray
+    directed: IntArray  # (k s, 2) sides in the order of the cells, s = 1 for segments and 3 for triangles
+    edges: IntArray  # (e, 2) vertices joined by at least one side, each pair once, ascending, sorted
+    edge: IntArray  # (k, s) the edge of each side
+    first: IntArray  # (e,) the first side, a row of `directed`, that runs along each edge
+    uses: IntArray  # (e,) number of sides along each edge
 
     @cached_property
     def balance(self) -> IntArray:
@@ -61,15 +47,13 @@ class Sides:
     def open(self) -> IntArray:
         """(b,) rows of `directed`, ascending: sides that do not meet exactly one other, in the opposite direction."""
         met = (self.uses == 2) & (self.balance == 0)
-        return np.flatnonzero(~(met | ~self.is_proper)[self.edge.ravel()])
+        return np.flatnonzero((~met & self.is_proper)[self.edge.ravel()])
 
 
 def sides_of(cells: IntArray) -> Sides:
     """Return the sides of segments (k, 2) or triangles (k, 3), and which of them share an edge.
 
-    Notes
-    -----
-    About 0.3 s for a million triangles, since each pair is sorted as one number.
+    It takes about 0.3 s for a million triangles, since each pair is sorted as one number.
     """
     around = [0, 1] if cells.shape[1] == 2 else [0, 1, 1, 2, 2, 0]
     directed = cells[:, around].reshape(-1, 2)

@@ -201,9 +201,8 @@ class Recipe:
 
     def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
         """The solid between the mesh of a surface and its offset, and where the surface or the offset folds."""
-        from gtb_cli.meshes.folds import folded_places
         from gtb_cli.meshes.solid import folded_faces, thicken
-        from gtb_cli.meshes.solidity import point, where
+        from gtb_cli.meshes.solidity import folded_places, point, where
         from gtb_cli.tessellation.offset import sharpest_bend
 
         remarks = folded_places(mesh)

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 from gtb_cli.formats.export import encode_mesh
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import difference
-from gtb_cli.meshes.known import known_exactly
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import Mesh, known_exactly
 from tests.benchmarks import Row, paired, segments
 from tests.tiny_meshes import surface
 

@@ -16,8 +16,7 @@ import pytest
 from gtb_cli.formats.export import write_mesh
 from gtb_cli.language.writer import dump
 from gtb_cli.meshes.difference import difference
-from gtb_cli.meshes.known import known_exactly
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import Mesh, known_exactly
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests.shell import CURVE, PENTAGON, SPECS, gtb

@@ -8,8 +8,7 @@ import pytest
 
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
-from gtb_cli.meshes.known import KnownMesh, known_exactly
-from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly
 from tests.tiny_meshes import curve, encoded, model, surface
 
 RNG = np.random.default_rng(3)
