@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 import os
 from collections.abc import Callable, Sequence
 from inspect import signature
@@ -16,11 +15,19 @@ from gtb_cli.shell.console import STANDARD, Console, leads_out
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.streams import about, read_spec, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.vocabulary import ATTRIBUTES, BASIS, FORMATS, MAX_FACES, PARAMETRIZATIONS, RESOLUTION, SPEC_FORMATS, UP
+from gtb_cli.vocabulary import (
+    ATTRIBUTES,
+    BASIS,
+    FORMATS,
+    MAX_FACES,
+    PARAMETRIZATIONS,
+    RESOLUTION,
+    SPEC_FORMATS,
+    UP,
+    percentage,
+)
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -34,12 +41,11 @@ def tolerance_of(ctx: click.Context, param: click.Parameter, value: str | None) 
         return None
     text = value.strip()
     try:
-        number = math.nan if "_" in text or not text.isascii() else float(text.removesuffix("%"))
-    except ValueError:
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise click.BadParameter(f"{value!r} is not a positive number or percentage, such as 0.01 or 1%", ctx, param)
-    return text if text.endswith("%") else number
+        percentage(text if text.endswith("%") else f"{text}%")
+    except DomainError:
+        expected = "a positive number or percentage, such as 0.01 or 1%"
+        raise click.BadParameter(f"{value!r} is not {expected}", ctx, param) from None
+    return text if text.endswith("%") else float(text)
 
 
 def requirements_of(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
@@ -79,19 +85,8 @@ def length_of(ctx: click.Context, param: click.Parameter, value: str | None) -> 
     return number
 
 
-class FileName(click.ParamType):  # type: ignore[type-arg]
-    """Name of a file that a command reads (`INPUT`) or writes (`OUTPUT`), or - for a standard stream."""
-
-    name = "file"
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Let the shell complete file names."""
-        from click.shell_completion import CompletionItem
-
-        return [CompletionItem(incomplete, type="file")]
-
-
-INPUT, OUTPUT = FileName(), FileName()
+# Names of files that a command reads, and of those that it writes; - is a standard stream
+INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
 
 
 class WholeNumber(click.IntRange):
@@ -119,7 +114,7 @@ class AttributeName(click.Choice):  # type: ignore[type-arg]
         return super().convert(value, param, ctx)
 
 
-def named_files(kind: FileName) -> list[str]:
+def named_files(kind: click.Path) -> list[str]:
     """Return the inputs or outputs of the running command."""
     context = click.get_current_context()
     given = [context.params.get(param.name or "") for param in context.command.params if param.type is kind]

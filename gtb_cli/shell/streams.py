@@ -21,19 +21,11 @@ if TYPE_CHECKING:
     from gtb_cli.theory.patch import Patch
 
 STDIN = "<stdin>"  # name of standard input in messages
-
-
 MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
 def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
-    """Read a spec from a file, or from standard input.
-
-    Raises
-    ------
-    SpecError
-        The spec cannot be read or has errors: a line for each.
-    """
+    """Read a spec from a file, or from standard input; a `SpecError` has a line for each of its errors."""
     from gtb_cli.language.document import MAX_BYTES
     from gtb_cli.language.loading import load, parse
 
@@ -73,13 +65,7 @@ def read_bytes(path: str, limit: int) -> bytes:
 
 @contextmanager
 def opened(path: str) -> Iterator[IO[bytes]]:
-    """Open a file, or standard input, for reading bytes.
-
-    Raises
-    ------
-    SpecError
-        The file does not exist, or reading it fails.
-    """
+    """Open a file, or standard input, for reading bytes; failures, also of reading, are a `SpecError`."""
     if path == STANDARD and sys.stdin is None:
         raise SpecError(f"{STDIN}: standard input is closed")
     try:
@@ -166,12 +152,7 @@ def _status(path: str) -> os.stat_result | None:
 def write_blocks(output: str, blocks: Iterable[bytes]) -> None:
     """Write bytes to standard output, or to a file that appears whole or not at all.
 
-    Raises
-    ------
-    ExportError
-        The bytes cannot be written.
-    BrokenPipeError
-        The reader of a pipe has closed it.
+    Failures are an `ExportError`, or a `BrokenPipeError` if the reader of a pipe has closed it.
     """
     if output != STANDARD:
         from gtb_cli.files import replace_file
