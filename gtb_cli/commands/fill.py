@@ -65,12 +65,11 @@ def fill(
     from gtb_cli.design.fill import Options
     from gtb_cli.design.filling import filled
     from gtb_cli.design.loops import read_loop
-    from gtb_cli.language.document import MAX_BYTES
     from gtb_cli.language.writer import dump
     from gtb_cli.theory.model import Model
 
     source = shown_input(loop)
-    found = read_loop(read_bytes(loop, MAX_BYTES + 1), source, spec_format)
+    found = read_loop(read_bytes(loop), source, spec_format)
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
         filling = filled(found, hole, Options(inner, fullness or 1.0, raises), name)

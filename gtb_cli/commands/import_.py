@@ -35,11 +35,10 @@ def import_(file: str, format: str | None, output: str, console: Console) -> Non
     from gtb_cli.design.fill import fill_loop
     from gtb_cli.design.loops import SUFFIXES, loop_from_text
     from gtb_cli.imports.readers import import_file
-    from gtb_cli.language.document import MAX_BYTES
     from gtb_cli.language.writer import dump
 
     source = shown_input(file)
-    data = read_bytes(file, MAX_BYTES + 1)
+    data = read_bytes(file)
     if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
         sides = loop_from_text(data, source)
         with about(source):

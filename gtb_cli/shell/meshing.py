@@ -23,38 +23,20 @@ if TYPE_CHECKING:
 
 @frozen
 class MeshOptions:
-    """The mesh to make, and the format in which it is written.
-
-    Attributes
-    ----------
-    recipe : Recipe
-    format : str or None
-        None: given by the name of the output.
-    uv, ascii : bool
-    up : "z", "y" or None
-        Axis of the file that points up if z does in the spec. None: as the format prescribes.
-    """
+    """The mesh to make, and the format in which it is written."""
 
     recipe: Recipe
-    format: str | None = None
+    format: str | None = None  # given by the name of the output
     uv: bool = False
     ascii: bool = False
-    up: Up | None = None
+    up: Up | None = None  # as the format prescribes
 
     def refuse(self, reason: str, *names: str) -> None:
         """Raise a usage error with a reason if one of these options is given."""
-        recipe = self.recipe
-        given: dict[str, object] = {
-            "normals": recipe.normals,
-            "uv": self.uv,
-            "ascii": self.ascii,
-            "certify": recipe.certify,
-        }
-        given |= {"radius": recipe.radius, "thickness": recipe.thickness}
-        given |= {"attribute": recipe.attributes, "require": recipe.require}
         for name in names:
-            if given[name]:
-                raise click.UsageError(f"--{name} {reason}")
+            holder = self if name in ("uv", "ascii") else self.recipe
+            if getattr(holder, name):
+                raise click.UsageError(f"--{name.replace('attributes', 'attribute')} {reason}")
 
     @property
     def settings(self) -> dict[str, object]:
@@ -78,10 +60,7 @@ class MeshOptions:
     def made(self, spec: Patch | Model, kind: str) -> tuple[Mesh, list[str]]:
         """Make a mesh for a format, and remarks: what is certified, is so of the numbers in the file.
 
-        Raises
-        ------
-        ToleranceError
-            The numbers of the format move vertices farther than a tolerance that is to be certified.
+        A `ToleranceError` says that these move vertices farther than a tolerance that is to be certified.
         """
         tolerance, rounding = self.recipe.tolerance_for(spec), 0.0
         if tolerance is not None and self.recipe.assurance(spec) == "certified":
@@ -114,12 +93,7 @@ class MeshOptions:
     def format_for(self, output: str, more: Iterable[str] = ()) -> str:
         """Return the format of an output: that of -f, or of the suffix of a file; OBJ for a folder or a stream.
 
-        Messages also name the suffixes in `more`.
-
-        Raises
-        ------
-        ExportError
-            The suffix does not belong to a format, or the output is a terminal and the format is binary.
+        An `ExportError` refuses other suffixes, and names those in `more`, too; and binary formats on a terminal.
         """
         kind = self.format
         if kind is None:

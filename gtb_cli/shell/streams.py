@@ -26,11 +26,10 @@ MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system
 
 def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
     """Read a spec from a file, or from standard input; a `SpecError` has a line for each of its errors."""
-    from gtb_cli.language.document import MAX_BYTES
     from gtb_cli.language.loading import load, parse
 
     if path == STANDARD or spec_format is not None:
-        return parse(read_bytes(path, MAX_BYTES + 1), shown_input(path), spec_format)  # type: ignore[arg-type]
+        return parse(read_bytes(path), shown_input(path), spec_format)  # type: ignore[arg-type]
     return load(path)
 
 
@@ -57,10 +56,12 @@ def single(spec: Patch | Model) -> Patch:
     return spec
 
 
-def read_bytes(path: str, limit: int) -> bytes:
-    """Read at most `limit` bytes of a file, or of standard input."""
+def read_bytes(path: str) -> bytes:
+    """Read a file, or standard input; at most one byte more than a spec may have."""
+    from gtb_cli.language.document import MAX_BYTES
+
     with opened(path) as file:
-        return file.read(limit)
+        return file.read(MAX_BYTES + 1)
 
 
 @contextmanager
