@@ -29,33 +29,6 @@ def inputs_of(specs: Sequence[str], output: str) -> tuple[str, ...]:
     return found
 
 
-def reports_on(
-    specs: Sequence[str], report: Callable[[str], Found], jobs: int
-) -> tuple[list[tuple[str, Found]], list[str]]:
-    """Return the name of each spec with what `report` returns for it, and the error lines of the other specs.
-
-    Several processes share the work if `report` is a function of a module, or a partial one; this process reads
-    standard input.
-    """
-    found: list[tuple[str, Found]] = []
-    errors: list[str] = []
-    elsewhere = Workers(jobs).results(partial(_attempted, report=report), [spec for spec in specs if spec != STANDARD])
-    with closing(elsewhere):
-        for spec in specs:
-            result = _attempted(spec, report) if spec == STANDARD else next(elsewhere)
-            if isinstance(result, GtbError):
-                errors += str(result).split("\n")
-            else:
-                found.append((shown_input(spec), result))
-    if not found:
-        raise GtbError("\n".join(errors))
-    return found, errors
-
-
-def _attempted(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
-    return attempted(spec, report, spec)
-
-
 def attempted(spec: str, function: Callable[[Task], Found], task: Task) -> Found | GtbError:
     """Return ``function(task)``, or the error in this spec: whatever it is, it does not stop the other specs."""
     try:
@@ -71,21 +44,15 @@ def fault(spec: str, error: Exception) -> GtbError:
     return GtbError("\n".join(f"{shown_input(spec)}: {line}" for line in lines_about(error)))
 
 
+def _reported(spec: str, report: Callable[[str], Found]) -> Found | GtbError:
+    return attempted(spec, report, spec)
+
+
 @dataclass(frozen=True)
 class ReportRequest:
-    """The specs on which a command reports, and how it does so.
+    """The specs, and folders of them, on which a command reports, and how it does so.
 
-    Attributes
-    ----------
-    specs : tuple of str
-        Paths of specs, and of folders of them.
-    as_json : bool
-    in_full : bool
-        Whether everything is printed, and not just a line for each of several specs.
-    weld : float, str or None
-    jobs : int
-    output : str
-    spec_format : str or None
+    Without `in_full`, each of several specs gets a line, and a large model an extract.
     """
 
     specs: tuple[str, ...]
@@ -97,9 +64,25 @@ class ReportRequest:
     spec_format: str | None
 
     def found(self, report: Callable[..., Found]) -> tuple[list[tuple[str, Found]], list[str]]:
-        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, as `reports_on` does."""
-        found = partial(report, spec_format=self.spec_format, weld=self.weld)
-        return reports_on(inputs_of(self.specs, self.output), found, self.jobs)
+        """Return what ``report(path, spec_format=…, weld=…)`` returns for each spec, by name, and the error lines.
+
+        Several processes share the work, so `report` is a function of a module; this one reads standard input. It is a
+        `GtbError` if all specs have errors.
+        """
+        specs = inputs_of(self.specs, self.output)
+        reported = partial(_reported, report=partial(report, spec_format=self.spec_format, weld=self.weld))
+        found: list[tuple[str, Found]] = []
+        errors: list[str] = []
+        with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:
+            for spec in specs:
+                result = reported(spec) if spec == STANDARD else next(elsewhere)
+                if isinstance(result, GtbError):
+                    errors += str(result).split("\n")
+                else:
+                    found.append((shown_input(spec), result))
+        if not found:
+            raise GtbError("\n".join(errors))
+        return found, errors
 
     def write(
         self,
