@@ -5,10 +5,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, finite, planar_cross, read_only
+from gtb_cli.arrays import FloatArray, planar_cross, read_only
 from gtb_cli.errors import DomainError
-from gtb_cli.knots.domain import PARAMETER_ULPS
-from gtb_cli.knots.hull import border_of, depth_in, knot_tolerance
+from gtb_cli.knots.hull import border_of, knot_tolerance
 from gtb_cli.knots.upper_faces import lifted_knots, upper_faces
 from gtb_cli.values import by_value, frozen
 
@@ -70,47 +69,6 @@ class RegularDecomposition:
         gaps[members] = 0.0
         return read_only(gaps)
 
-    def locate(self, p: ArrayLike) -> IntArray:
-        """Find the cell that contains each point.
-
-        Parameters
-        ----------
-        p : (m, d) float, or (m,) for a curve
-            Points of Δ, in the units of the knots.
-
-        Returns
-        -------
-        (m,) int
-            Index into `cells`; on common borders (within 4 ulp of the data) the lowest one. A point outside Δ belongs
-            to the cell whose edges' lines it violates least; this is the nearest cell if the point is outside only by
-            rounding.
-
-        Raises
-        ------
-        DomainError
-            The points have a wrong shape or are not finite.
-        """
-        points = finite("points", p)
-        if points.ndim == 1 and self.dimension == 1:
-            points = points[:, None]
-        if points.ndim != 2 or points.shape[1] != self.dimension:
-            raise DomainError(f"points: expected shape (m, {self.dimension}), got {points.shape}")
-        center = self.knots[0]
-        tolerance = PARAMETER_ULPS * EPS * float(max(np.abs(self.knots).max(), np.ptp(self.knots, axis=0).max()))
-        corners = [self.knots[list(polygon)] - center for polygon in self.polygons]
-        found = np.zeros(len(points), dtype=np.int64)
-        if len(corners) == 1:
-            return found
-        open_ = np.arange(len(points))
-        for cell, polygon in enumerate(corners):
-            inside = depth_in(polygon, points[open_] - center) >= -tolerance
-            found[open_[inside]] = cell
-            open_ = open_[~inside]
-        if len(open_):
-            depths = [depth_in(polygon, points[open_] - center) for polygon in corners]
-            found[open_] = np.argmax(depths, axis=0)
-        return found
-
 
 def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomposition:
     """Decompose knots by the upper faces of the convex hull of the lifted knots (a_i, λ_i).
@@ -128,7 +86,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     Raises
     ------
     DomainError
-        Shapes disagree, values are not finite, or all knots lie on one line (at one place for d = 1).
+        Shapes disagree, values are not finite or beyond 1e100, or all knots lie on one line (at one place for d = 1).
 
     Notes
     -----
@@ -146,10 +104,7 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
     faces = upper_faces(lifted)
     cells = tuple(tuple(sorted(face.knots)) for face in faces)
     present = {i for cell in cells for i in cell}
-    try:
-        planes = [face.affine() for face in faces]
-    except OverflowError:
-        raise DomainError("lifting: too steep, a cell's gradient is beyond the largest float") from None
+    planes = [face.affine() for face in faces]
     representative: dict[int, int] = {}
     for i in sorted(present):
         representative.setdefault(lifted.places[i], i)
@@ -165,13 +120,10 @@ def regular_decomposition(knots: ArrayLike, lifting: ArrayLike) -> RegularDecomp
 
 
 def control_net(decomposition: RegularDecomposition) -> list[tuple[int, int]]:
-    """The control net that a lifting induces: it joins knots that are neighbours along the borders of the cells.
+    """The control net that a lifting induces: sorted pairs of knots that are neighbours along the borders of the cells.
 
-    Returns
-    -------
-    list of (int, int)
-        Pairs of knot indices, ascending, sorted, each once; for d = 1 the control polygon. Knots inside a cell are left
-        out; the lowest index stands for all knots at the same place.
+    For d = 1 it is the control polygon. Knots inside a cell are left out; the lowest index stands for all knots at the
+    same place.
     """
     knots = decomposition.knots - decomposition.knots[0]
     tolerance = knot_tolerance(decomposition.knots)

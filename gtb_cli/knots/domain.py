@@ -25,7 +25,8 @@ PARAMETER_ULPS = 4
 class Domain:
     """Convex hull Δ of the knots, with its facets (edges; for a curve the two ends) and edge functions.
 
-    ``h_j(u) = <normals[j], u - vertices[j]> = s_j (<ξ_j, u> + ρ_j)``, nonnegative inside. Made by `domain`.
+    ``h_j(u) = <normals[j], u - vertices[j]> = s_j (<ξ_j, u> + ρ_j)``, nonnegative inside (Sections 2.1 and 2.2 of the
+    paper; Def. 2.1, Def. 2.2). Made by `domain`.
 
     Attributes
     ----------
@@ -39,12 +40,6 @@ class Domain:
         Whether knot i lies on edge j; decided once, with `KNOT_TOLERANCE`.
     heights : (n, r) float
         The exponents h_j(a_i), exactly 0 where `incidence` holds.
-    edge_normals, edge_scale
-        The choice of the normals' lengths, as given to `domain`.
-
-    References
-    ----------
-    Sections 2.1 and 2.2 of the paper; Def. 2.1, Def. 2.2.
     """
 
     knots: FloatArray
@@ -85,27 +80,10 @@ class Domain:
         return Faces(self.dimension, self.incidence)
 
     def edge_functions(self, u: ArrayLike) -> FloatArray:
-        """Evaluate the edge functions.
+        """(m, r) edge functions h_j(u) ≥ 0 of (m, d) parameters in Δ, exactly 0 within `tolerance` of edge j.
 
-        Parameters
-        ----------
-        u : (m, d) float, or (m,) for a curve
-            Parameters in Δ, in the units of the knots.
-
-        Returns
-        -------
-        (m, r) float
-            h_j(u) ≥ 0, exactly 0 within `tolerance` of edge j.
-
-        Raises
-        ------
-        DomainError
-            A parameter is not finite or lies outside Δ.
-
-        Notes
-        -----
-        The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis:
-        within `CANCELLING_DISTANCE` of a slanted edge the distance is computed from exact differences.
+        The relative error is below 1e-12 however near the edge is, and a few roundings for an edge along an axis.
+        Raises `DomainError` for a parameter that is not finite or lies outside Δ.
         """
         return np.ascontiguousarray(self.heights_of_columns(self.columns(u)).T)
 
@@ -114,17 +92,10 @@ class Domain:
         return self.grid(u)[0]
 
     def grid(self, u: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-        """Return parameters as (m, d), and the shape of the grid in which they were given.
+        """Return parameters, given as (…, d), as (m, d), and the shape of the grid in which they were given.
 
-        Parameters
-        ----------
-        u : (…, d) float, or (…) for a curve
-            For a curve, a last axis of length 1 counts as d, unless it is the only axis.
-
-        Raises
-        ------
-        DomainError
-            The last axis has another length, or the values are not numbers.
+        For a curve, they may be (…), and a last axis of length 1 counts as d, unless it is the only axis. Raises
+        `DomainError` if the last axis has another length, or the values are not numbers.
         """
         try:
             array = np.asarray(u, dtype=np.float64)
@@ -143,13 +114,8 @@ class Domain:
         `first` is the index of the first parameter in messages. `faces` has the numbers of the faces on which
         parameters are known to lie, despite rounding.
         """
-        h = np.zeros((len(self.vertices), len(u)))
-        for axis, coordinates in enumerate(np.ascontiguousarray(u.T)):
-            for row, vertex, normal in zip(
-                h, self.vertices[:, axis].tolist(), self.normals[:, axis].tolist(), strict=True
-            ):
-                if normal:
-                    row += (coordinates - vertex) * normal
+        columns = zip(np.ascontiguousarray(u.T), self.vertices.T[:, :, None], self.normals.T[:, :, None], strict=True)
+        h = np.asarray(sum((coordinates - vertex) * normal for coordinates, vertex, normal in columns))
         if faces is not None:
             known = np.flatnonzero(faces)
             h[:, known] = np.where(self.faces.vanishing.take(faces[known], axis=0).T, 0.0, h[:, known])
@@ -174,13 +140,7 @@ class Domain:
 
     def nearest_edge(self, heights: FloatArray) -> IntArray:
         """(m,) index of the edge nearest to each point, from (r, m) edge functions."""
-        edge = np.zeros(heights.shape[1], dtype=np.int64)
-        least = heights[0] / self.normal_lengths[0]
-        for j in range(1, len(heights)):
-            distance = heights[j] / self.normal_lengths[j]
-            edge[distance < least] = j
-            np.minimum(least, distance, out=least)
-        return edge
+        return np.asarray(np.argmin(heights / self.normal_lengths[:, None], axis=0))
 
     def edge_knots(self, edge: int) -> IntArray:
         """Indices of the knots on an edge, in order along it (equal places in order of index)."""
@@ -221,33 +181,15 @@ class Domain:
 
 
 def domain(knots: ArrayLike, edge_normals: EdgeNormals = "auto", edge_scale: ArrayLike = 1.0) -> Domain:
-    """Build the domain of a set of knots.
+    """Build the domain of a set of real knots a_i, (n, d) or (n,) for d = 1, in any order, repetitions allowed.
 
-    Parameters
-    ----------
-    knots : (n, d) float, or (n,) for d = 1
-        Real knots a_i, in any order, repetitions allowed.
-    edge_normals : {"auto", "unit", "primitive"}
-        Length of the normals ξ_j: unit, or that of primitive integer vectors (the paper's choice for lattice polygons),
-        which requires integer corners of Δ. "auto" is primitive if the corners are integers, otherwise unit. For d = 1
-        all are the same.
-    edge_scale : float or (r,) float
-        Further positive factors s_j; for d = 1 these are k_0, k_1.
-
-    Raises
-    ------
-    DomainError
-        The knots have a wrong shape, are not finite, or lie on one line (one point for d = 1), or the factors have a
-        wrong number or sign.
-
-    References
-    ----------
-    Def. 2.1, Def. 2.2, Remark 2.1 (the paper leaves the scale of the normals open).
+    The normals ξ_j are unit vectors, or primitive integer vectors (the paper's choice for lattice polygons), which
+    require integer corners of Δ; "auto" is primitive if the corners are integers, otherwise unit. For d = 1 all are the
+    same. The edge scales s_j (for d = 1, k_0 and k_1) are one positive factor or (r,): Def. 2.1, Def. 2.2, Remark 2.1.
+    Raises `DomainError` for knots with a wrong shape, not finite, or on one line, and for wrong factors.
     """
-    # Limits for the size of Δ, and for edge scales: products of two neither overflow nor underflow
-    extent_range = (1e-100, 1e100)
+    low, high = 1e-100, 1e100  # for the size of Δ, and edge scales: products of two neither overflow nor underflow
     points = finite("knots", knots)
-    low, high = extent_range
     if np.abs(points).max(initial=0.0) > high:
         raise DomainError(f"knots: coordinates beyond {high:g} are not supported, got {np.abs(points).max():g}")
     if points.ndim == 1:

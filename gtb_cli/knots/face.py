@@ -13,20 +13,11 @@ INTERIOR = 0  # number of Δ itself among its faces, and thus of points that do 
 
 @frozen
 class Face:
-    """Δ itself, an edge or a corner of it; the ends of a curve are corners.
+    """Δ itself, an edge or a corner of it, of the `dimension` 2 (for a curve 1), 1 or 0; ends of a curve are corners.
 
-    Attributes
-    ----------
-    number : int
-        Index in `Faces`, by which arrays refer to faces.
-    dimension : int
-        Dimension of Δ for Δ itself, 1 for an edge, 0 for a corner.
-    index : int
-        Edge j or corner k of Δ; 0 for Δ itself.
-    knots : (n,) bool
-        Whether each knot lies on the face.
-    facets : (g,) int
-        The edges (for a curve, ends) that contain the face: their edge functions vanish on it.
+    `number` is its index in `Faces`, by which arrays refer to faces, `index` that among the edges or corners. `knots`,
+    (n,), tells which lie on the face, and the edge functions of the (g,) `facets`, edges or ends of a curve, vanish on
+    it.
     """
 
     number: int
@@ -50,12 +41,7 @@ class Face:
 class Faces:
     """All faces of Δ, by number: Δ itself, its r edges, then its r corners; for a curve, Δ itself and its two ends.
 
-    Parameters
-    ----------
-    dimension : int
-        1 for a curve, 2 for a surface.
-    incidence : (n, r) bool
-        Whether knot i lies on edge j.
+    `incidence`, (n, r), tells whether knot i lies on edge j.
     """
 
     dimension: int

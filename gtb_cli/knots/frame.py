@@ -15,15 +15,9 @@ PARALLEL_SINE = 1e-12
 class Frame(NamedTuple):
     """Coordinates of the knots about a knot k.
 
-    Attributes
-    ----------
-    along, across : (n, n) float
-        Coordinates of knot i along and across the line from knot k to knot j, up to positive factors for each j;
-        positive to the left. `across` is exactly 0 for the knots on that line, in particular for those on an edge.
-    lengths : (n,) float
-        Distances from knot k.
-    away : (a,) int
-        The knots that are not at the place of knot k, up to rounding.
+    `along` and `across`, (n, n), are those of knot i along and across the line from knot k to knot j, up to positive
+    factors for each j; positive to the left, and exactly 0 across for the knots on that line, in particular for those
+    on an edge. `lengths`, (n,), are distances from knot k, and `away` has the knots at other places, up to rounding.
     """
 
     along: FloatArray

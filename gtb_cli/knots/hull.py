@@ -24,22 +24,10 @@ def knot_tolerance(points: FloatArray) -> float:
 
 
 def convex_hull(points: FloatArray) -> IntArray:
-    """Indices of the corners of the convex hull of points in the plane.
+    """Indices of the corners of the hull of (n, 2) points, counter-clockwise from the lowest, then leftmost, one.
 
-    Parameters
-    ----------
-    points : (n, 2) float
-
-    Returns
-    -------
-    (r,) int
-        Counter-clockwise from the lowest, then leftmost, corner. Points within `knot_tolerance` of
-        an edge are not corners; the first of equal points is taken.
-
-    Raises
-    ------
-    DomainError
-        All points lie on one line, within the tolerance.
+    Points within `knot_tolerance` of an edge are not corners; the first of equal points is taken. Raises `DomainError`
+    if all points lie on one line, within the tolerance.
     """
     tolerance = knot_tolerance(points)
     centered = points - points.mean(axis=0)
@@ -65,12 +53,8 @@ def convex_hull(points: FloatArray) -> IntArray:
         a, b, c = hull[k - 1], hull[k], hull[(k + 1) % len(hull)]
         return abs(cross(a, b, c)) / math.hypot(x[c] - x[a], y[c] - y[a]) if (x[a], y[a]) != (x[c], y[c]) else 0.0
 
-    flat = [flatness(k) for k in range(len(hull))]
-    while len(hull) > 2 and min(flat) <= tolerance:
-        thinnest = flat.index(min(flat))
-        del hull[thinnest], flat[thinnest]
-        for k in (thinnest - 1, thinnest % len(hull)):  # only its neighbours have changed
-            flat[k] = flatness(k)
+    while len(hull) > 2 and flatness(thinnest := min(range(len(hull)), key=flatness)) <= tolerance:
+        del hull[thinnest]
     if len(hull) < 3:
         raise DomainError(f"knots: all {len(points)} lie on one line, their hull is flat")
     lowest = min(y[i] for i in hull) + tolerance

@@ -19,14 +19,8 @@ MAX_BINOMIAL_DEGREE = 1029  # largest degree whose binomial coefficients are all
 class Direction:
     """A direction of a lattice: the only one of a segment or triangle, or one of the two of a parallelogram.
 
-    Attributes
-    ----------
-    degree : int
-    shares : (n, e) float
-        Barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3), beginning with its first
-        corner.
-    steps : (e − 1, d) float
-        Steps from a knot to the next ones, towards the other corners.
+    `shares`, (n, e), are barycentric coordinates of the knots in the segment (e = 2) or triangle (e = 3), beginning
+    with its first corner; `steps`, (e − 1, d), lead from a knot to the next ones, towards the other corners.
     """
 
     degree: int
@@ -46,45 +40,21 @@ class Direction:
 
 
 def lattice_of(domain: Domain) -> tuple[Direction, ...] | None:
-    """Find the directions of a lattice: one for a curve or triangle, two for a parallelogram.
+    """Find the directions of a lattice: one for a curve or triangle, two, along edges 0 and 3, for a parallelogram.
 
-    Returns
-    -------
-    tuple of Direction, or None
-        The directions, if the knots are all points of such a lattice, each once, within `LATTICE_TOLERANCE`; otherwise
-        None. The directions of a parallelogram run along edge 0 and along edge 3.
-
-    References
-    ----------
-    The remarks after Def. 2.1 and Def. 2.2.
+    None if the knots are not all points of such a lattice, each once, within `LATTICE_TOLERANCE`. See the remarks after
+    Def. 2.1 and Def. 2.2.
     """
     directions = _directions(domain)
     return None if _fault(domain, directions) else directions
 
 
 def binomial_coefficients(domain: Domain) -> FloatArray:
-    """Return the coefficients that make a lattice patch a classical Bézier curve, triangle or tensor product.
+    """(n,) coefficients that make a patch on a lattice of knots a classical Bézier curve, triangle or tensor product.
 
     ``k!/∏ i_j!`` if the knots are all ``(i_0, …, i_d)/k`` in barycentric coordinates of a segment or triangle; ``C(k,
-    i) C(l, j)`` if they are all ``(i/k, j/l)`` of a rectangle or any other parallelogram.
-
-    Parameters
-    ----------
-    domain : Domain
-        Its knots may have any order, place and scale.
-
-    Returns
-    -------
-    (n,) float
-
-    Raises
-    ------
-    DomainError
-        The knots do not form a lattice (see `lattice_of`), or the coefficients are beyond the range of floats.
-
-    References
-    ----------
-    The remarks after Def. 2.1 and Def. 2.2.
+    i) C(l, j)`` if they are all ``(i/k, j/l)`` of a parallelogram, in any order (the remarks after Def. 2.1 and Def.
+    2.2). Raises `DomainError` for other knots (see `lattice_of`), and for coefficients beyond the range of floats.
     """
     directions = _directions(domain)
     fault = _fault(domain, directions)

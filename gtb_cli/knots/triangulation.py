@@ -1,7 +1,5 @@
 """The domain cut into equal parts: parameters and cells in an order that depends only on the domain and the number."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gtb_cli.arrays import FloatArray, IntArray, index_type, planar_cross
@@ -12,15 +10,10 @@ from gtb_cli.values import frozen
 
 @frozen
 class Triangulation:
-    """Parameters in Δ and the cells between them.
+    """(m, d) parameters in Δ and (k, d + 1) cells between them, counter-clockwise, or ascending segments.
 
-    Attributes
-    ----------
-    parameters : (m, d) float
-    cells : (k, d + 1) int
-        Counter-clockwise; segments ascending.
-    boundary : (r, N) int
-        Vertices on each edge of Δ, from its first corner, included, to its last, excluded; for d = 1 the two ends.
+    `boundary`, (r, N), has the vertices on each edge of Δ, from its first corner, included, to its last, excluded; for
+    d = 1 the two ends.
     """
 
     parameters: FloatArray
@@ -39,7 +32,7 @@ class Triangulation:
         face[self.boundary[:, 0]] = faces.corners
         return face
 
-    def moved(self, corners: FloatArray, edge: int, fractions: FloatArray) -> Triangulation:
+    def moved(self, corners: FloatArray, edge: int, fractions: FloatArray) -> "Triangulation":
         """Move the vertices on an edge of Δ to (N + 1,) ascending fractions of it, and those inside along with them.
 
         A vertex between the centroid of the (r, 2) corners and the edge moves parallel to this, the less the nearer it
@@ -61,7 +54,7 @@ class Triangulation:
         a, b, c = (self.parameters[corner] for corner in self.cells.T)
         return not bool((planar_cross(b - a, c - a) > 0).all())
 
-    def with_cut_beside(self, corner: int) -> Triangulation:
+    def with_cut_beside(self, corner: int) -> "Triangulation":
         """Halve the side from the first vertex after a corner to the inner vertex of their cell."""
         first = corner * self.boundary.shape[1]
         at, after = self.boundary.ravel().take([first, first + 1], mode="wrap")

@@ -1,8 +1,9 @@
-"""Upper faces of lifted knots: the simplices of their hull, joined again if rounding of the input split a face."""
+"""Upper faces of lifted knots: their exact hull, in integers, with simplices joined that rounding had split."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,22 +11,26 @@ from numpy.typing import ArrayLike
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, one_for_each, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
-from gtb_cli.knots.upper_hull import UpperHull, height, integers, upper_hull
+
+POINT_BELOW = -1  # index of the point at infinity below the lifted knots, which makes the lower hull one vertical prism
+
+Simplex = tuple[int, ...]  # indices of knots: ascending places on a line, counter-clockwise in the plane
+
+Plane = tuple[int, ...]  # (n, c) with <n, (a, λ)> = c, and n_λ > 0 for an upper simplex
 
 
 @dataclass(frozen=True)
 class Lifted:
-    """Lifted knots as floats, and as exact integers, with a power of two as unit of each axis."""
+    """Lifted knots as floats, and as integers in units of 2^-bits: floats are binary fractions."""
 
     points: FloatArray
     heights: FloatArray
     exact: list[tuple[int, ...]]  # per knot: d coordinates, then the lifting
-    exponents: tuple[int, ...]  # per axis: value = integer * 2**exponent
-    scale: int  # gaps have the unit 2**scale, in which no lifting exceeds 1
+    bits: int
     places: list[int]  # the knot that stands for all at the same place: the highest, then the first
     tolerance: float  # of places and collinearity
     floor: float  # gap tolerated everywhere
-    rounding: tuple[float, ...]  # per axis of `exact`: possible error of a value
+    rounding: list[float]  # per axis of `exact`: possible error of a value
 
     @property
     def dimension(self) -> int:
@@ -42,6 +47,7 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     # Units in the last place of the largest value by which a knot's coordinate or lifting may be off: two operations of
     # the caller. This counts, besides that fraction, far from the origin and under large affine parts.
     rounding_ulps = 2
+    largest = 1e100  # so that gradients are floats, however near to each other knots are
     points = finite("knots", knots)
     if points.ndim == 1:
         points = read_only(points[:, None])
@@ -51,31 +57,31 @@ def lifted_knots(knots: ArrayLike, lifting: ArrayLike) -> Lifted:
     n, d = points.shape
     if n <= d:
         raise DomainError(f"knots: expected at least {d + 1}, got {n}")
+    for name, size in (("knots", np.abs(points).max()), ("lifting", np.abs(heights).max())):
+        if size > largest:
+            raise DomainError(f"{name}: values beyond {largest:g} are not supported, got {size:g}")
     tolerance = knot_tolerance(points)
     if d == 2:
         convex_hull(points)  # refuses a flat hull
     elif not np.ptp(points) > tolerance:
         raise DomainError(f"knots: a curve needs two different knots, all are {points[0, 0]:g}")
 
-    columns = [*points.T, heights]
-    exact = [integers(column) for column in columns]
-    scale = math.frexp(float(np.abs(heights).max()))[1]
-    inexact = [not _is_short(column) for column in columns]
-    centered = (points - points[0]) / np.ptp(points, axis=0).max()
-    design = np.column_stack([np.ones(n), centered])
-    unit_heights = np.ldexp(heights, -scale)
-    residual = unit_heights - design @ np.linalg.lstsq(design, unit_heights, rcond=None)[0]
-    sizes = [*np.abs(points).max(axis=0).tolist(), float(np.abs(unit_heights).max())]
+    rows = np.column_stack([points, heights])
+    ratios = [[value.as_integer_ratio() for value in row] for row in rows.tolist()]
+    bits = max(denominator for row in ratios for _, denominator in row).bit_length() - 1
+    design = np.column_stack([np.ones(n), (points - points[0]) / np.ptp(points, axis=0).max()])
+    residual = heights - design @ np.linalg.lstsq(design, heights, rcond=None)[0]
+    inexact = [not _is_short(column) for column in rows.T]
+    sizes = np.abs(rows).max(axis=0).tolist()
     return Lifted(
         points=points,
         heights=heights,
-        exact=list(zip(*(values for values, _ in exact), strict=True)),
-        exponents=tuple(exponent for _, exponent in exact),
-        scale=scale,
+        exact=[tuple((numerator << bits) // denominator for numerator, denominator in row) for row in ratios],
+        bits=bits,
         places=_places(points, heights, tolerance),
         tolerance=tolerance,
         floor=gap_tolerance * float(np.ptp(residual)) if any(inexact) else 0.0,
-        rounding=tuple(rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)),
+        rounding=[rounding_ulps * EPS * size * off for size, off in zip(sizes, inexact, strict=True)],
     )
 
 
@@ -89,71 +95,144 @@ def _is_short(column: FloatArray) -> bool:
 
 
 def _places(points: FloatArray, heights: FloatArray, tolerance: float) -> list[int]:
-    """For each knot the highest one at its place, itself where it is alone."""
     places = np.full(len(points), -1)
-    across = np.argsort(points[:, 0], kind="stable")
-    first = points[across, 0]
-    starts = np.searchsorted(first, points[:, 0] - 2 * tolerance, "left")
-    ends = np.searchsorted(first, points[:, 0] + 2 * tolerance, "right")
     for i in np.lexsort([np.arange(len(points)), -heights]).tolist():
         if places[i] < 0:
-            near = across[starts[i] : ends[i]]
-            near = near[(np.abs(points[near] - points[i]).max(axis=1) <= tolerance) & (places[near] < 0)]
-            places[near] = i
+            places[(np.abs(points - points[i]).max(axis=1) <= tolerance) & (places < 0)] = i
     return [int(i) for i in places]
+
+
+def upper_hull(points: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
+    """The simplices of the upper hull of points with d = 1 or 2 coordinates and a height, at distinct places.
+
+    Points on a simplex that are not corners are left out; coplanar simplices are not joined.
+    """
+    return _upper_chain(points, indices) if len(points[0]) == 2 else _upper_triangles(points, indices)
+
+
+def _upper_chain(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
+    def line(i: int, j: int) -> Plane:
+        run, rise = at[j][0] - at[i][0], at[j][1] - at[i][1]
+        return -rise, run, run * at[i][1] - rise * at[i][0]
+
+    chain: list[int] = []
+    for i in sorted(indices, key=at.__getitem__):
+        while len(chain) > 1 and _height(line(chain[-2], chain[-1]), at[i]) >= 0:
+            chain.pop()
+        chain.append(i)
+    return {pair: line(*pair) for pair in pairwise(chain)}
+
+
+def _height(plane: Plane, point: tuple[int, ...]) -> int:
+    """Positive above the plane; comparable between points for one plane."""
+    if len(point) == 2:
+        return plane[0] * point[0] + plane[1] * point[1] - plane[2]
+    return plane[0] * point[0] + plane[1] * point[1] + plane[2] * point[2] - plane[3]
+
+
+def _upper_triangles(at: list[tuple[int, ...]], indices: list[int]) -> dict[Simplex, Plane]:
+    """Quickhull of the lifted knots and `POINT_BELOW`, O(n log n) on average.
+
+    Facets, counter-clockwise from outside, are visible only from strictly above, so that coplanar points never make a
+    flat facet; vertical facets on Δ's boundary are dropped with the prism below.
+    """
+    planes: dict[Simplex, Plane] = {}
+    above: dict[Simplex, list[int]] = {}  # each point under the first facet that it is strictly above
+    facet_at: dict[tuple[int, int], Simplex] = {}
+
+    def add(facets: list[Simplex], points: Iterable[int]) -> None:
+        for facet in facets:
+            planes[facet], above[facet] = _plane(at, facet), []
+            facet_at.update(dict.fromkeys(border_of(facet), facet))
+        for i in points:
+            for facet in facets:
+                if _height(planes[facet], at[i]) > 0:
+                    above[facet].append(i)
+                    break
+
+    a, b, c = _first_triangle(at, indices)
+    todo: list[Simplex] = [(a, b, c), (b, a, POINT_BELOW), (c, b, POINT_BELOW), (a, c, POINT_BELOW)]
+    add(todo, (i for i in indices if i not in (a, b, c)))
+    while todo:
+        start = todo.pop()
+        if not above.get(start):
+            continue
+        plane = planes[start]
+        apex = max(above[start], key=lambda i: _height(plane, at[i]))
+        visible, horizon, seen = [start], [], {start}
+        for facet in visible:
+            for u, v in border_of(facet):
+                across = facet_at[v, u]
+                if across not in seen and _height(planes[across], at[apex]) <= 0:
+                    horizon.append((u, v))
+                elif across not in seen:
+                    seen.add(across)
+                    visible.append(across)
+        # A point outside the hull that saw a removed facet sees one of the new facets.
+        outside = [i for facet in visible for i in above.pop(facet) if i != apex]
+        for facet in visible:
+            del planes[facet]
+        made: list[Simplex] = [(u, v, apex) for u, v in horizon]
+        add(made, outside)
+        todo += made
+    return {facet: plane for facet, plane in planes.items() if plane[2] > 0}
+
+
+def _first_triangle(at: list[tuple[int, ...]], indices: list[int]) -> Simplex:
+    a = min(indices, key=at.__getitem__)
+    b = max(indices, key=at.__getitem__)
+    run, rise = at[b][0] - at[a][0], at[b][1] - at[a][1]
+
+    def left(i: int) -> int:
+        return run * (at[i][1] - at[a][1]) - rise * (at[i][0] - at[a][0])
+
+    c = max(indices, key=lambda i: abs(left(i)))
+    return (a, b, c) if left(c) > 0 else (b, a, c)
+
+
+def _plane(at: list[tuple[int, ...]], corners: Simplex) -> Plane:
+    a, b, c = corners
+    while POINT_BELOW in (a, b):
+        a, b, c = b, c, a
+    (ax, ay, az), (bx, by, bz) = at[a], at[b]
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    if c == POINT_BELOW:
+        return -uy, ux, 0, ux * ay - uy * ax
+    vx, vy, vz = at[c][0] - ax, at[c][1] - ay, at[c][2] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return nx, ny, nz, nx * ax + ny * ay + nz * az
 
 
 class UpperFace:
     """The plane of one simplex of the hull, and the simplices joined to it."""
 
-    def __init__(self, lifted: Lifted, simplex: tuple[int, ...], plane: tuple[int, ...]) -> None:
-        self.knots = set(simplex)
-        self.polygon: list[int] = list(simplex)
-        self._lifted = lifted
-        self._plane = plane
-        design = np.column_stack([np.ones(len(simplex)), lifted.points[list(simplex)] - lifted.points[simplex[0]]])
-        # Columns in units of the simplex's extent, so that the inverse exists at any scale.
-        self._origin = lifted.points[simplex[0]]
-        self._extent = float(np.ptp(lifted.points[list(simplex)], axis=0).max())
-        design[:, 1:] /= self._extent
-        self._inverse = np.linalg.inv(design)
-        *coordinates, vertical = lifted.rounding
-        self._rounding = vertical + sum(
-            abs(_quotient(n, plane[-2], lifted.exponents[-1] - lifted.scale - exponent)) * off
-            for n, exponent, off in zip(plane, lifted.exponents, coordinates, strict=False)
-            if off
-        )
+    def __init__(self, lifted: Lifted, simplex: Simplex, plane: Plane) -> None:
+        self.knots, self.polygon = set(simplex), list(simplex)
+        self._lifted, self._plane = lifted, plane
+        corners = lifted.points[self.polygon]
+        # Columns in units of the simplex's extent, so that the inverse exists at any scale
+        self._origin, self._extent = corners[0], float(np.ptp(corners, axis=0).max())
+        self._inverse = np.linalg.inv(np.insert((corners - self._origin) / self._extent, 0, 1.0, axis=1))
+        slopes = [abs(normal / plane[-2]) for normal in plane[:-1]]
+        self._rounding = sum(slope * off for slope, off in zip(slopes, lifted.rounding, strict=True))
 
     def holds(self, knot: int) -> bool:
         """Whether a knot is on the plane, within the tolerance."""
         lifted = self._lifted
-        drop = -height(self._plane, lifted.exact[knot])
+        drop = -_height(self._plane, lifted.exact[knot])
         if drop <= 0:
             return True
         allowed = lifted.floor
         if self._rounding:
             place = (lifted.points[knot] - self._origin) / self._extent
-            weights = self._inverse[0] + place @ self._inverse[1:]
-            allowed += self._rounding * (1.0 + float(np.abs(weights).sum()))
-        return allowed > 0 and _quotient(drop, self._plane[-2], lifted.exponents[-1] - lifted.scale) <= allowed
-
-    def holds_exactly(self, knot: int) -> bool:
-        """Whether a knot is exactly on the plane."""
-        return height(self._plane, self._lifted.exact[knot]) == 0
+            shares = self._inverse[0] + place @ self._inverse[1:]
+            allowed += self._rounding * (1.0 + float(np.abs(shares).sum()))
+        return allowed > 0 and drop / (self._plane[-2] << lifted.bits) <= allowed
 
     def affine(self) -> tuple[list[float], float]:
         """Gradient and offset of the plane, each rounded once."""
         *normal, vertical, constant = self._plane
-        *exponents, exponent = self._lifted.exponents
-        gradient = [_quotient(-n, vertical, exponent - e) for n, e in zip(normal, exponents, strict=True)]
-        return gradient, _quotient(constant, vertical, exponent)
-
-
-def _quotient(numerator: int, denominator: int, exponent: int) -> float:
-    """numerator / denominator * 2**exponent, rounded once."""
-    if exponent >= 0:
-        return (numerator << exponent) / denominator
-    return numerator / (denominator << -exponent)
+        return [-n / vertical for n in normal], constant / (vertical << self._lifted.bits)
 
 
 def upper_faces(lifted: Lifted) -> list[UpperFace]:
@@ -163,42 +242,45 @@ def upper_faces(lifted: Lifted) -> list[UpperFace]:
     return sorted(faces, key=lambda face: sorted(face.knots))
 
 
-def _joined(lifted: Lifted, hull: UpperHull) -> list[UpperFace]:
+def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
     """Join the simplices of each face, the largest first; slivers that belong to no face are dropped."""
     faces: list[UpperFace] = []
-    taken: set[int] = set()
-    proper = _proper(lifted, hull.simplices)
-    for seed in sorted(range(len(hull.simplices)), key=lambda f: (-hull.planes[f][-2], hull.simplices[f])):
+    taken: set[Simplex] = set()
+    beside: dict[Simplex, list[Simplex]] = {}  # simplices at each side
+    for simplex in hull:
+        for side in combinations(sorted(simplex), lifted.dimension):
+            beside.setdefault(side, []).append(simplex)
+
+    def region(seed: Simplex, holds: Callable[[int], bool]) -> list[Simplex]:
+        found, reached = [seed], {*taken, seed}
+        for current in found:
+            for side in combinations(sorted(current), lifted.dimension):
+                for other in beside[side]:
+                    if other not in reached and all(map(holds, other)):
+                        reached.add(other)
+                        found.append(other)
+        return found
+
+    proper = dict(zip(hull, _proper(lifted, list(hull)).tolist(), strict=True))
+    for seed in sorted(hull, key=lambda simplex: (-hull[simplex][-2], simplex)):
         if seed in taken or not proper[seed]:
             continue
-        face = UpperFace(lifted, hull.simplices[seed], hull.planes[seed])
-        # The seed alone is always convex.
-        for holds in (face.holds, face.holds_exactly, face.knots.__contains__):
-            region = _region(hull, seed, taken, holds)
-            polygon = _outline(lifted, [hull.simplices[f] for f in region])
-            if polygon is not None:
-                face.polygon = polygon
-                face.knots.update(i for f in region for i in hull.simplices[f])
-                break
-        taken.update(region)
+        face = UpperFace(lifted, seed, hull[seed])
+        joined = region(seed, face.holds)
+        polygon = _outline(lifted, joined)
+        if polygon is None:  # the seed alone, and simplices of its knots, are always convex
+            joined = region(seed, face.knots.__contains__)
+            polygon = _outline(lifted, joined)
+        face.polygon = polygon or face.polygon
+        face.knots.update(i for simplex in joined for i in simplex)
+        taken.update(joined)
         faces.append(face)
     if not faces:
         raise DomainError(f"knots: all {len(lifted.points)} lie on one line to rounding, their hull is flat")
     return faces
 
 
-def _region(hull: UpperHull, seed: int, taken: set[int], holds: Callable[[int], bool]) -> list[int]:
-    """Simplices connected with a seed that are not taken yet and whose knots a face holds."""
-    region, reached = [seed], {*taken, seed}
-    for current in region:
-        for other in hull.adjacent[current]:
-            if other not in reached and all(map(holds, hull.simplices[other])):
-                reached.add(other)
-                region.append(other)
-    return region
-
-
-def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
+def _proper(lifted: Lifted, simplices: list[Simplex]) -> BoolArray:
     """(m,) whether each simplex is thicker than rounding."""
     # Width, in units of `knot_tolerance`, below which a triangle is due to rounding of knots meant to be collinear
     sliver_width = 2.0
@@ -210,7 +292,7 @@ def _proper(lifted: Lifted, simplices: list[tuple[int, ...]]) -> BoolArray:
     return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > sliver_width * lifted.tolerance * longest)
 
 
-def _outline(lifted: Lifted, simplices: list[tuple[int, ...]]) -> list[int] | None:
+def _outline(lifted: Lifted, simplices: list[Simplex]) -> list[int] | None:
     """Corners of the union of simplices if it is convex, otherwise None."""
     # Distance, in units of `knot_tolerance`, by which the outline of joined triangles may fall short of their convex
     # hull
