@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from gtb_cli.language.loading import from_dict, load
     from gtb_cli.language.writer import save, to_dict
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.pictures.notebook import frame as frame
-    from gtb_cli.pictures.notebook import page, plot
+    from gtb_cli.pictures.figures import plot
+    from gtb_cli.pictures.page import frame as frame
+    from gtb_cli.pictures.page import page
     from gtb_cli.tessellation.recipe import Recipe
     from gtb_cli.tessellation.tessellate import tessellate
     from gtb_cli.theory.degeneration import degenerate, regular_control_surface
@@ -87,14 +88,14 @@ _ROOMS = {
     "fair": "fairing.fair",
     "fill": "design.filling",
     "fit": "design.fit",
-    "frame": "pictures.notebook",
+    "frame": "pictures.page",
     "from_dict": "language.loading",
     "joints": "assembly.seams",
     "load": "language.loading",
     "merge_knots": "theory.knot_limit",
     "move_knots": "theory.knot_limit",
-    "page": "pictures.notebook",
-    "plot": "pictures.notebook",
+    "page": "pictures.page",
+    "plot": "pictures.figures",
     "read_mesh": "formats.meshfiles",
     "regular_control_surface": "theory.degeneration",
     "regular_decomposition": "knots.decomposition",

@@ -273,7 +273,7 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
 
 def _of_folder(path: str, what: str, look: Look) -> Figure:
     """Draw what `gtb degenerate` or `gtb knot-limit` wrote into a folder."""
-    from gtb_cli.pictures.record import read_frames
+    from gtb_cli.pictures.sequences import read_frames
 
     if what not in ("sequence", "distance"):
         raise click.UsageError(f"{path} is a sequence, and --what {what} is for a spec")

@@ -113,7 +113,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
     if limit is not None and (is_sequence or suffix.lower() in mesh_suffixes):
         refuse_limit(limit, path)
     if is_sequence:
-        from gtb_cli.pictures.record import read_frames
+        from gtb_cli.pictures.sequences import read_frames
 
         frames = read_frames(path)
         with about(path):

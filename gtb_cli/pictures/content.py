@@ -37,29 +37,14 @@ class Keyframe:
 
 @frozen
 class Content:
-    """The contents of a page.
+    """The contents of a page: one keyframe, or those of a sequence, with the same (k, 3) or (k, 2) cells.
 
-    Attributes
-    ----------
-    name : str
-    keyframes : tuple of Keyframe
-        One, or those of a sequence.
-    cells : (k, 3) or (k, 2) int
-    groups : tuple of (name, start, stop)
-        Ranges of `cells` with names of their own.
-    lines : mapping of name to (m, 2) int
-        Pairs of vertices: ``border`` between groups, ``open`` without a neighbour, and ``folds`` within a group, where
-        the surface turns back: by more than 90 degrees where its normals say that it is smooth, by more than 150
-        degrees at an edge. Pairs of control points: ``net``.
-    net_names, knot_names : tuple of str
-    knots : (n, 3) float
-        Points of the surface at the knots.
-    scalars : mapping of name to (m,) float
-        "mean" and "gaussian" curvature.
-    vertices : int
-        How many there are; one with several normals is several rows of a keyframe.
-    normals : str
-        A word about the normals at the vertices.
+    `groups` are named ranges of cells: (name, start, stop). `lines` are (m, 2) pairs of vertices: ``border`` between
+    groups, ``open`` without a neighbour, and ``folds`` within a group, where the surface turns back: by more than 90
+    degrees where its normals say that it is smooth, by more than 150 at an edge; and pairs of control points: ``net``.
+    `knots` are the (n, 3) points of the surface at the knots, and `scalars` its "mean" and "gaussian" curvature. A
+    vertex with several normals is several rows of a keyframe: `vertices` is how many there are. `normals` is a word
+    about the normals.
     """
 
     name: str

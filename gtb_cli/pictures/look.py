@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import io
 import math
 from collections.abc import Sequence
@@ -113,13 +112,7 @@ class Look:
 
 
 def settings() -> AbstractContextManager[None]:
-    """Return a context in which matplotlib has the settings of these pictures.
-
-    Raises
-    ------
-    ExportError
-        matplotlib is not installed.
-    """
+    """Return a context in which matplotlib has the settings of these pictures; an `ExportError` says that it lacks."""
     # Settings of matplotlib, whatever the user's own, so that the same figure gives the same bytes. Text stays text in
     # SVG and PDF.
     chosen = {
@@ -150,15 +143,10 @@ def settings() -> AbstractContextManager[None]:
         "pdf.fonttype": 42,
         "pdf.compression": 9,
     }
-    collecting = gc.isenabled()
-    gc.disable()  # imports leave little garbage
     try:
         import matplotlib.figure
     except ImportError:
         raise ExportError("pictures need matplotlib, which is not installed: pip install 'gtb-cli[plot]'") from None
-    finally:
-        if collecting:
-            gc.enable()
     return matplotlib.rc_context(chosen)
 
 
@@ -183,51 +171,37 @@ def with_numbers(figure: Figure) -> Axes:
 
 def panels(figure: Figure, titles: Sequence[str], *, plane: bool = False) -> list[Axes]:
     """Return axes side by side, as nearly square as possible, each with a title; with room for numbers if `plane`."""
-    letter_width = 0.62  # width of a letter of a title, as a fraction of the font size, with a little room
     count = len(titles)
     width, height = figure.get_size_inches()
-    columns = min(range(1, count + 1), key=lambda n: _waste(n, count, width / height))
+
+    def waste(columns: int) -> float:
+        """Return how far panels are from square, with a small penalty for empty places."""
+        rows = -(-count // columns)
+        across = width / height * rows / columns
+        return float(max(across, 1 / across)) + 1.5 * (rows * columns - count) / count
+
+    columns = min(range(1, count + 1), key=waste)
     rows = -(-count // columns)
-    longest = max(map(len, titles))
+    letter_width = 0.62  # of a title, as a fraction of the font size, with a little room
+    title_size = min(9.5, 72 * width / columns / (letter_width * max(map(len, titles))))
     left, below, above = (0.42, 0.34, 0.26) if plane else (0.06, 0.06, 0.26)
     found = []
     for k, title in enumerate(titles):
         row, column = divmod(k, columns)
-        box = (column / columns, 1 - (row + 1) / rows, 1 / columns, 1 / rows)
-        ax = figure.add_axes(
-            (
-                box[0] + left / width,
-                box[1] + below / height,
-                max(box[2] - (left + 0.1) / width, 0.02),
-                max(box[3] - (below + above) / height, 0.02),
-            )
-        )
-        ax.set_title(title, pad=4, fontsize=min(9.5, 72 * width / columns / (letter_width * longest)))
+        x, y = column / columns + left / width, 1 - (row + 1) / rows + below / height
+        across = max(1 / columns - (left + 0.1) / width, 0.02)
+        ax = figure.add_axes((x, y, across, max(1 / rows - (below + above) / height, 0.02)))
+        ax.set_title(title, pad=4, fontsize=title_size)
         found.append(ax)
     return found
-
-
-def _waste(columns: int, count: int, shape: float) -> float:
-    """Return how far panels are from square, with a small penalty for empty places."""
-    rows = -(-count // columns)
-    across = shape * rows / columns
-    return max(across, 1 / across) + 1.5 * (rows * columns - count) / count
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
     """Return a figure as "png", "svg" or "pdf" bytes, the same for the same figure, matplotlib and fonts."""
     # Metadata that would change from day to day, or from one version of matplotlib to the next
-    no_date = {"svg": {"Date": None, "Creator": None}, "pdf": {"CreationDate": None}}
-    if kind == "png":
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-        from gtb_cli.pictures.png import png
-
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        return png(np.asarray(canvas.buffer_rgba())[..., :3])
+    changing = {"png": ["Software"], "svg": ["Date", "Creator"], "pdf": ["CreationDate"]}
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, metadata=no_date[kind])
+    figure.savefig(buffer, format=kind, metadata=dict.fromkeys(changing[kind]))
     return buffer.getvalue()
 
 

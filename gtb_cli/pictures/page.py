@@ -12,26 +12,28 @@ from numpy.typing import NDArray
 
 from gtb_cli.arrays import bounds_of
 from gtb_cli.errors import DomainError
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import scale_of
-from gtb_cli.pictures.content import Content
+from gtb_cli.pictures.content import Content, content_of, content_of_mesh
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
 
 
-def page_of(content: Content, **more: Any) -> str:
-    """Return the text of a page that shows something.
+def page(thing: Patch | Model | Mesh) -> str:
+    """Return HTML of a page that shows a patch, a model or a mesh in a browser, without a network: see `gtb view`."""
+    return page_of(content_of_mesh(thing, thing.name) if isinstance(thing, Mesh) else content_of(thing))
 
-    Parameters
-    ----------
-    content : Content
-    **more
-        Further entries of the page's data: ``watch``, the number of this state, makes it ask for newer ones, and
-        ``error`` is a text that it shows.
 
-    Returns
-    -------
-    str
-        HTML that contains script and data, always the same for the same content.
-    """
-    return page_with({**page_data(content), **more}, content.name)
+def frame(thing: Patch | Model | Mesh) -> str:
+    """Return HTML of a frame with such a page, for a notebook."""
+    # A block as wide as its place, border included: no scroll bar appears around it.
+    style = "display:block;box-sizing:border-box;width:100%;height:420px;border:1px solid #8884;border-radius:6px"
+    return f'<iframe srcdoc="{html.escape(page(thing), quote=True)}" style="{style}"></iframe>'
+
+
+def page_of(content: Content) -> str:
+    """Return the HTML of a page that shows something, with script and data: always the same for the same content."""
+    return page_with(page_data(content), content.name)
 
 
 def page_with(data: dict[str, Any], title: str) -> str:
@@ -47,20 +49,10 @@ def page_with(data: dict[str, Any], title: str) -> str:
     return page
 
 
-def frame_of(content: Content) -> str:
-    """Return HTML of a frame that shows something within another page, such as a notebook."""
-    # A block as wide as its place, border included: no scroll bar appears around it.
-    style = "display:block;box-sizing:border-box;width:100%;height:420px;border:1px solid #8884;border-radius:6px"
-    return f'<iframe srcdoc="{html.escape(page_of(content), quote=True)}" style="{style}"></iframe>'
-
-
 def page_data(content: Content) -> dict[str, Any]:
     """Return the data for the script of a page: coordinates between -1/2 and 1/2, in single precision, as base 64.
 
-    Raises
-    ------
-    DomainError
-        There is nothing to show, or it is too large.
+    Raises a `DomainError` if there is nothing to show, or it is too large.
     """
     clouds = [
         cloud for keyframe in content.keyframes for cloud in (keyframe.vertices, keyframe.net_points) if len(cloud)

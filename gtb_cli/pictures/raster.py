@@ -12,16 +12,10 @@ NO_TRIANGLE = -1  # index at pixels that no triangle covers
 
 @frozen
 class Raster:
-    """The visible parts of triangles.
+    """The visible parts of triangles, row 0 the lowest.
 
-    Attributes
-    ----------
-    triangle : (height, width) int
-        The nearest triangle at each pixel's centre, `NO_TRIANGLE` where there is none. Row 0 is the lowest.
-    weights : (height, width, 3) float
-        Barycentric coordinates of the centre in it.
-    nearness : (height, width) float
-        Its third coordinate there, -inf where there is nothing.
+    At each pixel's centre: `triangle` (height, width), the nearest or `NO_TRIANGLE`; `weights` (height, width, 3), its
+    barycentric coordinates in it; and `nearness` (height, width), its third coordinate there, or -inf.
     """
 
     triangle: IntArray
@@ -44,20 +38,10 @@ class Raster:
 
 
 def rasterised(points: FloatArray, faces: IntArray, width: int, height: int) -> Raster:
-    """Find what is nearest at each pixel.
+    """Find what is nearest at each pixel; where several triangles are equally near, the first of them.
 
-    Parameters
-    ----------
-    points : (m, 3) float
-        In pixels to the right and upwards from the lower left corner, and nearness, the larger the nearer.
-    faces : (k, 3) int
-    width, height : int
-        Pixels.
-
-    Returns
-    -------
-    Raster
-        Where several triangles are equally near, the first of them.
+    The (m, 3) points are in pixels to the right and upwards from the lower left corner, and nearness, the larger the
+    nearer.
     """
     pixels, triangles, shares = _fragments(points, faces, width, height)
     near = np.einsum("pk,pk->p", points[:, 2][faces[triangles]], shares)

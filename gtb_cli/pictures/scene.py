@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,17 +24,10 @@ SUPERSAMPLING = 3  # computed pixels along one of the picture: their mean gives 
 
 @frozen
 class Surface:
-    """Triangles, each with a colour, and unit normals at their vertices; without normals all are equally bright.
+    """(k, 3) triangles of (m, 3) vertices, with (m, 3) unit normals, without which all are equally bright.
 
-    Attributes
-    ----------
-    vertices : (m, 3) float
-    faces : (k, 3) int
-    normals : (m, 3) float or None
-    colours : (k, 3) float
-        Red, green and blue of each triangle.
-    scalars : (m,) float or None
-        In place of colours: numbers at the vertices, from 0 to 1 on the map `colour_map`.
+    Each has a colour, red, green and blue of (k, 3), unless there are (m,) `scalars`: numbers at the vertices, from 0
+    to 1 on the map `colour_map`.
     """
 
     vertices: FloatArray
@@ -46,80 +38,59 @@ class Surface:
     colour_map: str = "cividis"
 
 
-@frozen
-class Scene:
-    """Things in space, seen by a camera.
-
-    Attributes
-    ----------
-    camera : Camera
-    low, high : (3,) float
-        Bounding box of all there is, in model units: what is computed is between 0 and 1.
-    window : (2, 2) float
-        Lowest and highest coordinates of the picture, to the right and upwards, in units of the box's diagonal.
-    surface : Surface or None
-    """
-
-    camera: Camera
-    low: FloatArray
-    high: FloatArray
-    window: FloatArray
-    surface: Surface | None = None
-
-    @cached_property
-    def size(self) -> float:
-        """Diagonal of the box, in model units; 1 where everything is at one place."""
-        return float(np.linalg.norm((self.high - self.low) * self.camera.stretch)) or 1.0
-
-    def seen(self, points: ArrayLike) -> FloatArray:
-        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
-        centred = (np.asarray(points, dtype=np.float64) - (self.low + self.high) / 2) / self.size
-        return np.asarray((centred * self.camera.stretch) @ self.camera.axes.T)
-
-
-def scene_of(camera: Camera, surface: Surface | None, others: Sequence[FloatArray] = ()) -> Scene:
-    """A scene whose window holds a surface and other points."""
-    return scenes_of(camera, [surface], others)[0]
-
-
-def scenes_of(camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()) -> list[Scene]:
-    """Scenes of several surfaces with one window, which holds all of them and other points."""
+def views(
+    axes: Sequence[Axes], camera: Camera, surfaces: Sequence[Surface | None], others: Sequence[FloatArray] = ()
+) -> list[View]:
+    """Draw a surface, or none, on each of the axes; all have one window, which holds all surfaces and other points."""
     scene_margin = 0.07  # free border around a scene, as a fraction of its size: room for labels
     clouds = [*(surface.vertices for surface in surfaces if surface is not None), *others]
     clouds = [cloud for cloud in clouds if len(cloud)]
-    low, high = bounds_of(np.concatenate(clouds))
-    frame = Scene(camera, low, high, np.zeros((2, 2)))
-    ends = bounds_of(np.concatenate([frame.seen(cloud)[:, :2] for cloud in clouds]))
+    box = bounds_of(np.concatenate(clouds))
+    ends = bounds_of(np.concatenate([_seen(cloud, camera, box)[:, :2] for cloud in clouds]))
     margin = scene_margin * max(float(np.ptp(ends, axis=0).max()), 1e-3)
     window = ends + np.array([[-margin], [margin]])
-    return [Scene(camera, low, high, window, surface) for surface in surfaces]
+    return [View(ax, camera, box, window, surface) for ax, surface in zip(axes, surfaces, strict=True)]
+
+
+def _seen(points: ArrayLike, camera: Camera, box: FloatArray) -> FloatArray:
+    """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
+    size = float(np.linalg.norm((box[1] - box[0]) * camera.stretch)) or 1.0  # 1 where everything is at one place
+    centred = (np.asarray(points, dtype=np.float64) - (box[0] + box[1]) / 2) / size
+    return np.asarray((centred * camera.stretch) @ camera.axes.T)
 
 
 class View:
-    """Axes on which a scene is drawn: its surface at once, then lines and points, which the surface hides."""
+    """Axes on which a surface is drawn at once, then lines and points, which the surface hides.
 
-    def __init__(self, ax: Axes, scene: Scene) -> None:
-        self.ax, self.scene = ax, scene
+    The (2, 3) `box` holds all that is seen. The (2, 2) `window` is the lowest and highest coordinates of the picture,
+    to the right and upwards, in units of the box's diagonal.
+    """
+
+    def __init__(self, ax: Axes, camera: Camera, box: FloatArray, window: FloatArray, surface: Surface | None) -> None:
+        self.ax, self._camera, self._box, self._window = ax, camera, box, window
         self._raster: Raster | None = None
-        (left, bottom), (right, top) = scene.window.tolist()
+        (left, bottom), (right, top) = window.tolist()
         ax.set_xlim(left, right)
         ax.set_ylim(bottom, top)
         ax.set_aspect("equal")
         ax.set_axis_off()
-        if scene.surface is None:
+        if surface is None:
             return
         ax.apply_aspect()
-        box = ax.get_window_extent()
-        width, height = (max(round(length), 8) * SUPERSAMPLING for length in (box.width, box.height))
+        place = ax.get_window_extent()
+        width, height = (max(round(length), 8) * SUPERSAMPLING for length in (place.width, place.height))
         shrink = math.sqrt(min(12_000_000 / (width * height), 1.0))  # which bounds time and memory of one image
         width, height = (max(int(length * shrink) // SUPERSAMPLING, 1) * SUPERSAMPLING for length in (width, height))
-        pixels = np.array([width, height]) / (scene.window[1] - scene.window[0])
-        points = scene.seen(scene.surface.vertices)
-        placed = np.column_stack([(points[:, :2] - scene.window[0]) * pixels, points[:, 2]])
-        self._raster = rasterised(placed, scene.surface.faces, width, height)
-        image = _smoothed(_shaded(scene.surface, scene.camera, self._raster))
+        points = self.seen(surface.vertices)
+        pixels = (points[:, :2] - window[0]) * (np.array([width, height]) / (window[1] - window[0]))
+        self._raster = rasterised(np.column_stack([pixels, points[:, 2]]), surface.faces, width, height)
+        image = _smoothed(_shaded(surface, camera, self._raster))
         extent = (left, right, bottom, top)
         ax.imshow(image, extent=extent, origin="lower", interpolation="antialiased", zorder=1, aspect="equal")
+
+    def seen(self, points: ArrayLike) -> FloatArray:
+        """(m, 3): to the right, upwards and towards the eye, in units of the box's diagonal, from its middle."""
+        return _seen(points, self._camera, self._box)
 
     def lines(
         self,
@@ -140,16 +111,15 @@ class View:
         visible: list[FloatArray] = []
         behind: list[FloatArray] = []
         for path in paths:
-            points = self.scene.seen(path)
+            points = self.seen(path)
             if self._raster is not None:
                 points = _refined(points)
             shown = self._is_shown(points)
             cuts = np.flatnonzero(np.diff(shown.astype(np.int8))) + 1
             for start, stop in zip([0, *cuts.tolist()], [*cuts.tolist(), len(points)], strict=True):
                 (visible if shown[start] else behind).append(points[max(start - 1, 0) : stop, :2])
-        style: dict[str, Any] = {"colors": [colour], "linewidths": width, "capstyle": "round", "joinstyle": "round"}
-        if dashes != "-":
-            style["linestyles"] = dashes
+        style: dict[str, Any] = {"colors": [colour], "linewidths": width, "linestyles": dashes}
+        style |= {"capstyle": "round", "joinstyle": "round"}
         self.ax.add_collection(LineCollection(visible, zorder=order, **style), autolim=False)
         if hidden and behind:
             self.ax.add_collection(LineCollection(behind, zorder=order - 0.5, alpha=hidden, **style), autolim=False)
@@ -158,7 +128,7 @@ class View:
         """(m,) true where no surface is before (m, 3) seen points; up to 0.004 of the scene's size behind counts."""
         if self._raster is None:
             return np.ones(len(points), dtype=bool)
-        (left, bottom), (right, top) = self.scene.window
+        (left, bottom), (right, top) = self._window
         height, width = self._raster.triangle.shape
         column, row = ((points[:, :2] - [left, bottom]) / [right - left, top - bottom] * [width, height]).T.astype(int)
         nearest = self._raster.farthest_around[row.clip(0, height - 1), column.clip(0, width - 1)]
@@ -174,14 +144,14 @@ class View:
         size: float = 4.5,
     ) -> None:
         """Draw (m, 3) points as dots, with a label beside each."""
-        seen = self.scene.seen(places)[:, :2]
+        seen = self.seen(places)[:, :2]
         self.ax.plot(*seen.T, "o", ms=size, color=colour, mec=edge, mew=0.8, zorder=5)
         label_all(self.ax, seen, labels)
 
     def triad(self) -> None:
         """Draw the directions of the axes in the lower left corner."""
         corner, length = np.array([22, 20]), 13
-        for name, along in zip("xyz", self.scene.camera.axes[:2].T * length, strict=True):
+        for name, along in zip("xyz", self._camera.axes[:2].T * length, strict=True):
             if math.hypot(*along) < 0.12 * length:
                 continue
             arrow = {"arrowstyle": "-|>,head_width=0.12,head_length=0.25", "color": FAINT, "lw": 0.9, "shrinkA": 0}

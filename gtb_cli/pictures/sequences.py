@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import json
+import math
+import os
 from collections.abc import Sequence
-from dataclasses import field
-from typing import TYPE_CHECKING
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, shifted
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, SpecError
+from gtb_cli.files import read_file
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.pictures.colours import LINE_COLOURS, NET
-from gtb_cli.pictures.look import Look, empty_figure, panels, settings, with_numbers
+from gtb_cli.pictures.look import Camera, Look, empty_figure, panels, settings, with_numbers
 from gtb_cli.pictures.nets import is_flat, net_of
 from gtb_cli.pictures.planar import level
-from gtb_cli.pictures.scene import Surface, View, plain, scenes_of
+from gtb_cli.pictures.scene import Surface, plain, views
 from gtb_cli.pictures.solid import HIDDEN_STRENGTH, surface_of, with_normals
 from gtb_cli.sequences.sequence import MeshSequence, degeneration_sequence
 from gtb_cli.theory.degeneration import lifting_of
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
+from gtb_cli.vocabulary import SEQUENCE_RECORD
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,24 +35,10 @@ if TYPE_CHECKING:
 
 @frozen
 class Frames:
-    """Meshes of a sequence, the limit last, with what belongs to them.
+    """Meshes of a sequence, the limit last, for values of the parameter `key`, "x" or "step".
 
-    Attributes
-    ----------
-    key : str
-        The parameter that differs: "x" or "step".
-    values : tuple of float
-    meshes : tuple of Mesh
-    distances : tuple of float
-        From the limit; empty where they are not known.
-    film_distances : tuple of float or None
-        From the limit with its film.
-    net_points : (n, 3) float
-        Control points of the limit net; none where they are not known.
-    net : tuple of (int, int)
-        Pairs of them between which lines are drawn.
-    film : Mesh or None
-        The part of the limit that its last mesh lacks.
+    Their distances from the limit, and from it with its film, are empty or None where they are not known. `net` are
+    pairs of the (n, 3) control points of the limit's net. `film` is the part of the limit that its last mesh lacks.
     """
 
     key: str
@@ -86,31 +77,32 @@ def figure_of_frames(frames: Frames, look: Look) -> Figure:
     max_panels = 24  # panels of one figure
     if len(frames.meshes) > max_panels:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
+    if look.net is False:
+        frames = replace(frames, net_points=frames.net_points[:0], net=())
+    net = [frames.net_points[list(pair)] for pair in frames.net]
+    clouds = [*(mesh.vertices for mesh in frames.meshes), frames.net_points]
+    flat = frames.meshes[0].is_curve and is_flat(clouds)
     with settings():
         figure = empty_figure(look)
-        net_points = frames.net_points[: 0 if look.net is False else None]
-        net = [net_points[list(pair)] for pair in frames.net] if len(net_points) else []
-        clouds = [*(mesh.vertices for mesh in frames.meshes), net_points]
-        flat = frames.meshes[0].is_curve and is_flat(clouds)
         axes = panels(figure, frames.titles, plane=flat)
-        (_draw_plane if flat else _draw_space)(axes, frames, look, net, net_points)
+        if flat:
+            _draw_plane(axes, frames, net)
+        else:
+            _draw_space(axes, look.camera, frames, net)
         return figure
 
 
-def _draw_plane(
-    axes: Sequence[Axes], frames: Frames, look: Look, net: Sequence[FloatArray], net_points: FloatArray
-) -> None:
-    every = np.concatenate([*(mesh.vertices for mesh in frames.meshes), net_points])[:, :2]
-    *others, last = axes
+def _draw_plane(axes: Sequence[Axes], frames: Frames, net: Sequence[FloatArray]) -> None:
+    every = np.concatenate([*(mesh.vertices for mesh in frames.meshes), frames.net_points])[:, :2]
     for ax, mesh in zip(axes, frames.meshes, strict=True):
         for ends in net:
             ax.plot(*ends[:, :2].T, "-", color=NET, lw=0.8, alpha=0.7, zorder=2)
-        if len(net_points):
-            ax.plot(*net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
-        if ax in others:
+        if net:
+            ax.plot(*frames.net_points[:, :2].T, "o", ms=3.6, color="white", mec=NET, mew=0.8, zorder=4)
+        if ax is not axes[-1]:
             _plot_segments(ax, frames.meshes[-1], LINE_COLOURS[1], "--", 1.2)
         _plot_segments(ax, mesh, LINE_COLOURS[0], "-", 1.8)
-        if ax is last and frames.film is not None:
+        if ax is axes[-1] and frames.film is not None:
             _plot_segments(ax, frames.film, LINE_COLOURS[1], "--", 1.6)
         level(ax, every)
 
@@ -122,26 +114,23 @@ def _plot_segments(ax: Axes, mesh: Mesh, colour: str, dashes: str, width: float)
         ax.plot(path[:, 0], path[:, 1], dashes, color=colour, lw=width, zorder=3)
 
 
-def _draw_space(
-    axes: Sequence[Axes], frames: Frames, look: Look, net: Sequence[FloatArray], net_points: FloatArray
-) -> None:
+def _draw_space(axes: Sequence[Axes], camera: Camera, frames: Frames, net: Sequence[FloatArray]) -> None:
     curves = frames.meshes[0].is_curve
     surfaces = [None if curves else surface_of(with_normals(mesh, smooth=True)) for mesh in frames.meshes]
     if frames.film is not None and surfaces[-1] is not None:
         surfaces[-1] = _with_film(surfaces[-1], with_normals(frames.film, smooth=True))
-    scenes = scenes_of(look.camera, surfaces, [*(mesh.vertices for mesh in frames.meshes), net_points])
-    for ax, scene, mesh in zip(axes, scenes, frames.meshes, strict=True):
-        view = View(ax, scene)
+    points = [*(mesh.vertices for mesh in frames.meshes), frames.net_points]
+    for view, mesh in zip(views(axes, camera, surfaces, points), frames.meshes, strict=True):
         if curves:
             view.lines(list(mesh.vertices[mesh.cells]), colour=LINE_COLOURS[0], width=1.8)
         else:
             view.lines(list(mesh.vertices[mesh.open_sides]), width=0.9, hidden=HIDDEN_STRENGTH)
-        if len(net_points):
+        if net:
             view.lines(net, colour=NET, width=0.7, hidden=HIDDEN_STRENGTH, order=4)
-            view.points(net_points, edge=NET, size=2.6)
-        if frames.film is not None and curves and ax is axes[-1]:
+            view.points(frames.net_points, edge=NET, size=2.6)
+        if frames.film is not None and curves and view.ax is axes[-1]:
             view.lines(list(frames.film.vertices[frames.film.cells]), colour=LINE_COLOURS[1], width=1.4)
-        if ax is axes[0]:
+        if view.ax is axes[0]:
             view.triad()
 
 
@@ -155,6 +144,40 @@ def _with_film(surface: Surface, film: Mesh) -> Surface:
         np.concatenate([surface.normals, film.normals]),
         np.concatenate([surface.colours, plain(len(film.faces), "#E8894A")]),
     )
+
+
+def read_frames(path: str) -> Frames:
+    """Read the meshes that a `sequence.json`, or that of a folder, lists: it may only name files in its own folder."""
+    from gtb_cli.formats.meshfiles import read_mesh
+
+    max_record_bytes = 10_000_000  # a record in bytes
+    record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
+    data = read_file(record, max_record_bytes + 1)
+    try:
+        entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
+        key = next(key for key in ("x", "step") if key in entries[0])
+        values = tuple(_number(entry[key]) for entry in entries)
+        measured = [entry["distance_to_limit"] for entry in entries]
+        distances = () if None in measured else tuple(float(value) for value in measured)
+        filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
+        names = [os.fspath(entry["file"]) for entry in entries]
+    except (ValueError, KeyError, TypeError, IndexError, StopIteration, AttributeError, RecursionError):
+        raise SpecError(f"{record}: is not a list of meshes as gtb degenerate and gtb knot-limit write it") from None
+    for name in names:
+        if os.path.basename(name) != name:
+            raise SpecError(f"{record}: {name!r} is not the name of a file in its folder")
+    folder = os.path.dirname(record)
+    meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
+    if len({mesh.is_curve for mesh in meshes}) > 1:
+        raise SpecError(f"{record}: curves and surfaces are mixed")
+    films = None if None in filmed else tuple(float(value) for value in filmed)
+    return Frames(key, values, meshes, distances, films)
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | str) or (value != "inf" and value == str(value)):
+        raise ValueError(value)
+    return math.inf if value == "inf" else float(value)
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:
@@ -191,8 +214,10 @@ def figure_of_distances(frames: Frames, look: Look) -> Figure:
         drawn = False
         for label, distances, colour, dashes in (
             ("from the limit", frames.distances, LINE_COLOURS[0], "o-"),
-            ("from the limit with its film", frames.film_distances or (), LINE_COLOURS[1], "s--"),
-        )[: 2 if frames.film_distances else 1]:
+            ("from the limit with its film", frames.film_distances, LINE_COLOURS[1], "s--"),
+        ):
+            if not distances:
+                continue
             up = np.array(distances[:-1])
             shown = (across > 0) & (up > 0)
             drawn |= bool(shown.any())

@@ -18,7 +18,7 @@ from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_s
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_of
 from gtb_cli.pictures.planar import HALO, basis_values, note
-from gtb_cli.pictures.scene import Surface, View, plain, scene_of, scenes_of
+from gtb_cli.pictures.scene import Surface, View, plain, views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
@@ -45,8 +45,8 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     if look.curvature is not None:
         surface = _by_curvature(ax, shape, mesh, surface, look)
     with_net = look.draws_net(len(patches))
-    scene = scene_of(look.camera, surface, [patch.control_points for patch in patches] if with_net else [])
-    view = View(ax, scene)
+    points = [patch.control_points for patch in patches] if with_net else []
+    (view,) = views([ax], look.camera, [surface], points)
     for patch in patches if look.isolines else ():
         paths = isoparametric_paths(patch, look.isolines)
         view.lines(paths, colour=parameter_lines, width=0.6)
@@ -64,8 +64,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
 def draw_mesh(ax: Axes, mesh: Mesh, look: Look) -> None:
     """Draw a mesh: its segments, or its triangles and open sides."""
     surface = None if mesh.is_curve else surface_of(with_normals(mesh).split, max(len(mesh.groups), 1))
-    scene = scene_of(look.camera, surface, [mesh.vertices])
-    view = View(ax, scene)
+    (view,) = views([ax], look.camera, [surface], [mesh.vertices])
     pairs = mesh.cells if mesh.is_curve else mesh.open_sides
     view.lines(list(mesh.vertices[pairs]), colour=LINE_COLOURS[0] if mesh.is_curve else INK, width=1.4)
     view.triad()
@@ -140,8 +139,8 @@ def draw_space_curves(ax: Axes, curves: Sequence[Patch], look: Look) -> None:
     """Draw curves in space, with control polygons and numbered points."""
     paths = [curve_path(curve) for curve in curves]
     with_net = look.draws_net(len(curves))
-    scene = scene_of(look.camera, None, [*paths, *([curve.control_points for curve in curves] if with_net else [])])
-    view = View(ax, scene)
+    points = [curve.control_points for curve in curves] if with_net else []
+    (view,) = views([ax], look.camera, [None], [*paths, *points])
     for k, path in enumerate(paths):
         colour, dashes = line_style(k)
         view.lines([path], colour=colour, width=1.9, dashes=dashes, order=4)
@@ -177,9 +176,8 @@ def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     box = np.concatenate([floor, floor + np.array([0, 0, GRAPH_HEIGHT])])
     names = [f"{subscript(symbol, i)}, up to {top:.3g}" for i, top in zip(indices, values.max(axis=0), strict=True)]
     rim_heights = GRAPH_HEIGHT * basis_values(patch, rim, look.unnormalised)[:, list(indices)] / highest
-    scenes = scenes_of(look.camera, surfaces, [box])
-    for ax, scene, index, above in zip(panels(figure, names), scenes, indices, rim_heights.T, strict=True):
-        view = View(ax, scene)
+    drawn = views(panels(figure, names), look.camera, surfaces, [box])
+    for view, index, above in zip(drawn, indices, rim_heights.T, strict=True):
         view.lines([np.vstack([floor, floor[:1]])], colour=FAINT, width=0.7, hidden=0.6)
         view.lines([np.column_stack([edge, above])], width=0.8, hidden=HIDDEN_STRENGTH)
         spots = np.column_stack([knots, np.zeros(len(knots))])
@@ -210,8 +208,7 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     colours = np.array([rgb(patch_colour(k)) for k in cell.tolist()])
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
-    scene = scene_of(look.camera, Surface(vertices, faces, None, np.concatenate([colours, colours])))
-    view = View(ax, scene)
+    (view,) = views([ax], look.camera, [Surface(vertices, faces, None, np.concatenate([colours, colours]))])
     for level, strength in ((lifted, 1.2), (ground, 0.9)):
         loops = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
         view.lines(loops, width=strength, hidden=HIDDEN_STRENGTH)
@@ -227,5 +224,5 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
             (ground, [subscript("a", i) for i in range(len(flat))], {"va": "top", "color": LINE_COLOURS[0]}, -6),
         )
         for level, texts, style, up in heights_and_names:
-            for place, text in zip(scene.seen(level)[:, :2], texts, strict=True):
+            for place, text in zip(view.seen(level)[:, :2], texts, strict=True):
                 note(ax, text, place, (0, up), bbox={**HALO, "alpha": 0.7}, **style)

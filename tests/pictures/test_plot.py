@@ -195,7 +195,7 @@ def test_a_curve_needs_no_slow_packages(tmp_path):
     )
     loaded = set(done.stdout.split())
     assert "matplotlib.figure" in loaded
-    assert not loaded & {"matplotlib.pyplot", "tkinter", "scipy", "trimesh", "gtb_cli.pictures.solid"}
+    assert not loaded & {"matplotlib.pyplot", "tkinter", "scipy", "trimesh"}
 
 
 def test_numbers_below_letters():

@@ -13,8 +13,6 @@ from gtb_cli import Mesh, Model, Patch, read_mesh, tessellate, write_mesh
 from gtb_cli.formats.export import warnings_for
 from gtb_cli.meshes.shading import facet_normals
 from gtb_cli.pictures.content import content_of, content_of_mesh
-from gtb_cli.pictures.figures import axes_for, draw_on
-from gtb_cli.pictures.look import Camera, Look, empty_figure, settings
 from gtb_cli.pictures.page import page_data
 from gtb_cli.tessellation.recipe import Recipe
 from tests.shell import SPECS
@@ -129,11 +127,8 @@ def test_pages_shade_each_side_by_itself(angle, source):
 def test_pictures_shade_each_side_by_itself(angle, source):
     """From above, all pixels of a side have one colour."""
     thing = bent(angle) if source == "spec" else tessellate(bent(angle), SIDES, normals=False)
-    look = Look(size=(2, 2), dpi=100, camera=Camera(20, 50), net=False, resolution=SIDES if source == "spec" else None)
-    with settings():
-        what = "surface" if source == "spec" else "mesh"
-        ax = axes_for(empty_figure(look), thing, what, look)
-        draw_on(ax, thing, what, look)
+    resolution = SIDES if source == "spec" else None
+    ax = thing.plot(size=(2, 2), dpi=100, camera=(20, 50), net=False, resolution=resolution)
     image = np.asarray(ax.get_images()[0].get_array())
     colours = np.unique(image[image[..., 3] == 255][:, :3], axis=0)
     smooth = source == "file" and angle == 30
