@@ -10,7 +10,6 @@ from gtb_cli.vocabulary import LFS_FAULT, LFS_POINTER, SPEC_FORMATS, suffix_of
 
 Repeated: TypeAlias = tuple[Path, int, int]
 
-
 MAX_BYTES = 10_000_000  # a spec; a patch of a thousand knots takes a hundred kilobytes
 MAX_LINES = 1_000_000  # lines in a spec; 5000 bicubic patches take a fifth of them
 # The beginnings of files that users mistake for specs
@@ -25,16 +24,9 @@ _OTHER_FILES = {
 
 @frozen
 class Document:
-    """A spec that is well-formed TOML or JSON.
+    """A spec that is well-formed TOML or JSON: the parser's result, and the text.
 
-    Attributes
-    ----------
-    data : object
-        The parser's result.
-    text : str
-    format : "toml" or "json"
-    repeated : tuple of (path, first line, line)
-        Keys given twice in one JSON object, which the parser would accept silently.
+    `repeated` has the path, first line and line of keys given twice in one JSON object, which the parser would accept.
     """
 
     data: object
@@ -69,20 +61,13 @@ class Document:
 
 
 class Faults:
-    """The faults of a document, collected in any order and written in the order of the file.
-
-    Attributes
-    ----------
-    count : int
-        Number of all faults; those beyond `SHOWN` are only counted.
-    """
+    """The faults of a document, collected in any order; `count` is the number of all, of which `SHOWN` are kept."""
 
     SHOWN = 20
 
-    def __init__(self, document: Document, source: str) -> None:
+    def __init__(self, document: Document, source: str, note: str = "") -> None:
         self.count = 0
-        self._document = document
-        self._source = source
+        self._document, self.source, self._note = document, source, note
         self._faults: list[tuple[Path, str, int | None]] = []
         for path, first, line in document.repeated:
             self.add(path, _twice(first), line)
@@ -93,16 +78,22 @@ class Faults:
         if self.count <= self.SHOWN:
             self._faults.append((path, message, line))
 
-    def __str__(self) -> str:
+    def lines(self) -> list[str]:
+        """Write the faults in the order of the file."""
         lines = self._document.lines({path for path, _, _ in self._faults})
         faults = [(line or lines.get(path, 0), path, message) for path, message, line in self._faults]
         text = []
         for line, path, message in sorted(faults, key=lambda fault: fault[0]):
-            file = f"{self._source}:{line}" if line else self._source
+            file = f"{self.source}:{line}" if line else self.source
             text.append(f"{file}: {place(path)}: {message}" if path else f"{file}: {message}")
-        if self.count > self.SHOWN:
-            text.append(f"{self._source}: ... and {self.count - self.SHOWN} more")
-        return "\n".join(text)
+        return [line + self._note for line in text]
+
+
+def listed(files: list[Faults]) -> str:
+    """Write the first faults of a spec's files, its own first, and the number of the others."""
+    lines = [line for faults in files for line in faults.lines()][: Faults.SHOWN]
+    more = sum(faults.count for faults in files) - len(lines)
+    return "\n".join([*lines, f"{files[0].source}: ... and {more} more"] if more else lines)
 
 
 def place(path: Path) -> str:
@@ -141,29 +132,16 @@ def spec_format_of(path: str) -> Format | None:
 
 
 def read(data: bytes | str, source: str, format: Format | None = None) -> Document:
-    """Read the text of a spec.
+    """Read the text of a spec, UTF-8; unless a format is given, a first character ``{`` makes it JSON, otherwise TOML.
 
-    Parameters
-    ----------
-    data : bytes or str
-        UTF-8, with or without a byte order mark.
-    source : str
-        File name for messages.
-    format : "toml", "json" or None
-        None: JSON if the first character is ``{``, otherwise TOML.
-
-    Raises
-    ------
-    SpecError
-        The data are not text, too large, nested too deeply, or not well-formed: one line, with line and column if
-        known.
-
-    Notes
-    -----
-    Any input takes at most about three seconds and 150 MB; a spec of a few kilobytes takes about a millisecond.
+    Raises `SpecError`, one line with line and column if known: the data are not text, too large, nested too deeply, or
+    not well-formed. Any input takes at most about three seconds and 150 MB.
     """
     if isinstance(data, bytes):
-        _check_kind(data, source)
+        if data.startswith(LFS_POINTER):
+            raise SpecError(f"{source}: {LFS_FAULT}")
+        if (kind := kind_of(data)) is not None:
+            raise SpecError(f"{source}: is {kind}, and a spec is expected")
     text = _decode(data, source)
     if format is None:
         format = "json" if text.lstrip()[:1] == "{" else "toml"
@@ -171,14 +149,6 @@ def read(data: bytes | str, source: str, format: Format | None = None) -> Docume
         raise SpecError(f"{source}: is empty")
     repeated = _measure(text, source, format)
     return Document(_parse(text, source, format, repeated), text, format, repeated)
-
-
-def _check_kind(data: bytes, source: str) -> None:
-    """Refuse a file whose beginning shows that it is not a spec."""
-    if data.startswith(LFS_POINTER):
-        raise SpecError(f"{source}: {LFS_FAULT}")
-    if (kind := kind_of(data)) is not None:
-        raise SpecError(f"{source}: is {kind}, and a spec is expected")
 
 
 def kind_of(data: bytes) -> str | None:
@@ -240,9 +210,8 @@ def _parse(text: str, source: str, format: Format, repeated: tuple[Repeated, ...
         # "Reason (at line 3, column 5)" or "Reason (at end of document)"
         reason, _, where = str(error).removesuffix(")").rpartition(" (at ")
         if repeated and reason.startswith(("Cannot", "Duplicate")):
-            raise SpecError(
-                "\n".join(f"{source}:{line}: {place(path)}: {_twice(first)}" for path, first, line in repeated)
-            ) from None
+            path, first, line = repeated[0]
+            raise SpecError(f"{source}:{line}: {place(path)}: {_twice(first)}") from None
         found = re.fullmatch(r"line (\d+), column (\d+)", where)
         end = text.count("\n") + 1, len(text) - text.rfind("\n")
         line, column = (int(found[1]), int(found[2])) if found else end

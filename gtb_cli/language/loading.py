@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.files import read_file
-from gtb_cli.language.document import MAX_BYTES, Document, Faults, read, spec_format_of
+from gtb_cli.language.document import MAX_BYTES, Document, Faults, listed, read, spec_format_of
 from gtb_cli.language.includes import Library
 from gtb_cli.language.models import ModelReader
 from gtb_cli.language.scanner import Format
@@ -42,28 +42,13 @@ def load(path: str | os.PathLike[str]) -> Patch | Model:
 
 
 def parse(text: bytes | str, source: str = "<spec>", format: Format | None = None) -> Patch | Model:
-    """Read the text of a spec.
+    """Read the text of a spec, at most 10 MB of UTF-8; the format by its first character unless given.
 
-    Parameters
-    ----------
-    text : bytes or str
-        At most 10 MB of UTF-8.
-    source : str
-        File name for messages. Its stem names a nameless patch; included files are in its folder. ``-`` and text in
-        angle brackets are not files: they give no name and include nothing.
-    format : "toml", "json" or None
-        None: JSON if the first character is ``{``, otherwise TOML.
-
-    Raises
-    ------
-    SpecError
-        See `load`.
-
-    Notes
-    -----
-    Any text takes at most about five seconds and 300 MB; 300 bicubic patches take a third of a second.
+    The stem of `source` names a nameless patch; included files are in its folder. ``-`` and text in angle brackets are
+    not files: they give no name and include nothing. Raises what `load` raises. Any text takes at most about five
+    seconds and 300 MB; 300 bicubic patches take a third of a second.
     """
-    return _Files(source).whole(text, format)
+    return _parse(text, source, format, None)
 
 
 def parse_loop(
@@ -71,18 +56,39 @@ def parse_loop(
 ) -> tuple[Patch | Model, tuple[FloatArray | None, ...]]:
     """Read the text of a spec whose curves may have the key ``ribbon``; otherwise like `parse`.
 
-    Returns
-    -------
-    tuple of (Patch or Model, rows)
-        The (n, 3) second row of control points of each patch, moved with the copies, or None if it has none.
+    Also return the (n, 3) second row of control points of each patch, moved with the copies, or None if it has none.
     """
-    spec = _Files(source, second_row=False).whole(text, format)
+    spec = _parse(text, source, format, False)
     if spec.dimension == 2:
-        return spec, (None,) * (1 if isinstance(spec, Patch) else len(spec))
-    moved = _Files(source, second_row=True).whole(text, format)
+        return spec, (None,) * len(spec.patches)
+    moved = _parse(text, source, format, True)
     pairs = zip(spec.patches, moved.patches, strict=True)
     rows = ((first.control_points, second.control_points) for first, second in pairs)
     return spec, tuple(None if np.array_equal(curve, row) else row for curve, row in rows)
+
+
+def _parse(text: bytes | str, source: str, format: Format | None, second_row: bool | None) -> Patch | Model:
+    """Read a spec and the files that it includes, with `second_row` as of `Reader`."""
+    library, budget = Library(source), Budget()
+    files: list[Faults] = []
+
+    def spec(text: bytes | str, format: Format | None, readers: tuple[str, ...]) -> Patch | Model | None:
+        """Read one file, the last of `readers`, each of which includes the next."""
+        document = read(text, readers[-1], format)
+        faults = Faults(document, readers[-1], f" (included by {readers[-2]})" if len(readers) > 1 else "")
+        files.append(faults)
+
+        def include(name: str) -> tuple[Patch, ...]:
+            path, data = library.taken(name, readers)
+            found = spec(data, spec_format_of(path), (*readers, path))
+            return () if found is None else found.patches
+
+        return ModelReader(Values(faults, budget), include, second_row).spec(document.data, _stem(readers[-1]))
+
+    result = spec(text, format, (source,))
+    if result is None or any(faults.count for faults in files):
+        raise SpecError(listed(files))
+    return result
 
 
 def from_dict(data: Mapping[str, Any]) -> Patch | Model:
@@ -102,12 +108,12 @@ def from_dict(data: Mapping[str, Any]) -> Patch | Model:
     faults = Faults(document, "from_dict")
     result = ModelReader(Values(faults, Budget()), _nothing_included).spec(document.data, None)
     if result is None or faults.count:
-        raise SpecError(str(faults))
+        raise SpecError(listed([faults]))
     return result
 
 
 def _plain(value: object) -> object:
-    """Python lists, dictionaries and numbers, as parsers return them."""
+    """Return Python lists, dictionaries and numbers, as parsers do."""
     match value:
         case np.ndarray() | np.generic():
             return value.tolist()
@@ -122,57 +128,7 @@ def _nothing_included(name: str) -> tuple[Patch, ...]:
     raise SpecError(f"{name}: plain data have no folder from which files could be taken")
 
 
-class _Files:
-    """The file of a spec and those it includes, with the faults of all of them."""
-
-    def __init__(self, source: str, second_row: bool | None = None) -> None:
-        self._source = source
-        self._second_row = second_row
-        self._library = Library(source)
-        self._budget = Budget()
-        self._faults: list[tuple[Faults | SpecError, str]] = []  # and what stands after their messages
-
-    def whole(self, text: bytes | str, format: Format | None) -> Patch | Model:
-        """Read the spec, or raise an error that lists all faults."""
-        result = self.spec(text, self._source, format, (self._source,))
-        if result is None or self.count:
-            raise SpecError(str(self))
-        return result
-
-    def spec(
-        self, text: bytes | str, source: str, format: Format | None, readers: tuple[str, ...]
-    ) -> Patch | Model | None:
-        """Read the text of one file, the last of `readers`, each of which includes the next."""
-        note = f" (included by {readers[-2]})" if len(readers) > 1 else ""
-        try:
-            document = read(text, source, format)
-        except SpecError as error:
-            self._faults.append((error, note))
-            return None
-        faults = Faults(document, source)
-        self._faults.append((faults, note))
-
-        def include(name: str) -> tuple[Patch, ...]:
-            path, data = self._library.taken(name, readers)
-            found = self.spec(data, path, spec_format_of(path), (*readers, path))
-            return () if found is None else found.patches
-
-        reader = ModelReader(Values(faults, self._budget), include, self._second_row)
-        return reader.spec(document.data, _stem(source))
-
-    @property
-    def count(self) -> int:
-        """The number of faults of all files."""
-        return sum(faults.count if isinstance(faults, Faults) else 1 for faults, _ in self._faults)
-
-    def __str__(self) -> str:
-        lines = [line + note for faults, note in self._faults if (text := str(faults)) for line in text.split("\n")]
-        if len(self._faults) == 1 or len(lines) <= Faults.SHOWN:
-            return "\n".join(lines)
-        return "\n".join([*lines[: Faults.SHOWN], f"... and {max(self.count, len(lines)) - Faults.SHOWN} more"])
-
-
 def _stem(source: str) -> str | None:
-    """The name of a nameless patch, if the file's name is valid for a patch."""
+    """Return the name of a nameless patch, if the file's name is valid for a patch."""
     stem = os.path.splitext(os.path.basename(source))[0]
     return None if source == "-" or source.startswith("<") or name_fault(stem) else stem

@@ -1,22 +1,16 @@
 """Reads the plain data of a whole spec as a `Patch` or `Model`: named numbers, included files, patches, copies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.language.document import shown
 from gtb_cli.language.names import named_numbers
 from gtb_cli.language.reader import MAX_PATCHES, MODEL_KEYS, PATCH_KEYS, Reader
 from gtb_cli.language.scanner import Path
-from gtb_cli.language.values import POSITIVE, Table, Values, likely_word, suggestion
-from gtb_cli.theory.model import Model
+from gtb_cli.language.values import POSITIVE, Table, Values
+from gtb_cli.theory.model import Model, diagonal_of
 from gtb_cli.theory.patch import Patch
-
-if TYPE_CHECKING:
-    from gtb_cli.language.copies import Copy
 
 # Returns the patches of an included file: none if the file has faults, which are noted elsewhere. Raises `SpecError` if
 # it cannot be included.
@@ -49,7 +43,10 @@ class ModelReader:
         table = Table(data, (), self.values)
         table.unknown_keys(MODEL_KEYS, PATCH_KEYS)
         title = table.name(name)
-        weld = self._weld(data)
+        weld = data.get("weld")
+        is_percentage = isinstance(weld, str) and weld.rstrip().endswith("%")
+        length = weld.rstrip()[:-1] if is_percentage else weld
+        distance = self.values.number(length, ("weld",), POSITIVE) if "weld" in data else None
         included, owners = self._included(data)
         tables = data.get("patches")
         if "patches" not in data:
@@ -65,30 +62,16 @@ class ModelReader:
             if not patches and not self.faults.count and data.get("include") == []:
                 self.faults.add(("include",), "must name a file where there are no [[patches]]")
             return None
+        if distance is not None and is_percentage:
+            distance = distance * diagonal_of(patches) / 100
         try:
-            model = Model(tuple(patches), title)
+            return Model(tuple(patches), title, distance)
         except DomainError as error:
             self._reader.domain_fault((), error)
             return None
-        if weld is None:
-            return model
-        from gtb_cli.theory.model import diagonal_of
-
-        distance, is_percentage = weld
-        return replace(model, weld=distance * diagonal_of(model.patches) / 100 if is_percentage else distance)
-
-    def _weld(self, data: dict[str, Any]) -> tuple[float, bool] | None:
-        """Read ``weld``: the number, and whether it is a percentage of the model's size."""
-        if "weld" not in data:
-            return None
-        value = data["weld"]
-        is_percentage = isinstance(value, str) and value.rstrip().endswith("%")
-        text = value.rstrip()[:-1] if is_percentage else value
-        number = self.values.number(text, ("weld",), POSITIVE)
-        return None if number is None else (number, is_percentage)
 
     def _included(self, data: dict[str, Any]) -> tuple[list[Patch], dict[str, str]]:
-        """The patches of included files, and the file of each patch by its name."""
+        """Read the patches of included files, and the file of each patch by its name."""
         patches: list[Patch] = []
         owners: dict[str, str] = {}
         names = data.get("include", [])
@@ -105,34 +88,25 @@ class ModelReader:
             except SpecError as error:
                 self.faults.add(path, str(error))
                 continue
-            taken = sorted({patch.name for patch in found if patch.name in owners})
-            if taken:
-                fault = f"{name} has a patch {shown(taken[0])}, as has {owners[taken[0]]}"
-                self.faults.add(path, fault)
+            if taken := [patch.name for patch in found if patch.name in owners]:
+                self.faults.add(path, f"{name} has a patch {shown(taken[0])}, as has {owners[taken[0]]}")
             owners.update({patch.name: name for patch in found if patch.name is not None})
             patches += found
         return patches, owners
 
     def _own(self, tables: list[object], included: list[Patch], owners: dict[str, str]) -> list[Patch]:
-        """The patches of this file, in order; `owners` has the names of the included ones before them."""
-        from gtb_cli.language.copies import carried_out, read_copy  # one patch has none
+        """Read the patches of this file, in order; `owners` has the names of the included ones before them."""
+        from gtb_cli.language.copies import Copy, carried_out, read_copy  # one patch has none
 
         patches: dict[int, list[Patch]] = {}
         copies: dict[int, Copy] = {}
-        asked: list[tuple[Path, str]] = []  # originals, those of wrong copies as well
-        wrong: list[str] = []  # with what the names of wrong copies begin
         named: dict[str, Patch | None] = {patch.name: patch for patch in included if patch.name is not None}
-        twice: set[str] = set()
+        several: set[str] = set()
         count = len(included) + len(tables)
         for i, table in enumerate(tables):
             path: Path = ("patches", i)
             if isinstance(table, dict) and "copy" in table:
-                copy = read_copy(table, path, self.values, MAX_PATCHES - count + 1)
-                if isinstance(table["copy"], str):
-                    asked.append((path, table["copy"]))
-                if copy is None:
-                    wrong += [str(table.get("name", table["copy"]))]
-                else:
+                if copy := read_copy(table, path, self.values, MAX_PATCHES - count + 1):
                     copies[i] = copy
                     count += len(copy.names) - 1
                 continue
@@ -144,35 +118,8 @@ class ModelReader:
             if name in owners:
                 self.faults.add((*path, "name"), f"{shown(name)} is the name of a patch of {owners[name]}, too")
             elif name in named:
-                twice.add(name)
+                several.add(name)
             named[name] = patch
-        self._check_names(copies, named, twice)
-        self._check_originals(asked, [*named, *(name for copy in copies.values() for name in copy.names)], wrong)
         if len(copies) + len(patches) == len(tables):  # otherwise a copy that others may need is missing
-            for i, made in carried_out(copies, named, self.values).items():
-                patches[i] = made or []
+            patches |= carried_out(copies, named, several, self.values)
         return [patch for i in sorted(patches) for patch in patches[i]]
-
-    def _check_originals(self, asked: list[tuple[Path, str]], known: list[str], wrong: list[str]) -> None:
-        """Note copies of patches that are not there; a wrong copy may be there under a longer name."""
-        some = known[:1000]  # names searched for the one that was probably meant
-        there = set(known)
-        for path, original in asked:
-            if original in there or any(original.startswith(start) and original != start for start in wrong):
-                continue
-            others = [name for name in some if not name.startswith(f"{original}-")]  # which this copy would make
-            likely = likely_word(original, others) if self.faults.count < self.faults.SHOWN else None
-            there_are = ", ".join(map(shown, others[:10])) + ", ..." * (len(others) > 10)
-            hint = f", there are {there_are}" if others else ", and no other has a name"
-            self.faults.add((*path, "copy"), f"there is no patch {shown(original)}{suggestion(likely) or hint}")
-
-    def _check_names(self, copies: dict[int, Copy], named: dict[str, Patch | None], twice: set[str]) -> None:
-        """Note names of copies that are taken, and names of originals that several patches have."""
-        seen = set(named)
-        for copy in copies.values():
-            taken = next((name for name in copy.names if name in seen), None)
-            if taken is not None:
-                self.faults.add(copy.path, f"makes a patch {shown(taken)}, and there is one of this name")
-            seen.update(copy.names)
-            if copy.original in twice:
-                self.faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")

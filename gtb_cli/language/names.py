@@ -1,14 +1,12 @@
 """``let``: named numbers; each may use those before it."""
 
 import keyword
-import math
 import re
-from collections.abc import Mapping
 from typing import Any
 
 from gtb_cli.language.document import shown
 from gtb_cli.language.expression import CONSTANTS, FUNCTIONS, names_in
-from gtb_cli.language.values import Values
+from gtb_cli.language.values import FINITE, Values
 
 NAME_PATTERN = r"[A-Za-z][A-Za-z0-9_]*"  # pattern of the name of a number
 COUNTER = "k"  # name of a copy's number, in the expressions of copies
@@ -28,12 +26,14 @@ def named_numbers(table: dict[str, Any], values: Values, spec_keys: frozenset[st
         values.faults.add(("let",), f"must have at most {MAX_NAMES} names, got {len(let)}")
         return names
     for name, value in let.items():
-        fault = _name_fault(name, value, spec_keys) or _order_fault(name, let, names)
+        needed = names_in(value) if isinstance(value, str) else []
+        late = next((other for other in needed if other in let and other not in names), None)
+        fault = _name_fault(name, value, spec_keys) or (late and f"uses {late}, which must come before it")
         number = None
-        if fault is None:
-            number = values.number(value, ("let", name), ("must be finite", math.isfinite))
-        else:
+        if fault:
             values.faults.add(("let", name), fault)
+        else:
+            number = values.number(value, ("let", name), FINITE)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well
     return names
 
@@ -49,25 +49,3 @@ def _name_fault(name: str, value: object, spec_keys: frozenset[str]) -> str | No
     if name == COUNTER:
         return "is the number of a copy: choose another name"
     return "is a word with another meaning in expressions" if keyword.iskeyword(name) else None
-
-
-def _order_fault(name: str, let: Mapping[str, object], known: Mapping[str, float]) -> str | None:
-    """Say which later name a number needs, or to which circle, of up to 20 names, it belongs."""
-
-    def later(word: str) -> str | None:
-        value = let[word]
-        needed = names_in(value) if isinstance(value, str) else []
-        return next((other for other in needed if other in let and other not in known), None)
-
-    first = later(name)
-    if first is None:
-        return None
-    chain = [name, first]
-    while chain[-1] != name and len(chain) <= 20:
-        step = later(chain[-1])
-        if step is None or step in chain[1:]:
-            break
-        chain.append(step)
-    if chain[-1] == name:
-        return f"needs itself: {' -> '.join(chain)}"
-    return f"uses {first}, which comes later: put {first} first"

@@ -28,11 +28,7 @@ MAX_UNITY = 300  # knots for "partition-of-unity", which solves a dense linear s
 class Reader:
     """Turns tables into patches, and notes all faults.
 
-    Parameters
-    ----------
-    values : Values
-    second_row : bool or None
-        Whether a patch gets its ribbon, if any, as control points; None: ribbons are refused.
+    `second_row` tells whether a patch gets its ribbon, if any, as control points; None: ribbons are refused.
     """
 
     def __init__(self, values: Values, second_row: bool | None = None) -> None:
@@ -52,7 +48,7 @@ class Reader:
         points = _points(table, "control_points", n)
         ribbon = _points(table, RIBBON, n) if self._second_row else None
         if ribbon is not None:
-            if points is not None and np.array_equal(with_heights(ribbon), with_heights(points)):
+            if np.array_equal(ribbon, points):
                 table.fault(RIBBON, "is the curve itself, and leads nowhere")
             points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
@@ -99,26 +95,18 @@ class Reader:
 
     def _check_keys(self, table: Table) -> None:
         """Note keys of a patch that are unknown, belong elsewhere, or are missing."""
-        inside = bool(table.path)  # of a model
-        elsewhere = (MODEL_KEYS if inside else {"weld"}) - PATCH_KEYS
+        knots = table.entries.get("knots")
+        is_surface = isinstance(knots, list) and bool(knots) and isinstance(knots[0], list)
+        known = PATCH_KEYS if table.path else PATCH_KEYS | MODEL_KEYS - {"weld"}
+        if self._second_row is not None and not is_surface:
+            known |= {RIBBON}
+        elsewhere = dict.fromkeys(COPY_KEYS, "belongs to a copy, one of several [[patches]]")
+        elsewhere |= dict.fromkeys(MODEL_KEYS, "belongs to a model of several [[patches]], not to a patch")
+        elsewhere[RIBBON] = "is for gtb fill alone, in the curves of its loop"
         for key in table.entries:
-            if key == "patches" and inside:
-                table.fault(key, "belongs to the model, not to a patch")
-            elif key in elsewhere:
-                table.fault(key, "belongs to a model, before all [[patches]]")
-            elif key in COPY_KEYS - PATCH_KEYS and inside:
-                table.fault(key, "belongs to a copy: copy = NAME says of which patch")
-            elif key in COPY_KEYS - PATCH_KEYS:
-                table.fault(key, "belongs in one of several [[patches]]")
-            elif key == RIBBON:
-                knots = table.entries.get("knots")
-                if self._second_row is None:
-                    table.fault(key, "is for gtb fill alone, in the curves of its loop")
-                elif isinstance(knots, list) and knots and isinstance(knots[0], list):
-                    table.fault(key, "belongs to a curve, this is a surface")
-        known = PATCH_KEYS if self._second_row is None else PATCH_KEYS | {RIBBON}
-        others = (MODEL_KEYS | COPY_KEYS | {RIBBON}) - PATCH_KEYS
-        meant = table.unknown_keys(known if inside else known | MODEL_KEYS, others)
+            if key in elsewhere and key not in known:
+                table.fault(key, elsewhere[key])
+        meant = table.unknown_keys(known, elsewhere)
         for key in ("knots", "control_points"):
             if key not in table.entries and key not in meant and "patches" not in meant:
                 table.fault(key, "is missing")
@@ -171,11 +159,6 @@ def _is_list(table: Table, key: str, n: int | None) -> bool:
     elif n is not None and len(entries) != n:
         table.fault(key, f"must have {n} entries, one for each knot, got {len(entries)}")
     return isinstance(entries, list)
-
-
-def with_heights(points: FloatArray) -> FloatArray:
-    """(n, 3) points; z is 0 for points with two coordinates."""
-    return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
 
 
 def _check_size(knots: FloatArray) -> None:

@@ -2,8 +2,10 @@
 
 import math
 import re
+import sys
 from collections import ChainMap
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, MutableMapping
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,139 +22,98 @@ MAX_NAME = 200  # longest name, in characters
 CONTROL_CHARACTERS = r"[\u0000-\u001f\u007f-\u009f\u2028\u2029]"
 
 
-# characters in all different expressions of a spec together: half a second of evaluation
+# characters in all expressions of a spec together, repeated ones counted once: a second of evaluation
 MAX_EXPRESSIONS = 200_000
-NO_VALUES: dict[str, float] = {}
 
 Check: TypeAlias = tuple[str, Callable[[float], bool]]
 
+FINITE: Check = ("must be finite", math.isfinite)
 COORDINATE: Check = (f"must be at most {MAX_SIZE:g} in size", lambda x: abs(x) <= MAX_SIZE)
 POSITIVE: Check = ("must be positive", lambda x: x > 0)
 SCALE: Check = (f"must be between {1 / MAX_SIZE:g} and {MAX_SIZE:g}", lambda x: 1 / MAX_SIZE <= x <= MAX_SIZE)
 
 
+@dataclass
 class Budget:
-    """The number of characters that further expressions of a spec may have, and whether an excess was reported."""
+    """The number of characters that further expressions of a spec may have, in all its files."""
 
-    characters = MAX_EXPRESSIONS
-    is_said = False
+    characters: int = MAX_EXPRESSIONS
 
 
 class Values:
-    """Reads single values of one file.
-
-    Attributes
-    ----------
-    faults : Faults
-        Faults of this file.
-    names : dict of str to float
-        Named numbers that expressions may use.
-    budget : Budget
-        The budget that all files of the spec share.
-    """
+    """Reads single values of one file, and notes the faults of wrong ones; `names` are for its expressions."""
 
     def __init__(self, faults: Faults, budget: Budget) -> None:
         self.faults = faults
-        self.names: dict[str, float] = {}
-        self.budget = budget
-        self._evaluated: dict[str, float | str] = {}  # values, or faults
+        self.names: MutableMapping[str, float] = {}
+        self._budget = budget
+        self._note = ""  # after each message
+        self._evaluated: dict[str, float] = {}
+
+    def of_copy(self, name: str, number: int) -> "Values":
+        """Return a reader of the same file for whose expressions the copy's number has a name."""
+        values = Values(self.faults, self._budget)
+        values.names = ChainMap({name: float(number)}, self.names)
+        values._note = f" ({name} = {number})"
+        return values
 
     def tuples(self, entries: list[object], path: Path, sizes: tuple[int, ...]) -> FloatArray | None:
         """Read pairs or triples of coordinates, all of the same size."""
-        expected = " or ".join(map(str, sizes))
-        lengths = {len(entry) if isinstance(entry, list) else None for entry in entries}
-        if len(lengths) == 1 and not lengths & set(sizes):  # one fault, not one for each
-            (length,) = lengths
-            got = "no lists" if length is None else f"lists of {length}"
-            self.faults.add(path, f"must be lists of {expected} coordinates, got {got}")
-            return None
-        size, rows = 0, []
-        for i, entry in enumerate(entries):
-            if not isinstance(entry, list):
-                self.faults.add((*path, i), f"must be a list of {expected} coordinates, got {shown(entry)}")
-            elif len(entry) not in sizes:
-                self.faults.add((*path, i), f"must have {expected} coordinates, got {len(entry)}")
-            elif size and len(entry) != size:
-                self.faults.add((*path, i), f"must have {size} coordinates, as those before, got {len(entry)}")
-            else:
-                size = len(entry)
-                rows.append(self.numbers(entry, (*path, i), COORDINATE))
+        size = next((len(entry) for entry in entries if isinstance(entry, list) and len(entry) in sizes), None)
+        if size is None:
+            entries = entries[:1]  # one fault, not one for each
+        else:
+            sizes = (size,)
+        rows = [self.coordinates(entry, (*path, i), sizes, COORDINATE) for i, entry in enumerate(entries)]
         good = [row for row in rows if row is not None]
-        return np.array(good) if len(good) == len(entries) else None
+        return np.array(good) if good and len(good) == len(rows) else None
 
-    def numbers(
-        self, entries: list[object], path: Path, check: Check, extra: dict[str, float] = NO_VALUES
-    ) -> FloatArray | None:
+    def coordinates(self, entry: object, path: Path, sizes: tuple[int, ...], check: Check) -> FloatArray | None:
+        """Read a list of one of the given sizes."""
+        if isinstance(entry, list) and len(entry) in sizes:
+            return self.numbers(entry, path, check)
+        self.faults.add(path, f"must be a list of {' or '.join(map(str, sizes))} coordinates, got {shown(entry)}")
+        return None
+
+    def numbers(self, entries: list[object], path: Path, check: Check) -> FloatArray | None:
         """Read a list of numbers."""
-        values = [self.number(entry, (*path, i), check, extra) for i, entry in enumerate(entries)]
+        values = [self.number(entry, (*path, i), check) for i, entry in enumerate(entries)]
         good = [value for value in values if value is not None]
         return np.array(good) if len(good) == len(values) else None
 
-    def number(self, value: object, path: Path, check: Check, extra: dict[str, float] = NO_VALUES) -> float | None:
-        """Read a number or an expression, which may also use the `extra` names."""
-        number, text = value, ""
-        if isinstance(value, str):
-            number = self._value(value, path, extra)
-            if number is None:
-                return None
-            text = f" = {shown(number)}"
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            self.faults.add(path, f"must be a number, got {shown(value)}")
-            return None
-        try:
-            number = float(number)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            self.faults.add(path, f"must be finite, got {shown(value)}")
-            return None
+    def number(self, value: object, path: Path, check: Check) -> float | None:
+        """Read a number or an expression."""
         expected, holds = check
-        if not holds(number):
-            self.faults.add(path, f"{expected}, got {shown(value)}{text}{_where(extra)}")
+        try:
+            number = self._value(value) if isinstance(value, str) else value
+            if isinstance(number, bool) or not isinstance(number, int | float):
+                raise SpecError(f"must be a number, got {shown(value)}")
+            if not abs(number) <= sys.float_info.max:
+                raise SpecError(f"must be finite, got {shown(value)}")
+            number = float(number)
+            if not holds(number):
+                result = f" = {shown(number)}" if isinstance(value, str) else ""
+                raise SpecError(f"{expected}, got {shown(value)}{result}")
+            return number
+        except SpecError as error:
+            self.faults.add(path, f"{error}{self._note}")
             return None
-        return number
 
-    def _value(self, text: str, path: Path, extra: dict[str, float]) -> float | None:
+    def _value(self, text: str) -> float:
         """Evaluate an expression; a repeated one is evaluated once."""
-        found = None if extra else self._evaluated.get(text)
-        if found is None:
-            self.budget.characters -= len(text)
-            if self.budget.characters < 0:
-                if not self.budget.is_said:
-                    limit = f"different expressions may have {MAX_EXPRESSIONS} characters together"
-                    self.faults.add(path, f"{limit}, write numbers from here on")
-                    self.budget.is_said = True
-                return None
-            try:
-                found = evaluate_expression(text, ChainMap(extra, self.names) if extra else self.names)
-            except SpecError as error:
-                found = str(error)
-            if not extra:
-                self._evaluated[text] = found
-        if isinstance(found, str):
-            self.faults.add(path, found + _where(extra))
-            return None
-        return found
+        if text not in self._evaluated:
+            self._budget.characters -= len(text)
+            if self._budget.characters < 0:
+                raise SpecError(f"expressions may have {MAX_EXPRESSIONS} characters together, write numbers from here on")
+            self._evaluated[text] = evaluate_expression(text, self.names)
+        return self._evaluated[text]
 
 
 class Table:
-    """Reads the values of one table of a file by their keys; what is absent, or wrong and noted, is None.
+    """Reads the values of one table of a file by their keys; what is absent, or wrong and noted, is None."""
 
-    Attributes
-    ----------
-    entries : dict
-        The table itself.
-    path : tuple
-        Its key path.
-    values : Values
-    extra : dict of str to float
-        Further names that its expressions may use.
-    """
-
-    def __init__(
-        self, entries: dict[str, Any], path: Path, values: Values, extra: dict[str, float] = NO_VALUES
-    ) -> None:
-        self.entries, self.path, self.values, self.extra = entries, path, values, extra
+    def __init__(self, entries: dict[str, Any], path: Path, values: Values) -> None:
+        self.entries, self.path, self.values = entries, path, values
 
     def fault(self, key: str, message: str) -> None:
         """Note a fault of the value under a key."""
@@ -193,16 +154,17 @@ class Table:
         """Read a number."""
         if key not in self.entries:
             return None
-        return self.values.number(self.entries[key], (*self.path, key), check, self.extra)
+        return self.values.number(self.entries[key], (*self.path, key), check)
 
     def numbers(self, key: str, check: Check) -> FloatArray | None:
         """Read a list of numbers, which must be there."""
-        return self.values.numbers(self.entries[key], (*self.path, key), check, self.extra)
+        return self.values.numbers(self.entries[key], (*self.path, key), check)
 
-
-def _where(extra: dict[str, float]) -> str:
-    """Say for which values of further names a value is wrong."""
-    return "".join(f" ({name} = {shown(value)})" for name, value in extra.items())
+    def coordinates(self, key: str, sizes: tuple[int, ...], check: Check) -> FloatArray | None:
+        """Read a list of one of the given sizes."""
+        if key not in self.entries:
+            return None
+        return self.values.coordinates(self.entries[key], (*self.path, key), sizes, check)
 
 
 def name_fault(name: str) -> str | None:

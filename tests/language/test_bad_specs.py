@@ -63,7 +63,7 @@ def test_every_bad_spec_is_in_the_table() -> None:
         ("".join(f"k{i} = 1\n" for i in range(30_000)), "k0: is not a key of a spec"),
         ("[[patches]]\n" * 900, "patches[0].knots: is missing"),
         ("{" + ", ".join(f'"k{i % 9}": {{"a": 1}}' for i in range(10_000)) + "}", "k0: is given twice"),
-        ("knots = [" + "[], " * 5_000 + "]\n", "knots: must be lists of 2 coordinates, got lists of 0"),
+        ("knots = [" + "[], " * 5_000 + "]\n", "knots[0]: must be a list of 2 coordinates, got a list of 0"),
     ],
     ids=lambda value: value[:20],
 )

@@ -219,7 +219,7 @@ def test_errors_of_included_files_have_their_own_lines(tmp_path):
     assert lines[0] == "main.toml:1: include[1]: none.toml: No such file or directory"
     assert lines[1].startswith("lid.toml:2: x: is not a key of a spec")
     assert lines[1].endswith(" (included by main.toml)")
-    what = "control_points: must be lists of 2 or 3 coordinates, got lists of 1"
+    what = "control_points[0]: must be a list of 2 or 3 coordinates, got a list of 1"
     assert lines[2] == f"parts{os.sep}knob.toml:3: {what} (included by lid.toml)"
 
 
