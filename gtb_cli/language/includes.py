@@ -11,46 +11,30 @@ MAX_FILES = 100  # files that a spec includes, directly or through others
 
 
 class Library:
-    """The folder of a spec, and the files included from it, each once.
+    """The files that a spec includes, directly or through others, each once."""
 
-    Parameters
-    ----------
-    source : str
-        The spec's own file; ``-`` and text in angle brackets are not files, and have no folder.
-    """
-
-    def __init__(self, source: str) -> None:
-        self._is_file = source != "-" and not source.startswith("<")
-        path = os.path.realpath(os.path.dirname(source) or os.curdir) if self._is_file else ""
-        self._folder = path
-        self._real = {source: os.path.realpath(source) if self._is_file else source}
+    def __init__(self) -> None:
         self._taken_by: dict[str, str] = {}
         self._bytes = 0
 
     def taken(self, name: str, readers: tuple[str, ...]) -> tuple[str, bytes]:
-        """Read a file included by the last of `readers`, each of which is included by the one before.
+        """Return path and content of a file included by the last of `readers`, each of which includes the next.
 
-        Returns
-        -------
-        path, content
-
-        Raises
-        ------
-        SpecError
-            The file is outside the spec's folder, is included already, cannot be read or is too large; the message does
-            not say which file includes it.
+        Raises `SpecError`, without the including file: the file is outside the spec's folder, is included already,
+        cannot be read or is too large.
         """
-        if not self._is_file:
+        if readers[0] == "-" or readers[0].startswith("<"):
             raise SpecError(f"{readers[0]} has no folder from which files could be taken")
         path = os.path.join(os.path.dirname(readers[-1]), name)
         try:
             real = os.path.realpath(path)
-            inside = os.path.commonpath([self._folder, real]) == self._folder
+            folder = os.path.realpath(os.path.dirname(readers[0]))
+            inside = os.path.commonpath([folder, real]) == folder
         except (OSError, ValueError) as error:  # a null character, another drive
             raise SpecError(f"{name!r}: {error}") from None
         if os.path.isabs(name) or not inside:
             raise SpecError(f"{name}: is outside the spec's folder")
-        chain = [self._real[reader] for reader in readers]
+        chain = [os.path.realpath(reader) for reader in readers]
         if real in chain:
             circle = [*readers[chain.index(real) :], path]
             raise SpecError(f"{name}: includes itself: {' -> '.join(map(os.path.basename, circle))}")
@@ -63,12 +47,11 @@ class Library:
         if self._bytes > MAX_BYTES:
             raise SpecError(f"{name}: is too large, files of a spec have at most {MAX_BYTES // 10**6} MB together")
         self._taken_by[real] = readers[-1]
-        self._real[path] = real
         return path, data
 
 
 def _content(name: str, real: str) -> bytes:
-    """The bytes of a regular file, at most one more than allowed; no other file is waited for."""
+    """Return the bytes of a regular file, at most one more than allowed; no other file is waited for."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
         with open(os.open(real, flags), "rb") as file:
@@ -82,18 +65,9 @@ def _content(name: str, real: str) -> bytes:
 def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
     """Name the files from which a spec is read: its own first, then those it includes, directly or through others.
 
-    Parameters
-    ----------
-    path : str
-    format : "toml", "json" or None
-        The format of the spec itself, as in `parse`.
-
-    Returns
-    -------
-    tuple of str
-        Each file once, in the order found from `path` on, and hardly more than `MAX_FILES`: the folder of `path`, and
-        what the including files write (``..`` is left, as it leads elsewhere after a link). A file that cannot be read
-        includes nothing; the reader of the spec reports its faults.
+    Each file stands once, as the folder of `path` and what the including files write (``..`` is left, as it leads
+    elsewhere after a link); hardly more than `MAX_FILES`. A file that cannot be read includes nothing; the reader of
+    the spec reports its faults.
     """
     found = {os.path.realpath(path): path}
     waiting = [path]
@@ -108,7 +82,7 @@ def sources(path: str, format: Format | None = None) -> tuple[str, ...]:
 
 
 def _included(path: str, format: Format | None) -> list[str]:
-    """The names of the files that the text of a file includes."""
+    """Return the names of the files that the text of a file includes."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be emptied, or waited for
             return []

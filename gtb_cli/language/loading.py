@@ -69,7 +69,7 @@ def parse_loop(
 
 def _parse(text: bytes | str, source: str, format: Format | None, second_row: bool | None) -> Patch | Model:
     """Read a spec and the files that it includes, with `second_row` as of `Reader`."""
-    library, budget = Library(source), Budget()
+    library, budget = Library(), Budget()
     files: list[Faults] = []
 
     def spec(text: bytes | str, format: Format | None, readers: tuple[str, ...]) -> Patch | Model | None:

@@ -43,9 +43,10 @@ class ModelReader:
         table = Table(data, (), self.values)
         table.unknown_keys(MODEL_KEYS, PATCH_KEYS)
         title = table.name(name)
-        weld = data.get("weld")
-        is_percentage = isinstance(weld, str) and weld.rstrip().endswith("%")
-        length = weld.rstrip()[:-1] if is_percentage else weld
+        length: Any = data.get("weld")
+        is_percentage = isinstance(length, str) and length.rstrip().endswith("%")
+        if is_percentage:
+            length = length.rstrip()[:-1]
         distance = self.values.number(length, ("weld",), POSITIVE) if "weld" in data else None
         included, owners = self._included(data)
         tables = data.get("patches")

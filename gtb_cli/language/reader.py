@@ -48,7 +48,7 @@ class Reader:
         points = _points(table, "control_points", n)
         ribbon = _points(table, RIBBON, n) if self._second_row else None
         if ribbon is not None:
-            if np.array_equal(ribbon, points):
+            if points is not None and np.array_equal(ribbon, points):
                 table.fault(RIBBON, "is the curve itself, and leads nowhere")
             points = ribbon
         weights = _row(table, "weights", n, POSITIVE)

@@ -7,24 +7,9 @@ from gtb_cli.vocabulary import TEMPLATES
 
 
 def template(name: str, sides: int | None = None) -> str:
-    """Return a spec with comments that can be meshed as it is.
+    """Return a spec with comments that can be meshed as it is: one of `TEMPLATES`, "n-gon" with a number of sides.
 
-    Parameters
-    ----------
-    name : str
-        One of `TEMPLATES`.
-    sides : int, optional
-        Number of sides, only for "n-gon".
-
-    Returns
-    -------
-    str
-        TOML.
-
-    Raises
-    ------
-    SpecError
-        No template has this name, or the number of sides is missing, out of range or not used.
+    Raises `SpecError`: no template has this name, or the number of sides is missing, out of range or not used.
     """
     min_sides, max_sides = 3, 100
     if name not in TEMPLATES:
@@ -45,8 +30,10 @@ def template(name: str, sides: int | None = None) -> str:
 
 
 def _polygon(sides: int) -> dict[str, object]:
-    """The entries of a dome over a regular polygon: its corners, a knot halfway from each to the centre, the centre."""
-    entries = [_place(factor, k, sides) for factor in ("2*", "") for k in range(sides)] + ["0, 0"]
+    """Return the entries of a dome over a polygon: its corners, a knot halfway from each to the centre, the centre."""
+    angles = [f"({2 * k}*pi/{sides})" for k in range(sides)]
+    entries = [f'"{factor}cos{angle}", "{factor}sin{angle}"' for factor in ("2*", "") for angle in angles] + ["0, 0"]
+    entries[0], entries[sides] = "2, 0", "1, 0"
     heights = [0] * sides + [1] * sides + [2]
     return {
         "sides": sides,
@@ -55,10 +42,3 @@ def _polygon(sides: int) -> dict[str, object]:
         "ones": ", ".join(["1"] * sides),
         "twos": ", ".join(["2"] * sides),
     }
-
-
-def _place(factor: str, k: int, sides: int) -> str:
-    """The coordinates of corner k, as expressions."""
-    if k == 0:
-        return ("2" if factor else "1") + ", 0"
-    return f'"{factor}cos({2 * k}*pi/{sides})", "{factor}sin({2 * k}*pi/{sides})"'

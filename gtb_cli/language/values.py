@@ -104,7 +104,7 @@ class Values:
         if text not in self._evaluated:
             self._budget.characters -= len(text)
             if self._budget.characters < 0:
-                raise SpecError(f"expressions may have {MAX_EXPRESSIONS} characters together, write numbers from here on")
+                raise SpecError(f"expressions may have {MAX_EXPRESSIONS} characters together, write others as numbers")
             self._evaluated[text] = evaluate_expression(text, self.names)
         return self._evaluated[text]
 

@@ -26,9 +26,8 @@ def to_dict(spec: Patch | Model) -> dict[str, Any]:
         Weights are numbers if the logarithms of these are those of the patch, otherwise (x^λ ω) they are `log_weights`.
     """
     if isinstance(spec, Model):
-        named: dict[str, Any] = {} if spec.name is None else {"name": spec.name}
-        welded: dict[str, Any] = {} if spec.weld is None else {"weld": spec.weld}
-        return {**named, **welded, "patches": [to_dict(patch) for patch in spec.patches]}
+        whole = {"name": spec.name, "weld": spec.weld, "patches": [to_dict(patch) for patch in spec.patches]}
+        return {key: value for key, value in whole.items() if value is not None}
     if not isinstance(spec, Patch):
         raise SpecError(f"expected a Patch or a Model, got {type(spec).__name__}")
     ones = np.ones(len(spec.knots))
@@ -87,57 +86,33 @@ def save(spec: Patch | Model, path: str | os.PathLike[str]) -> None:
 def dump(spec: Patch | Model) -> str:
     """Write a patch or model as TOML, with the shortest digits that read back exactly.
 
-    Returns
-    -------
-    str
-        `gtb_cli.language.loading.parse` returns equal arrays for it. Keys with their default value are left out. For
-        readability, weights are numbers if possible; their logarithms may then be rounded.
-
-    Raises
-    ------
-    SpecError
-        A spec cannot hold the patch: its name has control characters, or numbers are beyond those that are read.
+    For readability, weights are numbers if possible; their logarithms may then be rounded. Raises `SpecError` if a name
+    has control characters, or numbers are beyond those that are read.
     """
+    patches = []
     for patch in (spec,) if isinstance(spec, Patch) else spec.patches:
-        _check_size(patch)
-    if isinstance(spec, Patch):
-        return _toml(to_dict(_by_number(spec)))
-    return _toml(to_dict(spec.replace(patches=tuple(map(_by_number, spec.patches)))))
-
-
-def _check_size(patch: Patch) -> None:
-    """Refuse numbers that no reader of specs takes."""
-    for key, values in (("knots", patch.knots), ("control_points", patch.control_points)):
-        if not (np.abs(values) <= MAX_SIZE).all():
-            raise SpecError(f"{key}: the result has numbers beyond {MAX_SIZE:g} in size, which no spec may have")
-
-
-def _by_number(patch: Patch) -> Patch:
-    is_float = (np.isfinite(patch.weights) & (patch.weights > 0)).all()
-    return patch.replace(weights=patch.weights.copy()) if is_float else patch
+        for key, values in (("knots", patch.knots), ("control_points", patch.control_points)):
+            if not (np.abs(values) <= MAX_SIZE).all():
+                raise SpecError(f"{key}: the result has numbers beyond {MAX_SIZE:g} in size, which no spec may have")
+        is_float = (np.isfinite(patch.weights) & (patch.weights > 0)).all()
+        patches.append(patch.replace(weights=patch.weights.copy()) if is_float else patch)
+    return _toml(to_dict(patches[0] if isinstance(spec, Patch) else spec.replace(patches=tuple(patches))))
 
 
 def _toml(data: dict[str, Any]) -> str:
-    if "patches" in data:
-        head = _name_text(data["name"]) if "name" in data else ""
-        head += f"weld = {_number_text(data['weld'])}\n" if "weld" in data else ""
-        return "\n".join([head] * bool(head) + [f"[[patches]]\n{_toml(patch)}" for patch in data["patches"]])
     text = ""
     for key, value in data.items():
         if key == "name":
-            text += _name_text(value)
+            if fault := name_fault(value):
+                raise SpecError(f"name: {fault}")
+            value = value.replace("\\", "\\\\").replace('"', '\\"')
+        if key == "patches":
+            text = "\n".join([text] * bool(text) + [f"[[patches]]\n{_toml(patch)}" for patch in value])
         elif isinstance(value, list):
             text += _row_text(key, value)
         else:
             text += f'{key} = "{value}"\n' if isinstance(value, str) else f"{key} = {_number_text(value)}\n"
     return text
-
-
-def _name_text(name: str) -> str:
-    if fault := name_fault(name):
-        raise SpecError(f"name: {fault}")
-    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'name = "{escaped}"\n'
 
 
 def _row_text(key: str, values: list[Any]) -> str:
