@@ -30,7 +30,10 @@ AXES = ("x", "y", "z")
 
 @frozen
 class Copy:
-    """What a table of a model with the key ``copy`` asks for: a name and a move of (n, 3) points for each copy."""
+    """What a table of a model with the key ``copy`` asks for: a name and a move of (n, 3) points for each copy.
+
+    There are no moves if one of them is wrong.
+    """
 
     path: Path
     original: str
@@ -76,6 +79,8 @@ def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int)
     most = max(allowed, 1)
     whole: Check = (f"must be a whole number from 1 to {most}", lambda x: 1 <= x <= most and x == int(x))
     count = int(table.number("repeat", whole) or 1)
+    if values.faults.count > before and "repeat" in entries:  # others may copy a copy that is not among these
+        return None
     name = table.name(None)
     names = (name,) if name and "repeat" not in entries else tuple(f"{name or original}-{k + 1}" for k in range(count))
     if fault := name_fault(names[-1]):
@@ -87,7 +92,8 @@ def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int)
             table = Table(entries, path, values.of_copy(COUNTER, k))
         moves.append(_move(table, mirror))
         if values.faults.count > before:  # the others have them, too
-            return None
+            moves = []
+            break
     return Copy(path, original, names, tuple(moves), mirror is not None)
 
 
@@ -173,7 +179,7 @@ def carried_out(
         if copy.original in several:
             faults.add((*copy.path, "copy"), f"there are several patches {shown(copy.original)}")
         elif copy.original not in named and copy.original not in source:
-            others = [name for name in (*named, *source) if name not in copy.names][:1000]  # that are searched
+            others = [name for name in (*named, *source) if not name.startswith(f"{copy.original}-")][:1000]
             likely = likely_word(copy.original, others) if faults.count < faults.SHOWN else None
             hint = suggestion(likely) or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")
@@ -189,7 +195,7 @@ def carried_out(
     made: dict[int, list[Patch]] = {}
     for number in order:
         copy, original = copies[number], found.get(copies[number].original)
-        if original is None:
+        if original is None or not copy.moves:
             continue
         most -= len(copy.names) * len(original.knots)
         if most < 0:
