@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, float_rows, half_step, integer_rows, lines_of, shown
+from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
 
@@ -72,7 +72,7 @@ class _Reader:
         coordinates, starts = np.empty((0, 3)), [self.cell_count] * len(names)
         if places[b"v"]:
             text = _without_keyword(lines, places[b"v"])
-            coordinates = _first_three(*_long_enough(b"v", *float_rows(text)))
+            coordinates = _first_three(*_long_enough(b"v", *number_rows(text, np.float64)))
             fault = faulty_point(coordinates)
             if fault is not None:
                 raise GtbError(f"a vertex {fault[1]}")
@@ -81,7 +81,7 @@ class _Reader:
             if not places[keyword]:
                 continue
             numbers, counts = _long_enough(
-                keyword, *integer_rows(_references(_without_keyword(lines, places[keyword])))
+                keyword, *number_rows(_references(_without_keyword(lines, places[keyword])), np.int64)
             )
             if not numbers.all():
                 raise GtbError("vertices are counted from 1, got 0")

@@ -1,15 +1,19 @@
 """PLY, both ways: vertices, faces, and edges (which trimesh does not read); text, and binary in both byte orders."""
 
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from array import array
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from itertools import chain, islice
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
-from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, stacked, triangles
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, triangles
 from gtb_cli.formats.digits import BLOCK_ROWS
-from gtb_cli.formats.ply_tables import CORNER_LISTS, Element, read_binary, read_header, read_text
-from gtb_cli.formats.text import half_step
+from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import plain_name
 
@@ -65,13 +69,7 @@ def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
 
 
 def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return attributes under names that PLY can hold.
-
-    Raises
-    ------
-    ExportError
-        A name is reserved or taken, or an attribute does not have one number for each vertex.
-    """
+    """Return attributes, each of one number for each vertex, under names that PLY can hold and that are not taken."""
     reserved = ("x", "y", "z", "nx", "ny", "nz", "s", "t")  # properties with a meaning of their own
     named: dict[str, FloatArray] = {}
     for name, values in attributes.items():
@@ -84,51 +82,242 @@ def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray
     return named
 
 
-def read_ply(data: bytes) -> Content:
-    """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2).
+class Property(NamedTuple):
+    """A column; `kind` is numpy's name of its numbers, `count_kind` that of the lengths of lists, or empty."""
 
-    Raises
-    ------
-    GtbError
-        The header is wrong, or the data do not match it.
-    """
-    elements, order, start = read_header(data)
+    kind: str
+    count_kind: str = ""
+
+    @property
+    def is_float(self) -> bool:
+        """Whether its numbers may have fractions."""
+        return self.kind.startswith("f")
+
+
+class Element(NamedTuple):
+    """A table as the header describes it."""
+
+    name: str
+    rows: int
+    properties: dict[str, Property]
+
+
+# The numbers of each property, one row after another, and how many each row has
+Columns: TypeAlias = dict[str, tuple[NDArray[Any], IntArray]]
+
+
+def read_ply(data: bytes) -> Content:
+    """Read a PLY file: the elements `vertex` (x, y, z), `face` (a list of corners) and `edge` (vertex1, vertex2)."""
+    elements, order, start = _header(data)
+    if "vertex" not in elements:
+        raise GtbError("has no element vertex")
+    tables: dict[str, Columns] = {}
     sample: list[bytes] = []
     if order:
-        for element in elements:
-            start = read_binary(data, start, element, order)
+        for name, element in elements.items():
+            tables[name], start = _binary(data, start, element, order)
         if data[start:].strip():
             raise GtbError(f"has {len(data) - start} bytes more than its header says")
     else:
-        sample = read_text(data, start, elements)
-    tables = {element.name: element for element in elements}
-    if "vertex" not in tables:
-        raise GtbError("has no element vertex")
-    vertex = tables["vertex"]
-    vertices = np.stack([vertex.column(axis).astype(np.float64) for axis in "xyz"], axis=1)
-    is_single = any(vertex.type_of(axis) == "f4" for axis in "xyz")
+        rows = (line for _, lines in lines_of(data, start) for line in lines if line and not line.isspace())
+        for name, element in elements.items():
+            tables[name] = _text(rows, element, sample if name == "vertex" else [])
+        if (extra := next(rows, None)) is not None:
+            raise GtbError(f"has more than its header says: {shown(extra)}")
+    vertex = elements["vertex"]
+    vertices = np.stack([_numbers(vertex, tables, axis)[0].astype(np.float64) for axis in "xyz"], axis=1)
+    is_single = any(vertex.properties[axis].kind == "f4" for axis in "xyz")
 
     def half_steps(largest: FloatArray) -> FloatArray:
         return np.maximum(half_step(sample, largest), single_half_steps(largest) if is_single else 0.0)
 
-    return Content(vertices, _cells(tables), half_steps)
+    return Content(vertices, _cells(elements, tables), half_steps)
 
 
-def _cells(tables: dict[str, Element]) -> IntArray:
-    face, edge = tables.get("face"), tables.get("edge")
-    faces: list[IntArray] = []
-    if face is not None and face.count:
-        item = next((item for item in face.properties if item.name in CORNER_LISTS and item.count_type), None)
-        if item is None:
-            raise GtbError(f"element face: has no list {CORNER_LISTS[0]}")
-        if item.type.startswith("f"):
-            raise GtbError(f"{item.name}: expected whole numbers, got {item.type}")
-        for corners, counts in face.lists[item.name]:
-            if counts.min() < 3:
-                raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
-            faces.append(triangles(corners, counts))
-    if edge is None or not edge.count:
-        return stacked(faces, 3, np.int32)
-    if faces:
+def _cells(elements: dict[str, Element], tables: dict[str, Columns]) -> IntArray:
+    nothing = Element("", 0, {})
+    face, edge = elements.get("face", nothing), elements.get("edge", nothing)
+    if face.rows and edge.rows:
         raise GtbError("has both faces and edges: expected one of them")
-    return np.stack([edge.whole(name) for name in ("vertex1", "vertex2")], axis=1)
+    if edge.rows:
+        ends = [_numbers(edge, tables, name, whole=True)[0] for name in ("vertex1", "vertex2")]
+        return np.stack(ends, axis=1).astype(np.int64)
+    if not face.rows:
+        return np.empty((0, 3), dtype=np.int32)
+    name = "vertex_index" if "vertex_index" in face.properties else "vertex_indices"
+    corners, counts = _numbers(face, tables, name, whole=True, lists=True)
+    if counts.min() < 3:
+        raise GtbError(f"element face: a face has at least 3 corners, got {counts.min()}")
+    return triangles(corners, counts)
+
+
+def _numbers(
+    element: Element, tables: dict[str, Columns], name: str, *, whole: bool = False, lists: bool = False
+) -> tuple[NDArray[Any], IntArray]:
+    item = element.properties.get(name)
+    if item is None or bool(item.count_kind) != lists:
+        raise GtbError(f"element {element.name}: has no {'list' if lists else 'property'} {name}")
+    if whole and item.is_float:
+        raise GtbError(f"{name}: expected whole numbers, got {item.kind}")
+    return tables[element.name][name]
+
+
+def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
+    """Return the elements, the byte order (empty for text), and the offset of the data."""
+    orders = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
+    lengths = {b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4"}
+    lengths |= {b"int8": "i1", b"uint8": "u1", b"int16": "i2", b"uint16": "u2", b"int32": "i4", b"uint32": "u4"}
+    kinds = lengths | {b"float": "f4", b"double": "f8", b"float32": "f4", b"float64": "f8"}
+    if not data.startswith((b"ply\n", b"ply\r")):
+        raise GtbError("is not a PLY file: it does not begin with ply")
+    # The longest headers have some thousands of bytes.
+    end = re.compile(rb"end_header[^\r\n]*(\r\n|\r|\n)").search(data, 0, 1 << 20)
+    if end is None:
+        raise GtbError("is cut off: no end_header")
+    order: str | None = None
+    elements: dict[str, Element] = {}
+    properties: dict[str, Property] = {}  # of the last element
+
+    def name_of(word: bytes, known: Container[str]) -> str:
+        name = word.decode("utf-8", "replace")
+        if name in known:
+            raise GtbError(f"line {number}: {name} occurs twice")
+        return name
+
+    for number, line in enumerate(data[: end.start()].splitlines()[1:], 2):
+        match line.split():
+            case [] | [b"comment" | b"obj_info", *_]:
+                continue
+            case [b"format", word, _] if word in orders:
+                order = orders[word]
+            case [b"element", word, count] if count.isdigit():
+                name, properties = name_of(word, elements), {}
+                elements[name] = Element(name, int(count), properties)
+            case [b"property", kind, word] if kind in kinds and elements:
+                properties[name_of(word, properties)] = Property(kinds[kind])
+            case [b"property", b"list", length, kind, word] if length in lengths and kind in kinds and elements:
+                properties[name_of(word, properties)] = Property(kinds[kind], lengths[length])
+            case _:
+                raise GtbError(f"line {number}: cannot be read: {shown(line)}")
+    if order is None:
+        raise GtbError("has no line format in its header")
+    return elements, order, end.end()
+
+
+def _row(element: Element, take: Callable[[str, int], list[float]]) -> list[list[float]]:
+    """Return the numbers of each property in a row; `take` gives the next numbers of a kind."""
+    return [
+        take(item.kind, int(take(item.count_kind, 1)[0]) if item.count_kind else 1)
+        for item in element.properties.values()
+    ]
+
+
+def _uneven(element: Element, rows: Iterable[list[list[float]]]) -> Columns:
+    """Return the columns of rows whose lists may differ in length."""
+    columns = [(array("d"), array("q")) for _ in element.properties]
+    for row in rows:
+        for (numbers, counts), found in zip(columns, row, strict=True):
+            numbers.extend(found)
+            counts.append(len(found))
+    return {
+        name: (np.array(numbers, dtype=np.float64 if item.is_float else np.int64), np.array(counts))
+        for (name, item), (numbers, counts) in zip(element.properties.items(), columns, strict=True)
+    }
+
+
+def _cut_off(element: Element) -> GtbError:
+    return GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
+
+
+def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Columns, int]:
+    """Return the columns of an element, views of the file if all rows are as long as the first, and its end."""
+    place = start
+
+    def take(kind: str, count: int) -> list[float]:
+        nonlocal place
+        begin, place = place, place + count * np.dtype(kind).itemsize
+        if count < 0 or place > len(data):
+            raise _cut_off(element)
+        values: list[float] = np.frombuffer(data, order + kind, count, begin).tolist()
+        return values
+
+    if not element.rows or not element.properties:
+        return _uneven(element, ()), start
+    first = _row(element, take)
+    fields: list[tuple[Any, ...]] = []
+    for (name, item), values in zip(element.properties.items(), first, strict=True):
+        fields += [(f"count {name}", order + item.count_kind)] if item.count_kind else []
+        fields.append((f"value {name}", order + item.kind, (len(values),)))
+    held = min(element.rows, (len(data) - start) // (place - start))
+    rows = np.frombuffer(data, fields, held, start)
+    lengths = dict(zip(element.properties, map(len, first), strict=True))
+    lists = [name for name, item in element.properties.items() if item.count_kind]
+    if held == element.rows and all((rows[f"count {name}"] == lengths[name]).all() for name in lists):
+        columns = {name: (rows[f"value {name}"].ravel(), np.full(held, lengths[name])) for name in lengths}
+        return columns, start + rows.nbytes
+    others = (_row(element, take) for _ in range(1, element.rows))
+    return _uneven(element, chain([first], others)), place
+
+
+def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Columns:
+    """Return the columns of an element, a row in each line; put the first words of some rows into the sample."""
+    most = 1 << 16  # rows that are read together
+    parts = [_uneven(element, ())]
+    left = element.rows if element.properties else 0
+    while left:
+        block = list(islice(rows, min(left, most)))
+        if not block:
+            raise _cut_off(element)
+        left -= len(block)
+        wanted = SAMPLED_VERTICES - len(sample) // 3
+        sample += [word for row in block[:wanted] for word in row.split()[:3]]
+        try:
+            parts.append(_text_block(block, element))
+        except GtbError as error:
+            raise GtbError(f"element {element.name}: {error}") from None
+    return {
+        name: (np.concatenate([part[name][0] for part in parts]), np.concatenate([part[name][1] for part in parts]))
+        for name in element.properties
+    }
+
+
+def _text_block(lines: list[bytes], element: Element) -> Columns:
+    text = b"\n".join(lines)
+    has_fractions = any(item.is_float for item in element.properties.values())
+    numbers, widths = number_rows(text, np.float64) if has_fractions else number_rows(text, np.int64)
+    ends = np.cumsum(widths)
+
+    def row(index: int) -> list[list[float]]:
+        values = iter(numbers[ends[index] - widths[index] : ends[index]].tolist())
+
+        def fault(what: str) -> GtbError:
+            return GtbError(f"{what}: {shown(b' '.join(lines[index].split()))}")
+
+        def take(kind: str, count: int) -> list[float]:
+            found = list(islice(values, count)) if 0 <= count <= widths[index] else []
+            if len(found) != count:
+                raise fault("a row has too few numbers")
+            if not kind.startswith("f") and any(x % 1 for x in found):
+                raise fault("expected a whole number")
+            return found
+
+        found = _row(element, take)
+        if next(values, None) is not None:
+            raise fault("a row has too many numbers")
+        return found
+
+    first = row(0)
+    if (widths == widths[0]).all():
+        table = numbers.reshape(len(lines), -1)
+        columns, place, is_even = {}, 0, True
+        for (name, item), values in zip(element.properties.items(), first, strict=True):
+            if item.count_kind:
+                is_even &= bool((table[:, place] == len(values)).all())
+                place += 1
+            part = table[:, place : place + len(values)].ravel()
+            place += len(values)
+            is_even &= item.is_float or not (part % 1).any()
+            columns[name] = (part if item.is_float else part.astype(np.int64)), np.full(len(lines), len(values))
+        if is_even:
+            return columns
+    return _uneven(element, map(row, range(len(lines))))

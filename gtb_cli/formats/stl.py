@@ -10,22 +10,13 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
 from gtb_cli.formats.digits import BLOCK_ROWS
-from gtb_cli.formats.text import SAMPLED_VERTICES, floats, half_step, shown
+from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
 from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
-    """Return an STL file: binary with 32-bit numbers, or text with numbers that read back exactly.
-
-    Parameters
-    ----------
-    vertices : (m, 3) float
-    triangles : (k, 3) int
-        Indices into `vertices`.
-    name : str
-        Name of the solid, written in text files.
-    """
+    """Return an STL file: binary with 32-bit numbers, or text with numbers that read back exactly, and a name."""
     from trimesh import Trimesh
     from trimesh.exchange.stl import export_stl
 
@@ -59,13 +50,7 @@ def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: 
 
 
 def read_stl(data: bytes) -> Content:
-    """Read an STL file.
-
-    Raises
-    ------
-    GtbError
-        The file is neither a whole binary file nor text with whole facets.
-    """
+    """Read an STL file: a whole binary one, or text with whole facets."""
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     number = int.from_bytes(data[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
     if len(data) >= STL_HEADER_BYTES and len(data) == STL_HEADER_BYTES + number * facet.itemsize:
@@ -89,46 +74,40 @@ def _content(corners: FloatArray, half_steps: Callable[[FloatArray], FloatArray]
 
 
 def _read_text(data: bytes) -> Content:
-    chunk = 1 << 22  # bytes of text parsed together
-    if b"FACET" in data:
-        data = data.lower()
-    solid = rb"^[ \t]*(end[ \t]*)?solid\b[^\r\n]*"
-    marks = list(re.finditer(solid, data, re.IGNORECASE | re.MULTILINE))
-    ends = [bool(mark[1]) for mark in marks]
-    if not ends or ends != [False, True] * (len(ends) // 2):
-        raise GtbError("is cut off: a solid without endsolid")
-    words: list[bytes] = []
-    blocks: list[FloatArray] = []
-    places = [*(edge for mark in marks for edge in mark.span()), len(data)]
-    count = 0
-    for index, (begin, end) in enumerate(zip(places[1::2], places[2::2], strict=True)):
-        while begin < end:
-            stop = data.find(b"endfacet", begin + chunk, end)
-            stop = end if stop < 0 else stop + len(b"endfacet")
-            found = data[begin:stop].split()
-            begin = stop
-            if not found:
-                continue
-            if index % 2:
-                raise GtbError(f"expected solid, got {shown(found[0])}")
-            numbers = _corners(found, count)
-            count += len(numbers) // 9
-            words += numbers[: max(0, 3 * SAMPLED_VERTICES - len(words))]
-            blocks.append(floats(numbers))
-    corners = np.concatenate([np.empty(0), *blocks]).reshape(-1, 3)
-    return _content(corners, partial(half_step, words))
+    most = 1 << 20  # words that are read together
+    number = rb"\s+(\S+)"
+    corner = rb"\s+vertex" + 3 * number
+    facet = re.compile(
+        rb"\s*facet\s+normal(?:\s+\S+){3}\s+outer\s+loop" + 3 * corner + rb"\s+endloop\s+endfacet\b", re.IGNORECASE
+    )
+    solid, endsolid = (re.compile(rb"\s*" + word + rb"\b[^\r\n]*", re.IGNORECASE) for word in (b"solid", b"end *solid"))
+    corners, words, sample = [np.empty(0)], list[bytes](), list[bytes]()
+    count = place = 0
+    while found := solid.match(data, place):
+        place = found.end()
+        while found := facet.match(data, place):
+            words += found.groups()
+            place = found.end()
+            count += 1
+            if len(words) >= most:
+                corners.append(numbers(words, np.float64))
+                sample, words = sample or words[: 3 * SAMPLED_VERTICES], []
+        found = endsolid.match(data, place)
+        if not found:
+            raise _fault(data, place, count + 1)
+        place = found.end()
+    rest = re.compile(rb"\S+").search(data, place)
+    if rest:
+        raise GtbError(f"expected solid, got {shown(rest[0])}")
+    corners.append(numbers(words, np.float64))
+    sample = sample or words[: 3 * SAMPLED_VERTICES]
+    return _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample))
 
 
-def _corners(words: list[bytes], before: int) -> list[bytes]:
-    """Return the coordinates of the corners of facets, in order; `before` is the number of facets before these."""
+def _fault(data: bytes, place: int, number: int) -> GtbError:
+    """Return the error of a text in which a facet, or endsolid, is expected."""
     facet = b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
-    width = len(facet)  # 0 stands for any number
-    for place, expected in enumerate(facet):
-        column = words[place::width]
-        if expected != b"0" and column.count(expected) != len(column):
-            index, word = next((index, word) for index, word in enumerate(column) if word != expected)
-            raise GtbError(f"facet {before + index + 1}: expected {expected.decode()}, got {shown(word)}")
-    if len(words) % width:
-        raise GtbError(f"facet {before + len(words) // width + 1}: is cut off after {shown(words[-1])}")
-    columns = [words[place::width] for place in range(5, width) if facet[place] == b"0"]
-    return [word for row in zip(*columns, strict=True) for word in row]
+    for found, expected in zip(re.compile(rb"\S+").finditer(data, place), facet, strict=False):
+        if expected != b"0" and found[0].lower() != expected:
+            return GtbError(f"facet {number}: expected {expected.decode()}, got {shown(found[0])}")
+    return GtbError("is cut off: a solid without endsolid")

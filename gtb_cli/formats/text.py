@@ -1,7 +1,7 @@
 """Numbers in text, read fast in blocks; errors name each bad number with its line."""
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -14,10 +14,6 @@ T = TypeVar("T", np.float64, np.int64)
 
 BLOCK_BYTES = 1 << 21  # bytes of text parsed together; lines and words are objects, which would fill the memory
 SAMPLED_VERTICES = 10_000  # number of vertices used to infer the digits of a file
-
-
-_WHOLE = b"0123456789+- \t\n"
-_NUMBER = _WHOLE + b".eE"
 
 
 def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[tuple[int, list[bytes]]]:
@@ -34,25 +30,16 @@ def lines_of(data: bytes, start: int = 0, size: int = BLOCK_BYTES) -> Iterator[t
         number, start = number + len(lines), end
 
 
-def float_rows(text: bytes) -> tuple[FloatArray, IntArray]:
+def number_rows(text: bytes, kind: type[T]) -> tuple[NDArray[T], IntArray]:
     """Return the numbers of all lines of a text, and the count of each line; errors name the bad word."""
-    return _rows(text, np.float64, _NUMBER) or (floats(text.split()), _counts(text))
+    fast = _plain_rows(text, kind)
+    return fast or (numbers(text.split(), kind), np.array([len(line.split()) for line in text.split(b"\n")]))
 
 
-def integer_rows(text: bytes) -> tuple[IntArray, IntArray]:
-    """Return the whole numbers of all lines of a text, and the count of each line; errors name the bad word."""
-    return _rows(text, np.int64, _WHOLE) or (integers(text.split()), _counts(text))
-
-
-def _counts(text: bytes) -> IntArray:
-    return np.array([len(line.split()) for line in text.split(b"\n")])
-
-
-def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntArray] | None:
+def _plain_rows(text: bytes, kind: type[T]) -> tuple[NDArray[T], IntArray] | None:
     """Read a text of plain numbers fast; return None for any other text."""
-    # Largest whole number that is read fast; one that does not fit in 64 bits is read as a larger one
-    max_fast_integer = 2**62
-    if text.translate(None, allowed):
+    max_fast_integer = 2**62  # whole numbers that do not fit in 64 bits are read as larger ones than this
+    if text.translate(None, b"0123456789+- \t\n" if kind is np.int64 else b"0123456789+- \t\n.eE"):
         return None
     characters = np.frombuffer(text + b"\n", dtype=np.uint8)
     blank = characters <= ord(" ")
@@ -61,28 +48,18 @@ def _rows(text: bytes, kind: type[T], allowed: bytes) -> tuple[NDArray[T], IntAr
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            numbers = np.fromstring(text, dtype=kind, sep=" ")
+            found = np.fromstring(text, dtype=kind, sep=" ")
     except (ValueError, DeprecationWarning):
         return None
-    # Numbers that run into each other outnumber the words; whole numbers that are too large become the largest.
-    if len(numbers) != len(ends) or (
-        kind is np.int64 and max(numbers.max(initial=0), -numbers.min(initial=0)) > max_fast_integer
-    ):
+    # Numbers that run into each other outnumber the words.
+    if len(found) != len(ends) or (kind is np.int64 and (np.abs(found) > max_fast_integer).any()):
         return None
-    return numbers, counts
+    return found, counts
 
 
-def floats(words: Sequence[bytes]) -> FloatArray:
-    """(m,) numbers; the error names a word that is not a number."""
-    return _numbers(words, float, np.float64, "a number")
-
-
-def integers(words: Sequence[bytes]) -> IntArray:
-    """(m,) whole numbers; the error names a word that is not one."""
-    return _numbers(words, int, np.int64, "a whole number")
-
-
-def _numbers(words: Sequence[bytes], read: Callable[[bytes], float], kind: type[T], what: str) -> NDArray[T]:
+def numbers(words: Sequence[bytes], kind: type[T]) -> NDArray[T]:
+    """Return (m,) numbers, whole ones if `kind` is int64; the error names a word that is not one."""
+    read, what = (int, "a whole number") if kind is np.int64 else (float, "a number")
     try:
         if b"_" in b"".join(words):
             raise ValueError("only Python reads 1_0 as ten")
@@ -91,8 +68,8 @@ def _numbers(words: Sequence[bytes], read: Callable[[bytes], float], kind: type[
         if len(words) == 1:
             raise GtbError(f"{shown(words[0])} is not {what}") from None
         half = len(words) // 2  # the first wrong word is in this half, or else in the other
-        _numbers(words[:half], read, kind, what)
-        return _numbers(words[half:], read, kind, what)
+        numbers(words[:half], kind)
+        return numbers(words[half:], kind)
 
 
 def shown(word: bytes) -> str:
