@@ -41,7 +41,7 @@ the two through which users come in, which are the top."""
 APART = {"knots": {"meshes"}, "theory": {"meshes"}, "bezier": {"meshes"}, "meshes": {"knots", "theory", "bezier"}}
 """Floors that do not know each other."""
 
-READS_MESHES = {"meshes.mesh", "formats.gltf", "formats.ply", "formats.stl"}
+READS_MESHES = {"meshes.mesh", "formats.glb", "formats.ply", "formats.stl"}
 """Modules that may import trimesh, inside functions."""
 
 RECIPE = "tessellation.recipe"

@@ -20,15 +20,7 @@ KERNEL_UNITS = {"mm": "MM", "cm": "CM", "m": "M", "in": "INCH", "ft": "FT"}  # t
 
 
 class Body(NamedTuple):
-    """A CAD file made of surfaces.
-
-    Attributes
-    ----------
-    data : bytes
-        The file.
-    faces, shells, solids : int
-        Numbers of faces, of shells outside solids, and of solids.
-    """
+    """A CAD file, and its numbers of faces, of shells outside solids, and of solids."""
 
     data: bytes
     faces: int
@@ -39,19 +31,8 @@ class Body(NamedTuple):
 def encode_cad(surfaces: Sequence[SplineSurface], kind: str, unit: str = "mm", name: str = "patch") -> Body:
     """Sew surfaces along edges that agree, and encode them as a CAD file; closed shells become solids.
 
-    Parameters
-    ----------
-    surfaces : sequence of SplineSurface
-    kind : {"step", "iges", "brep"}
-    unit : str
-        One of `KERNEL_UNITS`: the unit of the coordinates, which the file states (BREP files have no unit).
-    name : str
-        Name of the whole.
-
-    Raises
-    ------
-    ExportError
-        The extra is missing, or the kernel finds the result invalid or cannot write it.
+    The file states the name of the whole and the unit of coordinates (BREP files have none). An `ExportError` says that
+    the extra is missing, or that the kernel finds the result invalid or cannot write it.
     """
     try:
         check = _kernel("BRepCheck").BRepCheck_Analyzer

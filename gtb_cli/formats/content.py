@@ -17,18 +17,10 @@ Scalar = TypeVar("Scalar", np.float64, np.signedinteger[Any])
 
 @frozen
 class Content:
-    """The arrays of a file, not checked yet.
+    """The arrays of a file, not checked yet: (m, 3) vertices, segments or triangles, named ranges of cells.
 
-    Attributes
-    ----------
-    vertices : (m, 3) float
-    cells : (k, 2) or (k, 3) int
-        Segments or triangles; a polygon is a fan of triangles around its first corner.
-    half_steps : function from (3,) to (3,) float
-        Largest rounding of a coordinate along each axis: half a unit in the last digit or bit, at the size of the
-        largest coordinates.
-    groups : tuple of (name, start, stop)
-        Named ranges of cells.
+    `half_steps` gives the largest rounding of a coordinate along each axis, half a unit in the last digit or bit, at
+    (3,) largest coordinates.
     """
 
     vertices: FloatArray
@@ -58,17 +50,8 @@ def faulty_point(points: FloatArray) -> tuple[int, str] | None:
 def triangles(corners: NDArray[np.generic], counts: IntArray) -> IntArray:
     """Cut polygons into triangles around their first corners.
 
-    Parameters
-    ----------
-    corners : (c,) int
-        Corners of the polygons, one polygon after another.
-    counts : (p,) int
-        Number of corners of each polygon, at least 3.
-
-    Returns
-    -------
-    (k, 3) int
-        32 bits, as no file that is read has more vertices, unless a wrong index needs more.
+    The corners of all polygons stand one after another, `counts` of them, at least 3, for each. Indices have 32 bits,
+    as no file that is read has more vertices, unless a wrong one needs more.
     """
     if (counts == 3).all():
         return as_indices(corners.reshape(-1, 3), np.int32)

@@ -26,20 +26,10 @@ _MAX_WHOLE = 1e18  # likewise for the divisors of the whole part
 
 
 def decimals(vertices: FloatArray) -> int:
-    """Return the number of decimals, at least 8, that keep 9 significant digits at the size of the model.
+    """Return the number of decimals, at least 8, that keep 9 significant digits at the size of (m, 3) finite vertices.
 
-    `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding
-    box, or the largest coordinate of a model that is a single point.
-
-    Parameters
-    ----------
-    vertices : (m, 3) float
-        Positions, finite.
-
-    Returns
-    -------
-    int
-        Digits after the point.
+    `max(8, 8 - floor(log10(size)))`, where size is the largest extent of the bounding box, or the largest coordinate of
+    a model that is a single point.
     """
     with np.errstate(over="ignore"):
         size = float(np.ptp(bounds_of(vertices), axis=0).max()) or float(np.abs(vertices).max())
@@ -60,29 +50,9 @@ def obj_blocks(
 
     The lines equal those of trimesh's exporter for the same arrays with ``digits=decimals(vertices)``.
 
-    Parameters
-    ----------
-    vertices : (m, 3) float
-        Positions, finite.
-    cells : (k, 2) or (k, 3) int
-        Segments or triangles, 0-based.
-    normals : (n, 3) float, optional
-        Normals: one for each vertex, or those that `normal_of` refers to.
-    uv : (m, 2) float, optional
-        Texture coordinates of each vertex.
-    groups : sequence of (name, start, stop)
-        Ranges of `cells`, in order; names without blanks.
-    normal_of : (k, 3) int, optional
-        The normal of each corner of each triangle; default: `cells`.
-
-    Returns
-    -------
-    iterator of bytes
-        Whole lines, some thousands at a time.
-
-    Notes
-    -----
-    Only one block is in memory at a time.
+    Numbers are finite; `uv` are (m, 2), a row for each vertex, and so are normals, unless `normal_of` (k, 3) has the
+    normal of each corner. Groups are names without blanks and ranges of cells. Only one block of lines is in memory at
+    a time.
     """
     digits = decimals(vertices)
     for prefix, values in (("v", vertices), ("vn", normals), ("vt", uv)):

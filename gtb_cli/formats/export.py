@@ -132,7 +132,7 @@ def encode_mesh(
         from gtb_cli.formats.stl import stl_blocks
 
         return stl_blocks(mesh.vertices, mesh.cells, name, ascii=ascii)
-    from gtb_cli.formats.gltf import glb_blocks
+    from gtb_cli.formats.glb import glb_blocks
 
     return glb_blocks(mesh, groups or [(name, 0, len(mesh.cells))], mesh.normals, coordinates, up or holds.up)
 

@@ -1,35 +1,161 @@
-"""GLB (binary glTF 2.0) that is read: triangles and lines of all nodes of a scene."""
+"""GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
 
 import json
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, as_indices, shifted
-from gtb_cli.errors import GtbError
-from gtb_cli.formats.content import Content, segments, single_half_steps, stacked, triangles
-from gtb_cli.formats.gltf import HEADER_BYTES
+from gtb_cli.arrays import FloatArray, IntArray, as_indices, shifted
+from gtb_cli.errors import ExportError, GtbError
+from gtb_cli.formats.content import SINGLE_FLOAT, Content, segments, single_half_steps, stacked, triangles
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.topology import compacted
+from gtb_cli.vocabulary import FORMATS, Up
 
-JSON, BIN = 0x4E4F534A, 0x004E4942
+HEADER_BYTES = 12  # before the chunks, each of which has 8 more before its content
+VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
 
 
-_IDENTITY = np.eye(4)
+class Part(NamedTuple):
+    """A node of the file: a group of cells with the vertices that they use, and values at these."""
+
+    name: str
+    vertices: FloatArray
+    cells: IntArray
+    normals: FloatArray | None
+    uv: FloatArray | None
+
+
+def glb_blocks(
+    mesh: Mesh, groups: Sequence[tuple[str, int, int]], normals: FloatArray | None, uv: FloatArray | None, up: Up
+) -> Iterable[bytes]:
+    """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis."""
+    parts = []
+    for name, start, stop in groups:
+        whole = len(groups) == 1  # then vertices without cells stay
+        used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
+        parts.append(Part(name, mesh.vertices[used], cells, *(v if v is None else v[used] for v in (normals, uv))))
+    _check_size(sum(4 * np.size(values) for part in parts for values in part[1:] if values is not None))
+    extras = {} if up == FORMATS["glb"].up else {"extras": {"up": up}}  # for `read_glb`
+    return _lines(parts, extras) if mesh.is_curve else [_triangles(parts, extras)]
+
+
+def _triangles(parts: Sequence[Part], extras: dict[str, Any]) -> bytes:
+    from trimesh import Scene, Trimesh
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    root = "world"
+    while root in (part.name for part in parts):
+        root += "_"
+    scene = Scene(base_frame=root)
+    # A patch is open, and viewers leave out its back with the default material.
+    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
+    for name, vertices, cells, normals, uv in parts:
+        visual = TextureVisuals(uv=uv, material=material)
+        surface = Trimesh(vertices, cells, vertex_normals=normals, visual=visual, process=False, validate=False)
+        scene.add_geometry(surface, node_name=name, geom_name=name)
+
+    def finish(tree: dict[str, Any]) -> None:
+        """Say which views hold vertices or indices, for viewers that pass them to the graphics card."""
+        tree["asset"] |= extras
+        for mesh in tree["meshes"]:
+            for primitive in mesh["primitives"]:
+                for number in primitive["attributes"].values():
+                    tree["bufferViews"][tree["accessors"][number]["bufferView"]]["target"] = VERTICES
+                tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
+
+    data: bytes = export_glb(
+        scene,
+        include_normals=parts[0].normals is not None,
+        unitize_normals=True,
+        tree_postprocessor=finish,
+        extension_webp=False,
+        extension_draco=False,
+    )
+    return data
+
+
+def _lines(parts: Sequence[Part], extras: dict[str, Any]) -> list[bytes]:
+    """Return indexed lines.
+
+    trimesh's exporter writes every inner vertex of a polyline twice. Its reader takes the vertices for one polyline in
+    their order, and reads these files correctly.
+    """
+    file = GlbFile(
+        {
+            "asset": {"version": "2.0", **extras},
+            "scene": 0,
+            "scenes": [{"nodes": list(range(len(parts)))}],
+            "nodes": [{"name": part.name, "mesh": number} for number, part in enumerate(parts)],
+            "meshes": [],
+            "accessors": [],
+            "bufferViews": [],
+            "buffers": [{}],
+        }
+    )
+    for part in parts:
+        attributes = {"POSITION": file.add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
+        if part.uv is not None:
+            upwards = np.column_stack([part.uv[:, 0], 1.0 - part.uv[:, 1]])  # glTF counts from the top
+            attributes["TEXCOORD_0"] = file.add(upwards.astype(SINGLE_FLOAT), VERTICES)
+        indices = file.add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
+        primitive = {"attributes": attributes, "indices": indices, "mode": 1}
+        file.tree["meshes"].append({"name": part.name, "primitives": [primitive]})
+    return file.blocks()
+
+
+class GlbFile:
+    """A glTF tree and its buffer, to which arrays of 32-bit numbers are added."""
+
+    def __init__(self, tree: dict[str, Any], body: bytes = b"") -> None:
+        self.tree = tree
+        self._chunks = [body]
+        self._length = len(body)
+
+    def add(self, values: NDArray[Any], target: int | None = None) -> int:
+        """Append (m, w) numbers for `VERTICES`, `INDICES` or anything else, and return their accessor."""
+        chunk = values.tobytes()
+        view = {"buffer": 0, "byteOffset": self._length, "byteLength": len(chunk)}
+        self.tree["bufferViews"].append(view if target is None else view | {"target": target})
+        self.tree["accessors"].append(
+            {
+                "bufferView": len(self.tree["bufferViews"]) - 1,
+                "componentType": 5126 if values.dtype.kind == "f" else 5125,
+                "count": len(values),
+                "type": ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1],
+                "min": values.min(axis=0).tolist(),
+                "max": values.max(axis=0).tolist(),
+            }
+        )
+        self._chunks.append(chunk)
+        self._length += len(chunk)
+        return len(self.tree["accessors"]) - 1
+
+    def blocks(self) -> list[bytes]:
+        """Return the whole file."""
+        self.tree["buffers"][0]["byteLength"] = self._length
+        text = json.dumps(self.tree, separators=(",", ":")).encode("ascii")
+        text += b" " * (-len(text) % 4)
+        total = HEADER_BYTES + 8 + len(text) + 8 + self._length
+        _check_size(total)
+        whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), self._length))
+        return [b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0", *self._chunks]
+
+
+def _check_size(length: int) -> None:
+    if length > 2**32 - 1:  # the header has 32 bits for it
+        raise ExportError(f"GLB: holds no more than 4 GB, and this has {length / 1e9:.1f}")
 
 
 def read_glb(data: bytes) -> Content:
-    """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis.
-
-    Raises
-    ------
-    GtbError
-        The file is damaged, or needs another file or an unknown extension.
-    """
+    """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
     tree, binary = glb_chunks(data)
     try:
-        scene = _Scene(tree, binary)
-        scene.read()
-        return scene.content()
+        return _content(tree, binary)
     except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError) as error:
         # The tree may hold anything anywhere; a wrong type raises one of these errors.
         raise GtbError(f"its description is wrong: {type(error).__name__}: {error}") from None
@@ -37,6 +163,7 @@ def read_glb(data: bytes) -> Content:
 
 def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the description and the buffer of a file."""
+    description, buffer = 0x4E4F534A, 0x004E4942  # kinds of chunks: JSON, BIN
     if data[:4] != b"glTF" or len(data) < HEADER_BYTES:
         raise GtbError("is not a GLB file: it does not begin with glTF")
     version, size = (int(number) for number in np.frombuffer(data, dtype="<u4", offset=4, count=2))
@@ -54,140 +181,114 @@ def glb_chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
             raise GtbError("is cut off within a chunk")
         chunks.setdefault(kind, data[start + 8 : start + 8 + length])
         start += 8 + length
-    if JSON not in chunks:
+    if description not in chunks:
         raise GtbError("has no description (no chunk JSON)")
     try:
-        tree = json.loads(chunks[JSON])
+        tree = json.loads(chunks[description])
     except (ValueError, RecursionError) as error:
         raise GtbError(f"its description is not JSON: {error}") from None
     if not isinstance(tree, dict):
         raise GtbError("its description is not an object of JSON")
-    return tree, chunks.get(BIN, b"")
+    return tree, chunks.get(buffer, b"")
 
 
-class _Scene:
-    """The nodes of a scene, one after another."""
-
-    def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
-        self.tree = tree
-        self.binary = binary
-        self.vertices: list[FloatArray] = []
-        self.count = 0
-        self.corners = 0
-        self.pieces = 0
-        self.rows = 0
-        self.cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
-        self.groups: list[tuple[str, int, int]] = []
-
-    def read(self) -> None:
-        harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
-        max_node_depth = 100  # largest depth of nodes within nodes
-        transformations = {"matrix", "rotation", "scale", "translation"}  # keys of a node's own transformation
-        needed = set(self.tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
-        if needed:
-            raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
-        nodes = self.tree.get("nodes", [])
-        if "scenes" in self.tree:
-            roots = self.tree["scenes"][self.tree.get("scene", 0)].get("nodes", [])
-        else:
-            inner = {child for node in nodes for child in node.get("children", ())}
-            roots = [index for index in range(len(nodes)) if index not in inner]
-        stack = [(_index(root), _IDENTITY, 0) for root in reversed(roots)]
-        seen = set()
-        while stack:
-            index, above, depth = stack.pop()
-            if index in seen:  # glTF has trees of nodes only; others can be longer than any file
-                raise GtbError(f"has node {index} in two places")
-            seen.add(index)
-            if depth > max_node_depth:
-                raise GtbError(f"has nodes within nodes more than {max_node_depth} deep")
-            node = nodes[index]
-            if "mesh" not in node and "children" not in node:
-                continue
-            place = above @ _matrix(node) if transformations & node.keys() else above
-            if "mesh" in node:
-                self._add(self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place)
-            stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
-
-    def _add(self, mesh: dict[str, Any], name: str, place: FloatArray) -> None:
-        before = self.rows
+def _content(tree: dict[str, Any], binary: bytes) -> Content:
+    # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
+    most = 2 * len(binary) + 3_000_000
+    effort = 60  # vertices that take as long as a primitive without any
+    vertices: list[FloatArray] = []
+    cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
+    groups = []
+    count = rows = used = 0
+    for mesh, name, place in _placed_meshes(tree):
+        before = rows
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", 4)
             if mode == 0:  # points
                 continue
-            positions = self._accessor(primitive["attributes"]["POSITION"])
-            if positions.shape[1] != 3 or positions.dtype != np.dtype("<f4"):
+            positions = _accessor(tree, binary, primitive["attributes"]["POSITION"])
+            if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
-            self._count(len(positions))
-            points = positions.astype(np.float64)
-            if not (place == _IDENTITY).all():
-                points = points @ place[:3, :3].T + place[:3, 3]
-            indices: NDArray[Any] = np.arange(len(points))
+            corners: NDArray[Any] = np.arange(len(positions))[:, None]
             if "indices" in primitive:
-                read = self._accessor(primitive["indices"])
-                if read.shape[1] != 1 or read.dtype.kind != "u":
-                    raise GtbError("indices: expected whole numbers")
-                self._count(0, len(read))
-                indices = read[:, 0]
-            if len(indices) and int(indices.max()) >= len(points):
-                raise GtbError(f"indices: expected numbers below {len(points)}, got {int(indices.max())}")
-            cells = as_indices(shifted(_cells(indices, mode), self.count - len(points)), np.int32)
-            self.cells[cells.shape[1]].append(cells)
-            self.vertices.append(points)
-            self.rows += len(cells)
+                corners = _accessor(tree, binary, primitive["indices"])
+            if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
+                raise GtbError("indices: expected whole numbers")
+            used += len(positions) + len(corners) + effort
+            if used > most:
+                raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
+            if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
+                raise GtbError(f"indices: expected numbers below {len(positions)}, got {corners.max()}")
+            found = as_indices(shifted(_cells(corners[:, 0], mode), count), np.int32)
+            cells[found.shape[1]].append(found)
+            vertices.append(positions.astype(np.float64) @ place[:3, :3].T + place[:3, 3])
+            count += len(positions)
+            rows += len(found)
         name = name or str(mesh.get("name", ""))
-        if name and self.rows > before:
-            self.groups.append((name, before, self.rows))
+        if name and rows > before:
+            groups.append((name, before, rows))
+    if cells[2] and cells[3]:
+        raise GtbError("has both triangles and lines: expected one of them")
+    width = 2 if cells[2] else 3
+    points = stacked(vertices, 3, np.float64)
+    if tree.get("asset", {}).get("extras") != {"up": "z"}:
+        points = points[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    return Content(points + 0.0, stacked(cells[width], width, np.int32), single_half_steps, tuple(groups))  # not -0
 
-    def _count(self, vertices: int, corners: int = 0) -> None:
-        """Refuse more vertices or corners than a file of this size can mean, before they are made."""
-        # Largest number of vertices, or corners of cells, beyond those in the file: many nodes may share one mesh
-        max_repeated = 3_000_000
-        max_pieces = 50_000  # largest number of primitives in all nodes; even the smallest takes some time
-        self.count += vertices
-        self.corners += corners
-        self.pieces += corners == 0
-        most = len(self.binary) // 12 + max_repeated, len(self.binary) + max_repeated
-        if self.count > most[0] or self.corners > most[1]:
-            raise GtbError(f"has more than {most[0]} vertices or {most[1]} corners of cells in all nodes together")
-        if self.pieces > max_pieces:
-            raise GtbError(f"has more than {max_pieces} pieces in all nodes together")
 
-    def _accessor(self, number: object) -> NDArray[Any]:
-        """(count, width) numbers."""
-        component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-        element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-        accessor = self.tree["accessors"][_index(number)]
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise GtbError("sparse accessors are not known here")
-        view = self.tree["bufferViews"][_index(accessor["bufferView"])]
-        buffer = self.tree["buffers"][_index(view.get("buffer", 0))]
-        if "uri" in buffer or view.get("buffer", 0) != 0:
-            raise GtbError("has its numbers in another file")
-        kind = np.dtype(component_types[accessor["componentType"]])
-        width, count = element_widths[accessor["type"]], _index(accessor["count"])
-        stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
-        start = _index(view.get("byteOffset", 0)) + _index(accessor.get("byteOffset", 0))
-        end = _index(view.get("byteOffset", 0)) + _index(view["byteLength"])
-        if count and start + (count - 1) * stride + width * kind.itemsize > min(end, len(self.binary)):
-            raise GtbError("is cut off: an accessor is longer than the data")
-        if not count:
-            return np.empty((0, width), dtype=kind)
-        return np.ndarray((count, width), dtype=kind, buffer=self.binary, offset=start, strides=(stride, kind.itemsize))
+def _placed_meshes(tree: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, FloatArray]]:
+    """Yield the meshes of a scene with the names of their nodes and their (4, 4) places."""
+    harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
+    most = 100  # nodes within nodes
+    needed = set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}
+    if needed:
+        raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
+    nodes = tree.get("nodes", [])
+    if "scenes" in tree:
+        roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
+    else:
+        inner = {child for node in nodes for child in node.get("children", ())}
+        roots = [index for index in range(len(nodes)) if index not in inner]
+    stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
+    seen = set()
+    while stack:
+        index, above, depth = stack.pop()
+        if index in seen:  # glTF has trees of nodes only; others can be longer than any file
+            raise GtbError(f"has node {index} in two places")
+        seen.add(index)
+        if depth > most:
+            raise GtbError(f"has nodes within nodes more than {most} deep")
+        node = nodes[index]
+        place = above @ _matrix(node)
+        if "mesh" in node:
+            yield tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
+        stack += [(_index(child), place, depth + 1) for child in reversed(node.get("children", []))]
 
-    def content(self) -> Content:
-        if self.cells[2] and self.cells[3]:
-            raise GtbError("has both triangles and lines: expected one of them")
-        width = 2 if self.cells[2] else 3
-        vertices, cells = stacked(self.vertices, 3, np.float64), stacked(self.cells[width], width, np.int32)
-        extras = self.tree.get("asset", {}).get("extras")
-        if extras != {"up": "z"}:
-            vertices = vertices[:, [0, 2, 1]] * [1.0, -1.0, 1.0] + 0.0  # not -0
-        return Content(vertices, cells, single_half_steps, tuple(self.groups))
+
+def _accessor(tree: dict[str, Any], binary: bytes, number: object) -> NDArray[Any]:
+    """Return the (count, width) numbers of an accessor."""
+    component_types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+    element_widths = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+    accessor = tree["accessors"][_index(number)]
+    if "sparse" in accessor or "bufferView" not in accessor:
+        raise GtbError("sparse accessors are not known here")
+    view = tree["bufferViews"][_index(accessor["bufferView"])]
+    buffer = tree["buffers"][_index(view.get("buffer", 0))]
+    if "uri" in buffer or view.get("buffer", 0) != 0:
+        raise GtbError("has its numbers in another file")
+    kind = np.dtype(component_types[accessor["componentType"]])
+    width, count = element_widths[accessor["type"]], _index(accessor["count"])
+    stride = _index(view.get("byteStride", 0)) or width * kind.itemsize
+    begin = _index(view.get("byteOffset", 0))
+    start, end = begin + _index(accessor.get("byteOffset", 0)), begin + _index(view["byteLength"])
+    if not count:
+        return np.empty((0, width), dtype=kind)
+    if start + (count - 1) * stride + width * kind.itemsize > min(end, len(binary)):
+        raise GtbError("is cut off: an accessor is longer than the data")
+    return np.ndarray((count, width), dtype=kind, buffer=binary, offset=start, strides=(stride, kind.itemsize))
 
 
 def _index(value: object) -> int:
-    """The value, if it is a whole number and not negative."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value != int(value) or value < 0:
         raise GtbError(f"expected a whole number in its description, got {value!r:.40}")
     return int(value)

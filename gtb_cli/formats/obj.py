@@ -22,11 +22,6 @@ def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
 
     Vertices keep their order. A face with more than three corners is cut into triangles. Only the vertex of a reference
     `v/vt/vn` counts; negative references count back from the last vertex so far.
-
-    Raises
-    ------
-    GtbError
-        A line cannot be read; the message has its number.
     """
     if b"\\\n" in data or b"\\\r\n" in data:
         data = re.sub(rb"\\\r?\n", b" ", data)

@@ -190,7 +190,7 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
                 continue
             case [b"format", word, _] if word in orders:
                 order = orders[word]
-            case [b"element", word, count] if count.isdigit():
+            case [b"element", word, count] if count.isdigit() and len(count) < 16:
                 name, properties = name_of(word, elements), {}
                 elements[name] = Element(name, int(count), properties)
             case [b"property", kind, word] if kind in kinds and elements:

@@ -18,18 +18,7 @@ from gtb_cli.theory.patch import Patch
 
 
 class SplineSurface(NamedTuple):
-    """A rational B-spline surface that becomes one face.
-
-    Attributes
-    ----------
-    name : str
-        Name of the patch to which it belongs.
-    degrees : tuple of two int
-    knots : tuple of two (k,) float
-        Clamped, ascending, repeated by multiplicity.
-    net : (m, n, 4) float
-        Control points x, y, z and weights.
-    """
+    """A rational B-spline surface that becomes one face of its patch: clamped knots, (m, n, 4) points and weights."""
 
     name: str
     degrees: tuple[int, int]
@@ -38,21 +27,10 @@ class SplineSurface(NamedTuple):
 
 
 class SplineSurfaces(NamedTuple):
-    """Surfaces for CAD.
+    """Surfaces for CAD, in the order of the patches, and how good the `fitted` ones are, at sample points.
 
-    Attributes
-    ----------
-    surfaces : tuple of SplineSurface
-        Surfaces in the order of the patches.
-    fitted : int
-        Number of surfaces that are not exact.
-    error : float
-        Largest distance of fitted surfaces from the patches, at sample points; 0 if all are exact.
-    bend : float
-        Largest angle in degrees between the tangent planes of two fitted surfaces of one patch along their common
-        edge, at sample points; 0 if all are exact.
-    reasons : tuple of (str, str)
-        Name of each fitted patch, and the reason.
+    `error` is their largest distance from the patches; `bend` the largest angle in degrees between the tangent planes
+    of two of one patch along their common edge. `reasons` are the names of fitted patches, and why they are fitted.
     """
 
     surfaces: tuple[SplineSurface, ...]
@@ -65,16 +43,9 @@ class SplineSurfaces(NamedTuple):
 class HalfEdge(NamedTuple):
     """Half of an edge, as an adjacent fitted surface takes it over.
 
-    Attributes
-    ----------
-    rows : (D + 1, 4) float
-        Control points x, y, z and weights, starting at a corner; the weights at both ends are 1.
-    fractions : (D + 1,) float
-        Their places along the whole edge, measured from the same corner.
-    is_exact : bool
-        Whether rows are the edge; otherwise only their places are.
-    own : function, optional
-        The fractions of the fitted surface's edge at the points of those of this edge, from the same corner.
+    Its (D + 1, 4) control points and weights, which are 1 at both ends, start at a corner; the fractions are their
+    places along the whole edge. If it is not exact, only these places are taken over. `own` turns these fractions into
+    those of the fitted surface's edge, from the same corner.
     """
 
     rows: FloatArray
@@ -108,19 +79,8 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
     parametrisation. An edge shared by fitted patches is the same spline in both; an edge shared with an exact patch is
     the exact curve, to rounding.
 
-    Parameters
-    ----------
-    spec : Patch or Model
-        A patch or model of surfaces.
-    tolerance : float, optional
-        Largest distance of fitted surfaces, in model units.
-
-    Raises
-    ------
-    DomainError
-        The spec consists of curves.
-    ToleranceError
-        Even 128 spans in each direction do not reach the tolerance.
+    A `DomainError` refuses curves; a `ToleranceError` says that even 128 spans in each direction do not reach the
+    tolerance, in model units.
     """
     spans = (8, 16, 32, 64, 128)  # in each direction of a fitted surface, tried in turn
     patches = spec.patches
@@ -225,10 +185,7 @@ def _halves(patch: Patch, edge: int) -> list[HalfEdge]:
 def exact_surfaces(patch: Patch, index: int = 0) -> list[SplineSurface]:
     """Return the Bézier rectangles of a patch: the patch itself, if it is one, or its pieces.
 
-    Raises
-    ------
-    DomainError
-        The patch has no Bézier rectangles of a degree that CAD kernels accept.
+    A `DomainError` says why there are none of a degree that CAD kernels accept.
     """
     name = _name(patch, index)
     lattice = lattice_of(patch.domain)

@@ -19,17 +19,7 @@ CURVE, TRIANGLE, QUADRILATERAL = 75, 76, 77
 
 
 class Cell(NamedTuple):
-    """A rational Bézier cell of VTK.
-
-    Attributes
-    ----------
-    kind : int
-        `CURVE`, `TRIANGLE` or `QUADRILATERAL`.
-    degrees : tuple of three int
-        Degree in each direction; 0 in directions that the cell does not have.
-    points : (n, 4) float
-        Control points x, y, z and weights, in VTK's order: corners, edges, interior.
-    """
+    """A rational Bézier cell: its degrees, and (n, 4) points and weights in VTK's order (corners, edges, interior)."""
 
     kind: int
     degrees: tuple[int, int, int]
@@ -39,16 +29,7 @@ class Cell(NamedTuple):
 def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
     """Return the exact cells of a patch: the patch itself, if it is a Bézier patch, or its charts; rectangles as nets.
 
-    Parameters
-    ----------
-    patch : Patch
-    index : int
-        Its index in the model.
-
-    Raises
-    ------
-    DomainError
-        The patch has no exact cells; the message says why.
+    A `DomainError` says why there are none.
     """
     lattice = lattice_of(patch.domain)
     if patch.dimension == 1:
@@ -65,11 +46,6 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     Points have `RationalWeights`; cells have `HigherOrderDegrees`, and the number of their patch as `patch`. Numbers
     have the fewest digits that read back exactly. Cells do not share points, because neighbours agree on the ratios of
     the weights along an edge, but not on the weights.
-
-    Raises
-    ------
-    DomainError
-        The error of `cells_of`, with the name of the patch.
     """
     patches = spec.patches
     cells: list[tuple[int, Cell | FloatArray]] = []
@@ -86,27 +62,15 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
 
 
 def _raised(nets: Sequence[FloatArray]) -> list[FloatArray]:
-    """Raise the degrees of neighbours to a common one in both directions: VTK cuts a cell by its highest degree."""
-    if not nets:
-        return []
-    corners = np.array([net[[0, 0, -1, -1], [0, -1, 0, -1], :3] for net in nets])
-    grain = 1e-9 * max(float(np.abs(corners).max()), 1e-300)
-    _, names = np.unique(np.rint(corners.reshape(-1, 3) / grain), axis=0, return_inverse=True)
-    ends = np.sort(names.reshape(-1, 4)[:, [[0, 2], [1, 3], [0, 1], [2, 3]]], axis=2)  # along the first, the second
-    _, sides = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    sides = sides.reshape(-1, 4)
-    degrees, before = np.array([max(net.shape[:2]) for net in nets]) - 1, None
-    while before is None or (degrees > before).any():
-        before, highest = degrees, np.zeros(sides.max() + 1, dtype=degrees.dtype)
-        np.maximum.at(highest, sides, degrees[:, None])
-        degrees = highest[sides].max(axis=1)
-    if (degrees == degrees[0]).all() and all(net.shape == nets[0].shape for net in nets):
-        return list(nets)  # alike already
+    """Raise unlike degrees to the highest of all, in both directions: VTK cuts a cell by its highest degree."""
+    if len({net.shape for net in nets}) < 2:
+        return list(nets)
+    highest = max(max(net.shape[:2]) for net in nets) - 1
     raised = []
-    for net, degree in zip(nets, degrees.tolist(), strict=True):
+    for net in nets:
         weights = net[..., 3:]
         table = np.concatenate([net[..., :3] * weights, weights], axis=2)
-        table = np.einsum("ki,lj,ijx->klx", *(_elevation(count - 1, degree) for count in net.shape[:2]), table)
+        table = np.einsum("ki,lj,ijx->klx", *(_elevation(count - 1, highest) for count in net.shape[:2]), table)
         raised.append(np.concatenate([table[..., :3] / table[..., 3:], table[..., 3:]], axis=2))
     return raised
 
@@ -162,12 +126,10 @@ def _line(curve: Patch) -> Direction:
 
 
 def _ascending(line: Direction) -> IntArray:
-    """The indices of the control points from end to end."""
     return np.argsort(line.places[:, 1])
 
 
 def _curve(points: FloatArray) -> Cell:
-    """The cell of a curve; its ends come first."""
     degree = len(points) - 1
     return Cell(CURVE, (degree, 0, 0), points[[0, degree, *range(1, degree)]])
 
