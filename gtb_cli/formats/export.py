@@ -3,16 +3,16 @@
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import chain, combinations, count
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
 from gtb_cli.formats.content import single_half_steps
-from gtb_cli.formats.digits import BLOCK_ROWS, decimals, obj_blocks
+from gtb_cli.formats.digits import decimals, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
@@ -86,12 +86,7 @@ def encode_mesh(
 ) -> Iterable[bytes]:
     """Return the bytes of a mesh file, block by block; the parameters are those of `write_mesh`.
 
-    All faults of the mesh are raised here, before the first block.
-
-    Raises
-    ------
-    ExportError
-        The format cannot hold the mesh, or a number is not finite (the first such vertex is named).
+    All its errors about the mesh are raised here, before the first block.
     """
     kind = _known(format)
     holds = FORMATS[kind]
@@ -150,11 +145,6 @@ def warnings_for(mesh: Mesh, format: str, *, ascii: bool = False, normals: bool 
 
     They say whether 32-bit numbers would merge or visibly move vertices, which requested data is left out, and which
     common readers refuse such a file.
-
-    Returns
-    -------
-    list of str
-        One message each; empty for an ordinary mesh.
     """
     kind = _known(format)
     holds, shown = FORMATS[kind], kind.upper()
@@ -204,12 +194,12 @@ def _format_of(path: str) -> str:
 
 
 def _check_cells(mesh: Mesh) -> None:
-    count = len(mesh.vertices)
-    if not count or not len(mesh.cells):
-        raise ExportError(f"the mesh is empty: {count} vertices, {len(mesh.cells)} cells")
+    vertices = len(mesh.vertices)
+    if not vertices or not len(mesh.cells):
+        raise ExportError(f"the mesh is empty: {vertices} vertices, {len(mesh.cells)} cells")
     low, high = int(mesh.cells.min()), int(mesh.cells.max())
-    if low < 0 or high >= count:
-        raise ExportError(f"cells: expected indices from 0 to {count - 1}, got {low if low < 0 else high}")
+    if low < 0 or high >= vertices:
+        raise ExportError(f"cells: expected indices from 0 to {vertices - 1}, got {low if low < 0 else high}")
 
 
 def _check_numbers(label: str, values: FloatArray, limit: float) -> None:
@@ -242,11 +232,9 @@ def _groups(mesh: Mesh) -> list[tuple[str, int, int]]:
         if start != end or stop < start:
             raise ExportError(f"groups: {name!r} has cells {start} to {stop}, expected it to start at {end}")
         end = stop
-        plain = distinct = plain_name(name)
-        number = 1
-        while distinct in taken:
-            number += 1
-            distinct = f"{plain}-{number}"
+        plain = plain_name(name)
+        numbered = (f"{plain}-{number}" for number in count(2))
+        distinct = next(name for name in chain([plain], numbered) if name not in taken)
         taken.add(distinct)
         if stop > start:
             groups.append((distinct, start, stop))
@@ -269,41 +257,23 @@ def rounding_in(kind: str, hull: Sequence[FloatArray], ascii: bool = False) -> f
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     visible_shift = 1e-5  # fraction of the model's diagonal; shading shows facets if vertices are shifted by more
     with np.errstate(over="ignore", under="ignore"):
-        single = [column.astype(np.float32) for column in mesh.vertices.T]
-    if not all(np.isfinite(column).all() for column in single):
+        columns = np.ascontiguousarray(mesh.vertices.T, dtype=np.float32)
+    if not np.isfinite(columns).all():
         return []  # an error, not a warning
+    loss = f"{kind.upper()}: 32-bit numbers"
     way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
     messages = []
-    moved = max(
-        float(np.abs(column[start : start + BLOCK_ROWS] - x[start : start + BLOCK_ROWS]).max())
-        for column, x in zip(single, mesh.vertices.T, strict=True)
-        for start in range(0, len(x), BLOCK_ROWS)
-    )
+    moved = max(float(np.abs(column - x).max()) for column, x in zip(columns, mesh.vertices.T, strict=True))
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     if moved > visible_shift * diagonal > 0.0:
-        messages.append(
-            f"{kind.upper()}: 32-bit numbers move vertices by up to {moved:.2g}, "
-            f"{moved / diagonal:.2g} of the model's diagonal; {way_out}"
-        )
-    blocks = range(0, len(mesh.cells), BLOCK_ROWS)
-    collapsed = sum(_collapsed(mesh.vertices, single, mesh.cells[start : start + BLOCK_ROWS]) for start in blocks)
-    if collapsed:
+        share = f"{moved / diagonal:.2g} of the model's diagonal"
+        messages.append(f"{loss} move vertices by up to {moved:.2g}, {share}; {way_out}")
+    merged = np.zeros(len(mesh.cells), dtype=bool)
+    for one, other in combinations(mesh.cells.T, 2):
+        near = np.flatnonzero(np.all([column[one] == column[other] for column in columns], axis=0))
+        merged[near] |= (mesh.vertices[one[near]] != mesh.vertices[other[near]]).any(axis=1)
+    if merged.any():
         what = "segments" if mesh.is_curve else "triangles"
-        messages.append(
-            f"{kind.upper()}: 32-bit numbers merge the corners of {collapsed} of {len(mesh.cells)} {what}; {way_out}"
-        )
+        share = f"{np.count_nonzero(merged)} of {len(merged)} {what}"
+        messages.append(f"{loss} merge the corners of {share}; {way_out}")
     return messages
-
-
-def _collapsed(vertices: FloatArray, single: list[NDArray[np.float32]], cells: IntArray) -> int:
-    """Return the number of cells with two corners that differ, but coincide in the columns `single`."""
-    gone = np.zeros(len(cells), dtype=bool)
-    corners = cells.T.astype(np.intp, order="C")
-    for start, stop in ((0, 1),) if len(corners) == 2 else ((0, 1), (1, 2), (2, 0)):
-        suspects: IntArray | slice = slice(None)
-        for column in single:  # few are left after the first
-            same = column[corners[start][suspects]] == column[corners[stop][suspects]]
-            suspects = np.flatnonzero(same) if isinstance(suspects, slice) else suspects[same]
-        ends = (vertices[corners[side][suspects]] for side in (start, stop))
-        gone[suspects] |= np.not_equal(*ends).any(axis=1)
-    return int(np.count_nonzero(gone))
