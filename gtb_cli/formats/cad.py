@@ -77,10 +77,8 @@ def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, lis
     builder, topology, explorer = _kernel("BRepBuilderAPI"), _kernel("TopoDS"), _kernel("TopExp").TopExp_Explorer
     kinds = _kernel("TopAbs").TopAbs_ShapeEnum
     sewing = builder.BRepBuilderAPI_Sewing(tolerance)
-    given = []
-    for surface in surfaces:
-        face = builder.BRepBuilderAPI_MakeFace(_surface(surface), KERNEL_PRECISION).Face()
-        given.append(face)
+    given = [builder.BRepBuilderAPI_MakeFace(_surface(one), KERNEL_PRECISION).Face() for one in surfaces]
+    for face in given:
         sewing.Add(face)
     sewing.Perform()
     named = [
@@ -95,7 +93,9 @@ def _sewn(surfaces: Sequence[SplineSurface], tolerance: float) -> tuple[Any, lis
     while walk.More():
         shell = _as(topology, "Shell", walk.Current())
         if _kernel("BRep").BRep_Tool.IsClosed_s(shell):
-            pile.Add(compound, _solid(builder, shell))
+            solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
+            _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)  # its faces outwards
+            pile.Add(compound, solid)
             solids += 1
         else:
             pile.Add(compound, shell)
@@ -116,13 +116,6 @@ def _as(topology: Any, kind: str, shape: Any) -> Any:
     """Cast a shape to its own type; the name of the cast depends on the release of the package."""
     caster = topology.TopoDS
     return (getattr(caster, f"{kind}_s", None) or getattr(caster, kind))(shape)
-
-
-def _solid(builder: Any, shell: Any) -> Any:
-    """Return the solid inside a closed shell, with its faces outwards."""
-    solid = builder.BRepBuilderAPI_MakeSolid(shell).Solid()
-    _kernel("BRepLib").BRepLib.OrientClosedSolid_s(solid)
-    return solid
 
 
 def _surface(surface: SplineSurface) -> Any:

@@ -3,18 +3,16 @@
 import re
 from collections.abc import Sequence
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import Content, faulty_point, segments, stacked, triangles
-from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
+from gtb_cli.formats.text import BLOCK_BYTES, SAMPLED_VERTICES, T, half_step, lines_of, number_rows, shown
 
 MIN_NUMBERS = {b"v": 3, b"f": 3, b"l": 2}  # fewest numbers in a line, by keyword
-
-Row = TypeVar("Row", FloatArray, IntArray)
 
 
 def read_obj(data: bytes, block: int = BLOCK_BYTES) -> Content:
@@ -64,39 +62,37 @@ class _Reader:
     def _read(self, lines: list[bytes]) -> None:
         """Read the lines of each keyword together; nothing is changed if one of them is wrong."""
         places, names = _sorted(lines)
-        coordinates, starts = np.empty((0, 3)), [self.cell_count] * len(names)
+        points, starts = np.empty((0, 3)), [self.cell_count] * len(names)
         if places[b"v"]:
-            text = _without_keyword(lines, places[b"v"])
-            coordinates = _first_three(*_long_enough(b"v", *number_rows(text, np.float64)))
-            fault = faulty_point(coordinates)
+            numbers, counts = _numbers(b"v", lines, places[b"v"], np.float64)
+            points = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]
+            fault = faulty_point(points)
             if fault is not None:
                 raise GtbError(f"a vertex {fault[1]}")
         cells = {}
-        for keyword in (b"f", b"l"):
+        for keyword, made, fewer in ((b"f", triangles, 2), (b"l", segments, 1)):
             if not places[keyword]:
                 continue
-            numbers, counts = _long_enough(
-                keyword, *number_rows(_references(_without_keyword(lines, places[keyword])), np.int64)
-            )
-            if not numbers.all():
+            corners, counts = _numbers(keyword, lines, places[keyword], np.int64)
+            if not corners.all():
                 raise GtbError("vertices are counted from 1, got 0")
-            backwards = numbers < 0
+            backwards = corners < 0
             if backwards.any():
                 before = np.repeat(self.count + np.searchsorted(places[b"v"], places[keyword]), counts)
-                if (numbers < -before).any():
-                    raise GtbError(f"{numbers[numbers < -before][0]} counts back before the first vertex")
-                numbers += np.where(backwards, before + 1, 0)
-            if self.limit is not None and numbers.max() > self.limit:
-                raise GtbError(f"expected vertices from 1 to {self.limit}, got {numbers[numbers > self.limit][0]}")
-            numbers -= 1
-            cells[keyword] = (triangles if keyword == b"f" else segments)(numbers, counts)
-            made = np.cumsum(np.concatenate([[0], counts - (2 if keyword == b"f" else 1)]))
+                if (corners < -before).any():
+                    raise GtbError(f"{corners[corners < -before][0]} counts back before the first vertex")
+                corners += np.where(backwards, before + 1, 0)
+            if self.limit is not None and corners.max() > self.limit:
+                raise GtbError(f"expected vertices from 1 to {self.limit}, got {corners[corners > self.limit][0]}")
+            corners -= 1
+            cells[keyword] = made(corners, counts)
+            ends = np.concatenate([[0], np.cumsum(counts - fewer)])
             through = np.searchsorted(places[keyword], [place for place, _ in names])
-            starts = [start + int(made[row]) for start, row in zip(starts, through, strict=True)]
+            starts = [start + int(ends[row]) for start, row in zip(starts, through, strict=True)]
         wanted = max(0, SAMPLED_VERTICES - len(self.words) // 3)
         self.words += [word for place in places[b"v"][:wanted] for word in lines[place].split()[1:4]]
-        self.vertices.append(coordinates)
-        self.count += len(coordinates)
+        self.vertices.append(points)
+        self.count += len(points)
         for keyword, part in cells.items():
             self.cells[keyword].append(part)
             self.cell_count += len(part)
@@ -149,8 +145,17 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
     return {keyword: sorted(known[keyword + b" "]) for keyword in MIN_NUMBERS}, names
 
 
-def _without_keyword(lines: Sequence[bytes], places: Sequence[int]) -> bytes:
-    return b"\n".join([lines[place][2:] for place in places])
+def _numbers(
+    keyword: bytes, lines: Sequence[bytes], places: Sequence[int], kind: type[T]
+) -> tuple[NDArray[T], IntArray]:
+    """Return the numbers of some lines, and the count of each, which must be enough for the keyword."""
+    text = b"\n".join([lines[place][2:] for place in places])
+    numbers, counts = number_rows(text if keyword == b"v" else _references(text), kind)
+    least = MIN_NUMBERS[keyword]
+    if counts.min() < least:
+        what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
+        raise GtbError(f"{what}, got {counts.min()}")
+    return numbers, counts
 
 
 def _references(text: bytes) -> bytes:
@@ -165,19 +170,3 @@ def _references(text: bytes) -> bytes:
     # The text from a slash to the next blank is left out; a regular expression would take five times the memory.
     last = np.where(slash | (characters <= ord(" ")), np.arange(len(text), dtype=np.int32), np.int32(0))
     return bytes(characters[~slash[np.maximum.accumulate(last, out=last)]])
-
-
-def _long_enough(keyword: bytes, numbers: Row, counts: IntArray) -> tuple[Row, IntArray]:
-    """Return the same numbers and counts per line, if all lines have enough numbers."""
-    least = MIN_NUMBERS[keyword]
-    if counts.min() < least:
-        what = "a vertex has 3 coordinates" if keyword == b"v" else f"{shown(keyword)} has at least {least} vertices"
-        raise GtbError(f"{what}, got {counts.min()}")
-    return numbers, counts
-
-
-def _first_three(numbers: FloatArray, counts: IntArray) -> FloatArray:
-    """(rows, 3) first three numbers of each line."""
-    if (counts == counts[0]).all():
-        return np.ascontiguousarray(numbers.reshape(len(counts), -1)[:, :3])
-    return np.asarray(numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)])

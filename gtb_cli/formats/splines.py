@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +95,7 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
         except DomainError as fault:
             reasons[index] = str(fault)
     if not reasons:
-        return SplineSurfaces(tuple(surface for surfaces in exact.values() for surface in surfaces), 0, 0.0, 0.0, ())
+        return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, ())
     edges = _exact_edges(spec, exact, reasons) if isinstance(spec, Model) else {}
     degree = max([3, *(len(half.rows) - 1 for halves in edges.values() for half in halves)])
     points = np.concatenate([patch.control_points for patch in patches])
@@ -108,7 +109,7 @@ def spline_surfaces(spec: Patch | Model, tolerance: float | None = None) -> Spli
             names = tuple((_name(patches[index], index), why) for index, why in sorted(reasons.items()))
             count = sum(len(found) for found, _ in fitted.values())
             bend = max(_bend(found) for found, _ in fitted.values())
-            return SplineSurfaces(tuple(surface for part in surfaces for surface in part), count, error, bend, names)
+            return SplineSurfaces(tuple(chain.from_iterable(surfaces)), count, error, bend, names)
     raise ToleranceError(
         f"fitted surfaces of {spans[-1]} × {spans[-1]} spans are still {error:.3g} off, more than {allowed:.3g}"
     )

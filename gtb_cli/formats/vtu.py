@@ -33,8 +33,8 @@ def cells_of(patch: Patch, index: int = 0) -> list[Cell | FloatArray]:
     """
     lattice = lattice_of(patch.domain)
     if patch.dimension == 1:
-        curves = [(patch, lattice[0])] if lattice else [(c, _line(c)) for c in bezier_pieces(patch)]
-        return [_curve(homogeneous_points(curve)[_ascending(line)]) for curve, line in curves]
+        curves = [patch] if lattice else bezier_pieces(patch)
+        return [_curve(homogeneous_points(curve)[np.argsort(curve.knots[:, 0])]) for curve in curves]
     if lattice is not None and len(lattice) == 1:
         return [_triangle(homogeneous_points(patch), lattice[0])]
     return [surface.net for surface in exact_surfaces(patch, index)]
@@ -47,9 +47,8 @@ def encode_vtu(spec: Patch | Model) -> tuple[bytes, int]:
     have the fewest digits that read back exactly. Cells do not share points, because neighbours agree on the ratios of
     the weights along an edge, but not on the weights.
     """
-    patches = spec.patches
     cells: list[tuple[int, Cell | FloatArray]] = []
-    for index, patch in enumerate(patches):
+    for index, patch in enumerate(spec.patches):
         try:
             cells += ((index, cell) for cell in cells_of(patch, index))
         except DomainError as fault:
@@ -117,16 +116,6 @@ def _array(kind: str, name: str, rows: FloatArray | IntArray) -> Iterator[str]:
     yield f'<DataArray type="{kind}" Name="{name}"{components} format="ascii">'
     yield from (" ".join(map(repr, row)) for row in rows.tolist())
     yield "</DataArray>"
-
-
-def _line(curve: Patch) -> Direction:
-    lattice = lattice_of(curve.domain)
-    assert lattice is not None, "a piece has the knots 0, 1, … D"
-    return lattice[0]
-
-
-def _ascending(line: Direction) -> IntArray:
-    return np.argsort(line.places[:, 1])
 
 
 def _curve(points: FloatArray) -> Cell:
