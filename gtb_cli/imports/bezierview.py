@@ -1,6 +1,9 @@
-"""``.bv`` files of BezierView: polyhedra, Bézier triangles and rectangles, polynomial or rational, in named groups.
+"""Bézier nets as text: ``.bv`` files of BezierView, and ``.bpt`` and ``.bzr`` files of polynomial rectangles.
 
-A file is a list of segments, each with a kind, degrees and control points; ``Group k name`` names those that follow.
+A ``.bv`` file is a list of segments, each with a kind, degrees and control points, polynomial or rational; ``Group k
+name`` names those that follow. A ``.bpt`` file has the number of patches and, for each, its two degrees and its points
+``x y z``, the first index running fastest (the Utah teapot is often distributed in this format). A ``.bzr`` file has
+one patch: two degrees, and the points row by row, the second index running fastest.
 """
 
 from gtb_cli.arrays import FloatArray
@@ -16,11 +19,30 @@ from gtb_cli.theory.patch import Patch
 SEGMENT_KINDS = "1, 3, 4, 5, 8, 9, 10 or 11"
 
 
-def read_bv(data: bytes, source: str) -> list[Patch]:
+def read_bpt(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
+    """Read the patches of a ``.bpt`` file."""
+    words = Words(data, source)
+    patches = []
+    for _ in range(words.whole("the number of patches", 1, MAX_PATCHES)):
+        m, n = _degree(words), _degree(words)
+        points = words.rows((m + 1) * (n + 1), 3, "control points x y z")
+        patches.append(rectangle(points.reshape(n + 1, m + 1, 3).transpose(1, 0, 2)))
+    words.end()
+    return patches, []
+
+
+def read_bzr(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
+    """Read the patch of a ``.bzr`` file."""
+    words = Words(data, source)
+    m, n = _degree(words), _degree(words)
+    points = words.rows((m + 1) * (n + 1), 3, "control points x y z")
+    words.end()
+    return [rectangle(points.reshape(m + 1, n + 1, 3))], []
+
+
+def read_bv(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     """Read the patches of a ``.bv`` file; normals of PN patches are left out.
 
-    Notes
-    -----
     The first index of a rectangle's net runs slowest. Each face of a polyhedron becomes a patch; if the face has more
     than four corners, its knots are those of a regular polygon.
     """
@@ -29,7 +51,8 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
     patches: list[Patch] = []
     while words.left:
         if words.peek().lower() == "group":
-            group = _group(words)
+            name = " ".join(words.rest_of_line()[2:])  # after the number of the group
+            group = None if not name or name_fault(name) else name
             continue
         line = words.line
         kind = words.whole(f"the kind of a segment ({SEGMENT_KINDS})", 1, 11)
@@ -41,15 +64,7 @@ def read_bv(data: bytes, source: str) -> list[Patch]:
             words.fail(f"has more than {MAX_PATCHES} patches", line)
     if not patches:
         raise SpecError(f"{source}: has no patches")
-    return patches
-
-
-def _group(words: Words) -> str | None:
-    """Read the name of a group; the rest of the line, a subdivision depth, is only for the viewer."""
-    words.skip()
-    words.whole("the number of a group", -(10**9), 10**9)
-    name = words.rest_of_line()
-    return None if not name or name_fault(name) else name
+    return patches, []
 
 
 def _segment(words: Words, kind: int, line: int) -> list[Patch]:

@@ -8,7 +8,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.language.document import place, read, shown
 from gtb_cli.language.reader import MAX_PATCHES
@@ -25,14 +25,8 @@ class _Fault(Exception):
         self.path, self.message = path, message
 
 
-def read_geomdl(data: bytes, source: str) -> list[Patch]:
-    """Read the shapes of a file that geomdl's ``export_json`` wrote; trims are left out.
-
-    Raises
-    ------
-    SpecError
-        File, line, key path and what was found.
-    """
+def read_geomdl(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
+    """Read the shapes of a file that geomdl's ``export_json`` wrote; trims are left out."""
     document = read(data, source, "json")
     try:
         shape = _get(document.data, (), "shape", dict)
@@ -40,18 +34,16 @@ def read_geomdl(data: bytes, source: str) -> list[Patch]:
         if kind not in ("curve", "surface"):
             raise _Fault(("shape", "type"), f"expected curve or surface, got {shown(kind)}")
         entries = _get(shape, ("shape",), "data", list)
-        if len(entries) > MAX_PATCHES:
-            raise _Fault(("shape", "data"), f"has {len(entries)} shapes, a model has at most {MAX_PATCHES} patches")
         patches: list[Patch] = []
         for index, entry in enumerate(entries):
             path: Path = ("shape", "data", index)
             try:
-                patches += _nurbs(entry, path, ("",) if kind == "curve" else ("_u", "_v")).spans(_name(entry))
+                patches += _spans(entry, path, ("",) if kind == "curve" else ("_u", "_v"))
             except DomainError as error:
                 raise _Fault(path, str(error)) from None
             if len(patches) > MAX_PATCHES:
                 raise _Fault(path, f"here the model has more than {MAX_PATCHES} patches")
-        return patches
+        return patches, []
     except _Fault as fault:
         line = document.lines({fault.path}).get(fault.path)
         where = f"{source}:{line}" if line else source
@@ -59,15 +51,17 @@ def read_geomdl(data: bytes, source: str) -> list[Patch]:
         raise SpecError(f"{where}: {keys}{fault.message}") from None
 
 
-def _nurbs(entry: object, path: Path, suffixes: tuple[str, ...]) -> Nurbs:
-    """Return a curve, whose keys have no suffixes, or a surface with `_u` and `_v`."""
+def _spans(entry: object, path: Path, suffixes: tuple[str, ...]) -> list[Patch]:
+    """Return the patches of a curve, whose keys have no suffixes, or of a surface with `_u` and `_v`."""
     degrees = [_whole(entry, path, f"degree{suffix}", MAX_DEGREE) for suffix in suffixes]
     sizes = [_whole(entry, path, f"size{suffix}", MAX_CONTROL_POINTS) for suffix in suffixes if suffix]
     rows = _rows(entry, path)
     if sizes and len(rows) != math.prod(sizes):
         raise _Fault((*path, "control_points"), f"expected {sizes[0]} × {sizes[1]} points, got {len(rows)}")
     knots = [_row(entry, path, f"knotvector{suffix}") for suffix in suffixes]
-    return Nurbs(degrees, knots, rows.reshape(*sizes or [len(rows)], 4))
+    name = entry.get("name") if isinstance(entry, dict) else None
+    label = name if isinstance(name, str) and not name_fault(name) else None
+    return spans(degrees, knots, rows.reshape(*sizes or [len(rows)], 4), label)
 
 
 def _get(table: object, path: Path, key: str, kind: type[Any]) -> Any:
@@ -120,17 +114,6 @@ def _rows(entry: object, path: Path) -> FloatArray:
 
 
 def _number(value: object, path: Path) -> float:
-    number = math.nan
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
-    if not abs(number) <= MAX_MAGNITUDE:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= MAX_MAGNITUDE:
         raise _Fault(path, f"expected a number up to {MAX_MAGNITUDE:g}, got {shown(value)}")
-    return number
-
-
-def _name(entry: object) -> str | None:
-    name = entry.get("name") if isinstance(entry, dict) else None
-    return name if isinstance(name, str) and not name_fault(name) else None
+    return float(value)

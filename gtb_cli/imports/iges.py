@@ -1,8 +1,7 @@
 """IGES files: rational B-spline curves (entity 126) and surfaces (128), as exact Bézier patches.
 
 A file has lines of 80 columns; column 73 names the section: S for remarks, G for global values, D for the directory
-(two lines an entity), P for parameters (in free format up to column 64). A remark counts the other entities, trimming
-among them.
+(two lines an entity), P for parameters (in free format up to column 64).
 """
 
 import math
@@ -15,38 +14,13 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports.nets import MAX_DEGREE
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
-from gtb_cli.imports.readers import Found
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import SHOWN_CHARACTERS, as_number
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
 from gtb_cli.theory.patch import Patch
 
 CURVE, SURFACE, TRANSFORMATION = 126, 128, 124
-ENTITY_KINDS = {
-    100: "circular arcs",
-    102: "composite curves",
-    104: "conics",
-    106: "polylines",
-    108: "planes",
-    110: "lines",
-    112: "spline curves",
-    114: "spline surfaces",
-    116: "points",
-    118: "ruled surfaces",
-    120: "surfaces of revolution",
-    122: "tabulated cylinders",
-    141: "boundaries",
-    142: "curves on surfaces",
-    143: "bounded surfaces",
-    144: "trimmed surfaces",
-    186: "solids",
-    502: "vertex lists",
-    504: "edge lists",
-    508: "loops",
-    510: "faces",
-    514: "shells",
-}  # that are left out; others are named by number
 
 
 @dataclass(frozen=True)
@@ -116,13 +90,11 @@ class _File:
         rows = (self.parameters.get(entity.first + k, (0, ""))[1] for k in range(entity.count))
         fields = "".join(rows).partition(";")[0].split(",")
         values = []
-        for index, field in enumerate(fields):
-            word = field.strip()
-            value = as_number(word) if word else 0.0
-            if math.isnan(value):
+        for index, word in enumerate(map(str.strip, fields)):
+            values.append(as_number(word or "0"))
+            if math.isnan(values[-1]):
                 shown = repr(word[:SHOWN_CHARACTERS])
                 raise self.fail(line, f"expected numbers of entity {entity.kind}, got {shown} at {index}")
-            values.append(value)
         if int(values[0]) != entity.kind:
             raise self.fail(line, f"expected parameters of entity {entity.kind}, got those of {values[0]:g}")
         return values[1:], line
@@ -167,11 +139,9 @@ class _File:
         raise self.fail(entity.line, f"more than {most} transformations one after another")
 
 
-def read_iges(data: bytes, source: str) -> Found:
+def read_iges(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     """Read the B-spline curves and surfaces of an IGES file.
 
-    Notes
-    -----
     Curves that lie in the parameter plane of a surface, or bound a surface, are left out. Surfaces are whole: trimming
     is left out, and a remark says so.
     """
@@ -184,62 +154,49 @@ def read_iges(data: bytes, source: str) -> Found:
         # The use flag is 05 for parameter space; a physically dependent curve (01, 03) belongs to something else.
         free = entity.use[:2] in ("00", "02") and entity.use[2:] != "05"
         if entity.kind == SURFACE or (entity.kind == CURVE and free):
-            spans, is_narrow = _nurbs(file, entity)
-            patches += spans
+            found, is_narrow = _nurbs(file, entity)
+            patches += found
             narrow += is_narrow
             if len(patches) > MAX_PATCHES:
                 raise file.fail(entity.line, f"here the model has more than {MAX_PATCHES} patches")
-        elif entity.kind in ENTITY_KINDS:
-            left[entity.kind] += 1
+        elif entity.kind not in (CURVE, TRANSFORMATION) and entity.kind in (*range(100, 200), *range(500, 600)):
+            left[entity.kind] += 1  # geometry, and solids
     if units := file.units():
         remarks.append(f"its unit of length is {units}")
     if left:
-        parts = ", ".join(f"{ENTITY_KINDS[kind]} ({kind}): {number}" for kind, number in sorted(left.items()))
-        remarks.append(f"surfaces are whole, not trimmed; left out are {parts}")
+        parts = ", ".join(f"{number} of type {kind}" for kind, number in sorted(left.items()))
+        remarks.append(f"surfaces are whole, not trimmed; entities that are left out: {parts}")
     if narrow:
-        remarks.append(f"{narrow} have a parameter range smaller than that of their knots: the whole is given")
-    return Found(patches, remarks)
+        remarks.append(f"{narrow} have a parameter range other than that of their knots: the whole is given")
+    return patches, remarks
 
 
 def _nurbs(file: _File, entity: Entity) -> tuple[list[Patch], bool]:
-    """Return the patches of a B-spline, and whether its range of parameters is smaller than that of its knots."""
+    """Return the patches of a B-spline, and whether its range of parameters is not that of its knots."""
     values, line = file.numbers(entity)
     dimension, what = (2, "K1, K2, M1, M2 of a surface") if entity.kind == SURFACE else (1, "K, M of a curve")
     limits = [MAX_CONTROL_POINTS] * dimension + [MAX_DEGREE] * dimension
-    if len(values) < len(limits):
-        raise file.fail(line, f"expected {what}, got {len(values)} numbers")
-    for value, limit in zip(values, limits, strict=False):
-        if value != int(value) or not 1 <= value <= limit:
-            raise file.fail(line, f"expected {what}, whole numbers from 1, got {value:g}")
-    counts = [int(value) + 1 for value in values[:dimension]]
-    degrees = [int(value) for value in values[dimension : 2 * dimension]]
-    rest = values[9 if dimension == 2 else 6 :]  # after properties
+    head = values[: len(limits)]
+    if len(head) < len(limits) or not all(x == int(x) and 1 <= x <= most for x, most in zip(head, limits, strict=True)):
+        raise file.fail(line, f"expected {what}, whole numbers from 1, got {', '.join(f'{x:g}' for x in head)}")
+    counts, degrees = [int(x) + 1 for x in head[:dimension]], [int(x) for x in head[dimension:]]
     lengths = [count + degree + 1 for count, degree in zip(counts, degrees, strict=True)]
     total = math.prod(counts)
-    needed = sum(lengths) + 4 * total
-    if len(rest) < needed:
+    # After the properties: knots, weights, points, ranges of parameters
+    sizes = [*lengths, total, 3 * total]
+    *rows, ends = np.split(np.array(values[9 if dimension == 2 else 6 :]), np.cumsum(sizes))
+    if len(rows[-1]) < sizes[-1]:
         noun = what.rpartition("of ")[2]
-        raise file.fail(line, f"expected {needed} numbers of {noun}: knots, weights, points; got {len(rest)}")
-    knots = [np.array(rest[: lengths[0]]), np.array(rest[lengths[0] : sum(lengths)])][:dimension]
-    rows = _homogeneous(file, entity, rest[sum(lengths) :], total)
-    net = rows.reshape(*counts[::-1], 4).swapaxes(0, dimension - 1)  # the first index runs fastest
+        raise file.fail(line, f"expected {sum(sizes)} numbers of {noun}: knots, weights, points; got {len(values)}")
+    *knots, weights, points = rows
+    matrix = file.transformation(entity)
+    moved = points.reshape(-1, 3) @ matrix[:, :3].T + matrix[:, 3]
+    # The first index runs fastest.
+    net = np.column_stack([moved * weights[:, None], weights]).reshape(*counts[::-1], 4).swapaxes(0, dimension - 1)
     try:
-        spans = Nurbs(degrees, knots, net).spans(entity.name)
+        found = spans(degrees, knots, net, entity.name)
     except DomainError as error:
         raise file.fail(line, f"entity {entity.kind}: {error}") from None
-    ends = [rest[needed + 2 * k : needed + 2 * k + 2] for k in range(dimension)]
-    return spans, any(map(_is_narrow, ends, knots, degrees, counts))
-
-
-def _homogeneous(file: _File, entity: Entity, values: list[float], count: int) -> FloatArray:
-    """Return (count, 4) rows x w, y w, z w, w of transformed points; the weights come before the points."""
-    weights = np.array(values[:count])
-    points = np.array(values[count : 4 * count]).reshape(count, 3)
-    matrix = file.transformation(entity)
-    return np.column_stack([(points @ matrix[:, :3].T + matrix[:, 3]) * weights[:, None], weights])
-
-
-def _is_narrow(ends: list[float], knots: FloatArray, degree: int, count: int) -> bool:
-    low, high = float(knots[degree]), float(knots[count])
-    slack = 1e-9 * (high - low)
-    return len(ends) == 2 and ends[0] < ends[1] and (ends[0] > low + slack or ends[1] < high - slack)
+    whole = np.ravel([row[[degree, -1 - degree]] for row, degree in zip(knots, degrees, strict=True)])
+    given = ends[: len(whole)]
+    return found, len(given) == len(whole) and not np.allclose(given, whole, rtol=0, atol=1e-9 * np.ptp(whole))

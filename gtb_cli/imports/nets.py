@@ -43,19 +43,12 @@ def polygon(corners: FloatArray, name: str | None = None) -> Patch:
 
 
 def dehomogenized(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the points and weights of (m, 4) homogeneous control points x w, y w, z w, w.
-
-    Raises
-    ------
-    DomainError
-        A weight is not positive.
-    """
+    """Return the points and weights, which must be positive, of (m, 4) homogeneous control points x w, y w, z w, w."""
     weights = rows[:, 3]
     if not (weights > 0).all():
         bad = int(np.argmin(weights > 0))
         raise DomainError(f"weights[{bad}]: must be positive, got {weights[bad]:g}")
-    points = rows[:, :3] / weights[:, None]
-    return points, weights
+    return rows[:, :3] / weights[:, None], weights
 
 
 def _lattice(knots: FloatArray, points: FloatArray, weights: FloatArray | None, name: str | None) -> Patch:

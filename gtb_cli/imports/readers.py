@@ -1,9 +1,8 @@
 """Files of other programs as patches: their formats, and how to tell them apart."""
 
 import os
-from collections.abc import Callable
 from importlib import import_module
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import MAX_BYTES, kind_of
@@ -14,35 +13,22 @@ from gtb_cli.theory.patch import Patch
 
 
 class Imported(NamedTuple):
-    """The content of a file.
-
-    Attributes
-    ----------
-    shape : Patch or Model
-    remarks : tuple of str
-        What the file has and a patch cannot hold, such as units and trimming.
-    """
+    """The content of a file, and what it has that a patch cannot hold, such as units and trimming."""
 
     shape: Patch | Model
     remarks: tuple[str, ...]
 
 
-class Found(NamedTuple):
-    """Patches of a file, and remarks on what was left out."""
-
-    patches: list[Patch]
-    remarks: list[str]
-
-
-# Formats and their readers, imported when they are needed: `SpecError` says what a file has wrong, and where
+# Formats and the modules of their readers, imported when they are needed: each gives patches and remarks on what is
+# left out; its `SpecError` says what a file has wrong, and where
 READERS = {
-    "trp": "trp:read_trp",
-    "bv": "bezierview:read_bv",
-    "bpt": "bezier_nets:read_bpt",
-    "bzr": "bezier_nets:read_bzr",
-    "iges": "iges:read_iges",
-    "3dm": "rhino:read_3dm",
-    "geomdl": "geomdl_json:read_geomdl",
+    "trp": "trp",
+    "bv": "bezierview",
+    "bpt": "bezierview",
+    "bzr": "bezierview",
+    "iges": "iges",
+    "3dm": "rhino",
+    "geomdl": "geomdl_json",
 }
 
 SUFFIXES = {".igs": "iges", ".iges": "iges", ".json": "geomdl"} | {f".{name}": name for name in READERS}
@@ -52,30 +38,14 @@ NUMBER_FORMATS = ("trp", "bv", "bpt", "bzr")
 
 
 def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
-    """Read a file of another program.
+    """Read a file of another program; its format is a key of `READERS`, or found from the content or the suffix.
 
-    Parameters
-    ----------
-    path : str
-        File name, for messages and the name of the result; its suffix may tell the format.
-    data : bytes
-        Its content.
-    format : str, optional
-        A key of `READERS`. Default: found from the content, then from the suffix.
-
-    Raises
-    ------
-    SpecError
-        The format is not known, or the file is not valid: file, line and what was found.
-
-    Notes
-    -----
-    Curves and surfaces cannot be mixed in a model: if a file has both, only the surfaces are read.
+    Curves and surfaces cannot be mixed in a model: if a file has both, only the surfaces are read. A `SpecError` names
+    the file, the line and what was found.
     """
     if len(data) > MAX_BYTES:
         raise SpecError(f"{path}: is too large, at most {MAX_BYTES // 10**6} MB are read")
-    found = _read(path, data, format)
-    patches, remarks = found.patches, list(found.remarks)
+    patches, remarks = _read(path, data, format)
     surfaces = [patch for patch in patches if patch.dimension == 2]
     if surfaces and len(surfaces) < len(patches):
         remarks.append(f"{len(patches) - len(surfaces)} curves beside the surfaces are left out")
@@ -91,7 +61,7 @@ def import_file(path: str, data: bytes, format: str | None = None) -> Imported:
     return Imported(Model(tuple(patches), name), tuple(remarks))
 
 
-def _read(path: str, data: bytes, format: str | None) -> Found:
+def _read(path: str, data: bytes, format: str | None) -> tuple[list[Patch], list[str]]:
     format = format or _by_content(data) or SUFFIXES.get(os.path.splitext(path)[1].lower())
     if format is not None:
         return _with(format, data, path)
@@ -110,14 +80,10 @@ def _read(path: str, data: bytes, format: str | None) -> Found:
     raise SpecError(f"{path}: {reason}; name one of {', '.join(READERS)} as its format")
 
 
-def _with(format: str, data: bytes, path: str) -> Found:
-    room, _, attribute = READERS[format].partition(":")
-    read = cast(
-        Callable[[bytes, str], "list[Patch] | Found"],
-        getattr(import_module(f"gtb_cli.imports.{room}"), attribute),
-    )
-    found = read(data, path)
-    return Found(found, []) if isinstance(found, list) else found
+def _with(format: str, data: bytes, path: str) -> tuple[list[Patch], list[str]]:
+    found: tuple[list[Patch], list[str]]
+    found = getattr(import_module(f"gtb_cli.imports.{READERS[format]}"), f"read_{format}")(data, path)
+    return found
 
 
 def _by_content(data: bytes) -> str | None:

@@ -6,16 +6,13 @@ McNeel's own library, which is an extra of this package, reads the format in a s
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.imports import rhino_process
-from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, Nurbs
-from gtb_cli.imports.readers import Found
+from gtb_cli.imports.nurbs import MAX_CONTROL_POINTS, spans
 from gtb_cli.imports.words import MAX_MAGNITUDE
 from gtb_cli.language.reader import MAX_PATCHES
 from gtb_cli.language.values import name_fault
@@ -25,40 +22,29 @@ from gtb_cli.theory.patch import Patch
 PATIENCE_SECONDS = 60.0
 
 
-def read_3dm(data: bytes, source: str) -> Found:
-    """Read the curves and surfaces of a ``.3dm`` file; faces of solids are whole, not trimmed.
-
-    Raises
-    ------
-    SpecError
-        The extra is missing, or the file is not valid.
-    """
+def read_3dm(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
+    """Read the curves and surfaces of a ``.3dm`` file; faces of solids are whole, not trimmed."""
     *objects, last = _objects(data, source)
-    nets: list[tuple[int, str | None, Nurbs]] = []
-    count = others = trimmed = 0
-    # All spans are counted before one is made a patch, which takes far longer.
+    patches: list[Patch] = []
+    others = trimmed = 0
     for index, entry in enumerate(objects):
         name, forms = entry["name"] or None, entry["forms"]
         name = None if name is None or name_fault(name) else name
         others += not forms
         trimmed += entry["trimmed"]
-        with _about(source, index):
-            for face, form in enumerate(forms):
-                net = _nurbs(form)
-                nets.append((index, name if len(forms) == 1 or name is None else f"{name}-{face}", net))
-                count += net.span_count
-        if count > MAX_PATCHES:
-            raise SpecError(f"{source}: objects[{index}]: here the model has more than {MAX_PATCHES} patches")
-    patches: list[Patch] = []
-    for index, label, net in nets:
-        with _about(source, index):
-            patches += net.spans(label)
+        for face, form in enumerate(forms):
+            try:
+                patches += _spans(form, name if len(forms) == 1 or name is None else f"{name}-{face}")
+            except DomainError as error:
+                raise SpecError(f"{source}: objects[{index}]: {error}") from None
+            if len(patches) > MAX_PATCHES:
+                raise SpecError(f"{source}: objects[{index}]: here the model has more than {MAX_PATCHES} patches")
     remarks = [f"its unit of length is {last['unit']}"]
     if others:
         remarks.append(f"{others} objects that are neither curves nor surfaces are left out")
     if trimmed:
         remarks.append(f"{trimmed} solids or trimmed surfaces: their faces are given whole, not trimmed")
-    return Found(patches, remarks)
+    return patches, remarks
 
 
 def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
@@ -85,17 +71,8 @@ def _objects(data: bytes, source: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-@contextmanager
-def _about(source: str, index: int) -> Iterator[None]:
-    """Say in errors which object of the file is meant."""
-    try:
-        yield
-    except DomainError as error:
-        raise SpecError(f"{source}: objects[{index}]: {error}") from None
-
-
-def _nurbs(form: dict[str, Any]) -> Nurbs:
-    """Return the curve or surface that the process has printed."""
+def _spans(form: dict[str, Any], name: str | None) -> list[Patch]:
+    """Return the patches of a curve or surface that the process has printed."""
     counts = form["counts"]
     if not form["rows"]:
         raise DomainError(f"control points: expected 1 to {MAX_CONTROL_POINTS}, got {' × '.join(map(str, counts))}")
@@ -105,4 +82,4 @@ def _nurbs(form: dict[str, Any]) -> Nurbs:
     for what, values in [("control points", rows), *(("knots", row) for row in knots)]:
         if not (np.abs(values) <= MAX_MAGNITUDE).all():
             raise DomainError(f"{what}: expected numbers up to {MAX_MAGNITUDE:g}")
-    return Nurbs(form["degrees"], knots, rows.reshape(*counts, 4))
+    return spans(form["degrees"], knots, rows.reshape(*counts, 4), name)

@@ -17,7 +17,7 @@ from gtb_cli.language.reader import MAX_KNOTS
 from gtb_cli.theory.patch import Patch
 
 
-def read_trp(data: bytes, source: str) -> list[Patch]:
+def read_trp(data: bytes, source: str) -> tuple[list[Patch], list[str]]:
     """Read the one patch of a ``.trp`` file."""
     words = Words(data, source)
     sides = words.whole("the number of corners", 3, MAX_KNOTS)
@@ -42,7 +42,7 @@ def read_trp(data: bytes, source: str) -> list[Patch]:
         words.fail(f"expected the corners of the control points' hull, which are {found}", corners_at)
     if len(np.unique(knots, axis=0)) < count:
         words.fail("expected each lattice point once", points_at)
-    return [Patch(knots, rows[:, 2:5], weights, edge_coefficients(shape), edge_normals="primitive")]
+    return [Patch(knots, rows[:, 2:5], weights, edge_coefficients(shape), edge_normals="primitive")], []
 
 
 def edge_coefficients(shape: Domain) -> FloatArray:

@@ -21,19 +21,7 @@ def as_number(word: str) -> float:
 
 
 class Words:
-    """Words of a file in their order, with their lines; line ends and what follows a ``#`` do not matter.
-
-    Parameters
-    ----------
-    data : bytes
-    source : str
-        File name for messages.
-
-    Raises
-    ------
-    SpecError
-        The file is not text, or has no words.
-    """
+    """Words of a file in their order, with their lines; line ends and what follows a ``#`` do not matter."""
 
     def __init__(self, data: bytes, source: str) -> None:
         if b"\0" in data:
@@ -68,22 +56,12 @@ class Words:
         """Return the next word, or an empty string at the end."""
         return self._words[self._next] if self.left else ""
 
-    def skip(self) -> None:
-        """Skip a word."""
-        self._next += 1
-
-    def rest_of_line(self) -> str:
+    def rest_of_line(self) -> list[str]:
         """Read the remaining words on the line of the next word."""
         start, line = self._next, self.line
         while self.left and self._lines[self._next] == line:
             self._next += 1
-        return " ".join(self._words[start : self._next])
-
-    def word(self, what: str) -> str:
-        """Read a word."""
-        self.need(1, what)
-        self._next += 1
-        return self._words[self._next - 1]
+        return self._words[start : self._next]
 
     def need(self, count: int, what: str) -> None:
         """Refuse a file with fewer remaining words, before memory is allocated for them."""
@@ -103,13 +81,11 @@ class Words:
         """Read (count, width) numbers."""
         self.need(count * width, what)
         values = []
-        for _ in range(count * width):
-            word = self.peek()
-            value = as_number(word)
-            if math.isnan(value):
+        for word in self._words[self._next : self._next + count * width]:
+            values.append(as_number(word))
+            if math.isnan(values[-1]):
                 shown = repr(word[:SHOWN_CHARACTERS])
                 self.fail(f"expected {what}, got {shown}, which is not a number up to {MAX_MAGNITUDE:g}")
-            values.append(value)
             self._next += 1
         return read_only(values).reshape(count, width)
 

@@ -9,7 +9,7 @@ import pytest
 
 from gtb_cli.design.sides import bernstein
 from gtb_cli.errors import DomainError, SpecError
-from gtb_cli.imports.nurbs import Nurbs, span_matrices
+from gtb_cli.imports.nurbs import span_matrices, spans
 from gtb_cli.imports.readers import NUMBER_FORMATS, READERS, SUFFIXES, import_file
 from gtb_cli.language.loading import parse
 from gtb_cli.language.reader import MAX_PATCHES
@@ -119,12 +119,11 @@ def test_nurbs_curves_are_their_spans() -> None:
 def test_unclamped_and_repeated_knots() -> None:
     knots = [Fraction(k) for k in (0, 1, 2, 3, 3, 4, 6, 7, 9)]
     rows = np.array([[i, i * i % 5, 0, 1] for i in range(5)], dtype=float)
-    spans = Nurbs([3], [np.array(knots, dtype=float)], rows).spans()
-    assert len(spans) == 1
+    (patch,) = spans([3], [np.array(knots, dtype=float)], rows)
     for a, _ in PLACES:
         t = 3 + a
         expected = [sum(foreign.basis(3, knots, i, t) * Fraction(rows[i, k]) for i in range(5)) for k in range(3)]
-        assert_near(spans[0].evaluate([3 * float(a)]), expected)
+        assert_near(patch.evaluate([3 * float(a)]), expected)
     for _, matrix in span_matrices(4, np.array([0, 0, 0, 0, 0, 0.1, 0.1, 0.7, 1, 1, 1, 1, 1]), 8):
         assert (matrix >= 0).all()
         np.testing.assert_allclose(matrix.sum(axis=1), 1, rtol=1e-15)
@@ -134,7 +133,7 @@ def test_iges_says_what_is_left_out() -> None:
     found = import_file("part.igs", FILES["part.igs"])
     assert found.remarks == (
         "its unit of length is millimetres",
-        "surfaces are whole, not trimmed; left out are lines (110): 1",
+        "surfaces are whole, not trimmed; entities that are left out: 1 of type 110",
         "2 curves beside the surfaces are left out",
     )
 

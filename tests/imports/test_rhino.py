@@ -97,15 +97,6 @@ def test_the_limits_of_both_processes_are_one() -> None:
     assert rhino_process.MAX_CONTROL_POINTS == MAX_CONTROL_POINTS
 
 
-def test_too_many_spans_are_counted_before_one_is_made_a_patch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    form = {"degrees": [1], "counts": [8001], "knots": [list(range(8001))], "rows": [[k, 0, 0, 1] for k in range(8001)]}
-    line = f"line = {json.dumps({'name': '', 'trimmed': False, 'forms': [form]})!r}"
-    process(tmp_path, monkeypatch, run=f"{line}; print(line); print(line); print(line); print('{{}}')")
-    monkeypatch.setattr(rhino.Nurbs, "spans", None)
-    with pytest.raises(SpecError, match=r"^x\.3dm: objects\[2\]: here the model has more than 20000 patches"):
-        import_file("x.3dm", small_file())
-
-
 def test_a_curve_of_many_control_points_is_read(tmp_path: Path) -> None:
     """Their number was squared, and 317 were too many."""
     rhino3dm = pytest.importorskip("rhino3dm")
