@@ -20,7 +20,7 @@ from gtb_cli.meshes.difference import Aspect, Difference, Kind, allowed_for, dif
 from gtb_cli.meshes.hausdorff import Distance, mesh_distance
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly, largest_coordinates, rounding
 from gtb_cli.tessellation.recipe import Recipe
-from gtb_cli.tessellation.shape import Shape, shape_of
+from gtb_cli.tessellation.tessellate import Shape, shape_of
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen

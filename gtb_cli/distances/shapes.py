@@ -62,10 +62,9 @@ def whole_surface(shape: Patch | Model) -> Surface:
 def layered(mosaic: Complex, patches: Sequence[Patch]) -> Complex:
     """The complex refined where a surface is still far from its mesh, as in thin layers along edges."""
     share, most_cells, samples = 0.02, 5000, 2000  # of the size, and in all
-    sampler = Sampler(patches, "linear", False)
     size = max(float(np.ptp(patch.control_points, axis=0).max()) for patch in patches)
     try:
-        return refine(mosaic, sampler, share * size, most_cells, samples)[0]
+        return refine(mosaic, Sampler(patches), share * size, most_cells, samples)[0]
     except ToleranceError:
         return mosaic
 

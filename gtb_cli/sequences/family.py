@@ -131,7 +131,7 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
     members = tuple(move_knots(limit.patch, limit.moves, step) for step in steps)
     thickness = (*map(limit.nearness, steps), 0.0) if limit.films else ()
     return Family(
-        tuple(_linear(patch) for patch in (*members, limit.merged)),
+        tuple(Sampler((patch,)) for patch in (*members, limit.merged)),
         members,
         (False,) * len(members),
         thickness=thickness,
@@ -159,15 +159,11 @@ def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: Regul
     for logarithm in logarithms:
         # An affine lifting changes no point; the gaps, 0 on the cell itself, keep all digits there.
         wholes = [patch.replace(log_weights=patch.log_weights - logarithm * gap) for gap in gaps]
-        samplers.append(Sampler(cells, "linear", True, wholes=wholes, faces=faces))
+        samplers.append(Sampler(wholes, parts=[cell.domain for cell in cells], faces=faces))
         members.append(wholes[0])
     is_limit = tuple(not logarithm * least_gap < least_exponent for logarithm in logarithms)
-    samplers.append(Sampler(cells, "linear", True))
+    samplers.append(Sampler(cells))
     return Family(tuple(samplers), tuple(members), is_limit, joints, faces)
-
-
-def _linear(patch: Patch) -> Sampler:
-    return Sampler((patch,), "linear", False)
 
 
 def _left_to_right(decomposition: RegularDecomposition) -> list[int]:

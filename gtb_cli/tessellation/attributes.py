@@ -9,7 +9,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.tessellation.sampler import Sampler, torically_inside
 from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
@@ -23,32 +23,16 @@ QUALITY_NAME = "quality"  # the scalar that MeshLab colours by; it repeats the f
 def with_attributes(
     shape: Patch | Model, mesh: Mesh, names: Sequence[str], parametrization: Parametrization = "linear"
 ) -> tuple[Mesh, int]:
-    """Return a mesh with scalars for each vertex.
+    """Return a mesh with scalars for each vertex, some of `ATTRIBUTES`, and the number of those that have no curvature.
 
-    Parameters
-    ----------
-    shape : Patch or Model
-        What the mesh is of. Vertices that patches share get the scalars of the first one.
-    mesh : Mesh
-        Made by `gtb_cli.tessellation.tessellate.tessellate`.
-    names : sequence of str
-        Some of `ATTRIBUTES`: u and v, the parameters of the vertices (a curve has u only), and the curvatures as in
-        `Curvature`; or ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``.
-    parametrization : {"linear", "toric"}
-        That of the mesh.
+    These are u and v, the parameters of the vertices (a curve has u only), and the curvatures as in `Curvature`; or
+    ``basis:I``, the basis function T_I of a single patch, which the mesh has as ``basis_I``. The first one is there
+    again as `QUALITY_NAME`. The mesh was made of the shape by `tessellate` in the given parametrisation; vertices that
+    patches share get the scalars of the first one. A vertex at which the curvature has no finite value carries the mean
+    of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
 
-    Returns
-    -------
-    mesh : Mesh
-        With these attributes, and the first of them again as `QUALITY_NAME`. A vertex at which the curvature has no
-        finite value carries the mean of its neighbours' (where these have none, of theirs), and 0 if no vertex has one.
-    replaced : int
-        The number of such vertices.
-
-    Raises
-    ------
-    DomainError
-        An unknown name, a curvature of a curve, a basis function of a model, or a mesh without parameters.
+    Raises `DomainError` for an unknown name, a curvature of a curve, a basis function of a model, or a mesh without
+    parameters.
     """
     functions = {name: _basis_index(shape, name) for name in names if name.startswith(BASIS)}
     for name in names:
@@ -89,7 +73,7 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
         return curvature(shape, u, parametrization)
     assert mesh.origin is not None
     found = Curvature(np.empty(len(u)), np.empty(len(u)))
-    sampler = Sampler(shape.patches, parametrization, shared_edges=True)
+    sampler = Sampler(shape.patches, torically_inside) if parametrization == "toric" else Sampler(shape.patches)
     face = sampler.faces_at(mesh.origin.patch, u)
     for index in np.unique(mesh.origin.patch).tolist():
         rows = np.flatnonzero(mesh.origin.patch == index)

@@ -15,11 +15,11 @@ from gtb_cli.knots.triangulation import Triangulation, central_triangulation, tr
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
 from gtb_cli.moment.torus import NO_ROWS
+from gtb_cli.theory.edges import EdgeRef, edge_points_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 if TYPE_CHECKING:
-    from gtb_cli.theory.edges import EdgeRef
     from gtb_cli.theory.joints import Joints
 
 
@@ -27,27 +27,8 @@ if TYPE_CHECKING:
 class Complex:
     """Vertices and cells, without positions in space.
 
-    A vertex on a shared edge belongs to the first patch that has it; `corners` has the parameters of a cell's vertices
-    in the cell's own patch.
-
-    Attributes
-    ----------
-    patch : (v,) int
-        Patch of each vertex.
-    parameters : (v, d) float
-        In the domain of that patch.
-    face : (v,) int
-        Number of the face of that domain in whose interior the vertex lies.
-    cells : (k, d + 1) int
-    cell_patch : (k,) int
-    own_corners : (k, d + 1, d) float, or (c,) int and (c, d) float
-        `corners`; or those that are not just the parameters of the cells' vertices, and their places among all.
-    collapsed : (c, 2) int
-        Pairs of neighbouring vertices on edges of patches that are one point.
-    sides : int
-        How many sides the cells of a uniform complex have; two that a joint makes one count once.
-    uneven : frozenset of EdgeRef
-        Shared edges whose points are at different fractions in patches that share them.
+    A vertex on a shared edge belongs to the first patch that has it: `patch` (v,), with `parameters` (v, d) in its
+    domain, in the interior of the `face` (v,) of this. The (k, d + 1) `cells` have the (k,) patches `cell_patch`.
     """
 
     patch: IntArray
@@ -55,10 +36,11 @@ class Complex:
     face: IntArray
     cells: IntArray
     cell_patch: IntArray
+    # `corners`; or those that are not just the parameters of the cells' vertices, behind their places among all
     own_corners: FloatArray | tuple[IntArray, FloatArray]
-    collapsed: IntArray
-    sides: int = 0
-    uneven: frozenset[EdgeRef] = frozenset()
+    collapsed: IntArray  # (c, 2) pairs of neighbouring vertices on edges of patches that are one point
+    sides: int = 0  # how many sides the cells of a uniform complex have; two that a joint makes one count once
+    uneven: frozenset[EdgeRef] = frozenset()  # shared edges whose points are at different fractions in their patches
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -121,18 +103,11 @@ def kinds_of(domains: Sequence[Domain]) -> IntArray:
 
 
 def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: int) -> Complex:
-    """Triangulate each domain with `resolution` cells along an edge, and join them.
+    """Triangulate each domain with `resolution` cells along an edge, and join them; without joints, there is one patch.
 
     Patches are cut around their centres if several would have a side inside between the same two vertices, as at the
     corner between two edges that they share. So are patches with a tip, where one more side is halved, and those with
     triangles turned over when vertices move along an edge to the fractions at which it has another patch's points.
-
-    Parameters
-    ----------
-    patches : sequence of Patch
-    joints : Joints or None
-        None for a single patch that is joined with nothing.
-    resolution : int
     """
     kinds = kinds_of([patch.domain for patch in patches]).tolist()
     made = {kind: triangulation(patches[kind].domain, resolution) for kind in dict.fromkeys(kinds)}
@@ -158,8 +133,7 @@ def joined_complex(patches: Sequence[Patch], joints: Joints | None, resolution: 
 def _moves(patches: Sequence[Patch], joints: Joints, resolution: int) -> dict[EdgeRef, FloatArray]:
     """Ascending fractions of edges, where these are not equal, at the points of those that they are joined with."""
     even = np.arange(resolution + 1) / resolution
-    moves = {joint.second: joint.across(patches, even) for joint in joints.shared if joint.match}
-    return {ref: fractions if fractions[0] == 0 else fractions[::-1] for ref, fractions in moves.items()}
+    return {joint.second: np.sort(joint.across(patches, even)) for joint in joints.shared if joint.match}
 
 
 def _move(parts: list[Triangulation], patches: Sequence[Patch], moves: Mapping[EdgeRef, FloatArray]) -> None:
@@ -210,6 +184,8 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
     is_kept = label == np.arange(len(owner))
     number = (np.cumsum(is_kept, dtype=kind) - 1)[label]
     places = np.flatnonzero(~taken(is_kept, cells))
+    uneven = {joint.first for joint in joints.shared if joint.match}
+    of_uneven = [ref for joint in joints.shared if joint.first in uneven for ref in (joint.first, joint.second)]
     mosaic = Complex(
         patch=owner[is_kept],
         parameters=parameters[is_kept],
@@ -220,17 +196,12 @@ def _joined(patches: Sequence[Patch], joints: Joints, parts: Sequence[Triangulat
         collapsed=number[collapsed],
         # Each patch is a disc, on which Euler counts the sides; a joint makes its sides one each.
         sides=len(owner) + len(cells) - len(parts) - (len(shared) - len(joints.shared)),
-        uneven=_uneven(joints),
+        uneven=frozenset(of_uneven),
     )
     if not is_surface:
         return mosaic, owner[:0]
     label = merged(len(owner), np.concatenate([shared, collapsed]))
     return mosaic, np.unique(owner[_confused(cells, face != INTERIOR, label)])
-
-
-def _uneven(joints: Joints) -> frozenset[EdgeRef]:
-    firsts = {joint.first for joint in joints.shared if joint.match}
-    return frozenset(ref for joint in joints.shared if joint.first in firsts for ref in (joint.first, joint.second))
 
 
 def _pairs(joints: Joints, parts: Sequence[Triangulation], offsets: IntArray) -> tuple[IntArray, IntArray]:
@@ -264,3 +235,49 @@ def _repeated(rows: IntArray) -> BoolArray:
     """Mark the rows, (m,), that have the entries of another one in any order."""
     _, kind, count = np.unique(np.sort(rows, axis=1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(count[kind] > 1)
+
+
+def welded_points(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> FloatArray:
+    """Move vertices, (v, 3), of welded seams of surfaces to the mean of their curves, corners to that of all there."""
+    points = points.copy()
+    for index, edge in sorted({joint.first for joint in joints.shared if joint.distance}):
+        domain = patches[index].domain
+        rows = np.flatnonzero((mosaic.patch == index) & (mosaic.face == domain.faces.edge(edge).number))
+        ends = domain.vertices[[(edge + 1) % len(domain.vertices)]]
+        side = domain.along(edge, np.concatenate([mosaic.parameters[rows], ends]))
+        share = side[:-1] / side[-1]
+        curves = [edge_points_at(patches[index], edge, share)]
+        for joint in joints.shared:
+            if joint.first == (index, edge):
+                patch, other = joint.second
+                curves.append(edge_points_at(patches[patch], other, joint.across(patches, share)))
+        points[rows] = np.mean(curves, axis=0)
+    _move_corners(mosaic, points, patches, joints)
+    return points
+
+
+def _move_corners(mosaic: Complex, points: FloatArray, patches: Sequence[Patch], joints: Joints) -> None:
+    """Move vertices at corners that become one, and those of edges that are points, to their mean."""
+    counts = [len(patch.domain.vertices) for patch in patches]
+    offsets = np.cumsum([0, *counts]).tolist()
+
+    def ends(ref: EdgeRef) -> list[int]:
+        index, edge = ref
+        return [offsets[index] + edge, offsets[index] + (edge + 1) % counts[index]]
+
+    pairs = [ends(ref) for ref in joints.collapsed]
+    for joint in joints.shared:
+        first, second = ends(joint.first), ends(joint.second)[:: -1 if joint.opposite else 1]
+        pairs += [[first[0], second[0]], [first[1], second[1]]]
+    label = merged(offsets[-1], np.array(pairs))
+    corners = np.concatenate([patch.evaluate(patch.domain.vertices) for patch in patches])
+    total = np.bincount(label, minlength=len(label))
+    sums = np.column_stack([np.bincount(label, column, minlength=len(label)) for column in corners.T])
+    means = sums / np.maximum(total, 1)[:, None]
+    for index, patch in enumerate(patches):
+        faces = patch.domain.faces
+        places = {int(number): offsets[index] + corner for corner, number in enumerate(faces.corners)}
+        places |= {int(faces.edge(edge).number): offsets[p] + edge for p, edge in joints.collapsed if p == index}
+        own = np.flatnonzero(mosaic.patch == index)
+        for number, corner in places.items():
+            points[own[mosaic.face[own] == number]] = means[label[corner]]

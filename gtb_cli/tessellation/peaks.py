@@ -1,12 +1,12 @@
 """Parameters near which samples may miss much of a surface: knots, and the middles between them."""
 
-from collections.abc import Callable, Sequence
-from functools import reduce
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, bounds_of, groups, planar_cross
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, groups, planar_cross
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.splitting import Cells, Edges
 
@@ -20,30 +20,24 @@ class Peaks:
 
     def __init__(self, domains: Sequence[Domain], kinds: IntArray) -> None:
         self.kinds = kinds
-        self.of_kind = {kind: peaks_of(domains[kind]) for kind in dict.fromkeys(kinds.tolist())}
+        self.of_kind = {kind: _peaks_of(domains[kind]) for kind in np.unique(kinds).tolist()}
 
     def along(self, edges: Edges) -> tuple[IntArray, FloatArray]:
         """Find (q,) edges on the boundary of Δ with peaks between their ends, and (q, 2) these peaks."""
-        boundary = np.flatnonzero(edges.face)
-        found = []
-        for kind, own in groups(self.kinds[edges.patch[boundary]]):
-            for face, members in groups(edges.face[boundary[own]]):
-                rows = boundary[own[members]]
-                found.append(held(rows, edges.parameters, self.of_kind[kind][face], _is_between))
-        return _together(found)
+        return _together(
+            _held(own[members], edges.parameters, self.of_kind[kind][face], _is_between)
+            for kind, own in groups(self.kinds[edges.patch])
+            for face, members in groups(edges.face[own])
+            if face != INTERIOR
+        )
 
     def inside(self, cells: Cells) -> tuple[IntArray, FloatArray]:
         """Find (q,) triangles with peaks inside, and (q, 2) these peaks."""
         alike = groups(self.kinds[cells.patch])
-        return _together([held(rows, cells.corners, self.of_kind[kind][0], _is_inside) for kind, rows in alike])
+        return _together(_held(rows, cells.corners, self.of_kind[kind][0], _is_inside) for kind, rows in alike)
 
 
-def _together(found: Sequence[tuple[IntArray, FloatArray]]) -> tuple[IntArray, FloatArray]:
-    rows, u = [each for each, _ in found], [each for _, each in found]
-    return np.concatenate([np.empty(0, dtype=np.int64), *rows]), np.concatenate([np.empty((0, 2)), *u])
-
-
-def peaks_of(domain: Domain) -> list[FloatArray]:
+def _peaks_of(domain: Domain) -> list[FloatArray]:
     """The peaks inside Δ, and those on each edge of it."""
     knots = domain.knots
     inner = np.unique(knots[~domain.incidence.any(axis=1)], axis=0)
@@ -59,30 +53,22 @@ def peaks_of(domain: Domain) -> list[FloatArray]:
     return peaks
 
 
-def held(
+def _held(
     rows: IntArray, corners: FloatArray, peaks: FloatArray, holds: Callable[[FloatArray, FloatArray], BoolArray]
 ) -> tuple[IntArray, FloatArray]:
     """Find (q,) cells that hold peaks, among given rows of (k, c, 2) corners, and (q, 2) these peaks."""
-    if not len(rows) or not len(peaks):
-        return rows[:0], peaks[:0]
-    corners = corners.take(rows, axis=0)
-    block_pairs = 1 << 18  # of a cell and a peak that are tried at once
-    low, high = bounds_of(corners.reshape(-1, 2))
-    axis = (high - low).argmax()
-    order = np.argsort(peaks[:, axis], kind="stable")
-    columns, places = corners[:, :, axis].T, peaks[order, axis]
-    first = np.searchsorted(places, reduce(np.minimum, columns))
-    count = np.searchsorted(places, reduce(np.maximum, columns), side="right") - first
-    near = np.flatnonzero(count)
-    first, count = first[near], count[near]
-    cell = np.repeat(near, count)
-    peak = order[np.arange(len(cell)) + np.repeat(first - np.cumsum(count) + count, count)]
-    found = [np.empty(0, dtype=np.int64)]
-    for begin in range(0, len(cell), block_pairs):
-        block = slice(begin, begin + block_pairs)
-        found.append(begin + np.flatnonzero(holds(corners.take(cell[block], axis=0), peaks.take(peak[block], axis=0))))
-    pairs = np.concatenate(found)
-    return rows[cell[pairs]], peaks[peak[pairs]]
+    first = corners[rows, :, 0]
+    low, high, found = first.min(axis=1, initial=np.inf), first.max(axis=1, initial=-np.inf), [rows[:0]]
+    for peak in peaks:
+        near = rows[(low <= peak[0]) & (peak[0] <= high)]
+        found.append(near[holds(corners[near], peak)])
+    return np.concatenate(found), np.repeat(peaks, [len(each) for each in found[1:]], axis=0)
+
+
+def _together(found: Iterable[tuple[IntArray, FloatArray]]) -> tuple[IntArray, FloatArray]:
+    none = np.empty(0, dtype=np.int64), np.empty((0, 2))
+    rows, u = zip(none, *found, strict=True)
+    return np.concatenate(rows), np.concatenate(u)
 
 
 def _is_between(ends: FloatArray, peak: FloatArray) -> BoolArray:

@@ -6,7 +6,6 @@ The command line reads its options with this module, so whatever computes is imp
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from gtb_cli.errors import DomainError, ToleranceError
@@ -14,7 +13,6 @@ from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
-    from gtb_cli.arrays import FloatArray
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
@@ -73,11 +71,17 @@ class Recipe:
     certify: bool = False
 
     def __post_init__(self) -> None:
-        _check_numbers(self)
+        from gtb_cli.tessellation.tessellate import check_fineness
+
+        check_fineness(self.resolution, self.tolerance, self.parametrization)
+        if isinstance(self.max_faces, bool) or not hasattr(self.max_faces, "__index__") or self.max_faces < 1:
+            raise DomainError(f"max_faces: expected a whole number of at least 1, got {self.max_faces!r}")
+        if self.radius is not None and not 0 < self.radius < math.inf:
+            raise DomainError(f"radius: must be positive, got {self.radius!r}")
+        if self.thickness is not None and not (math.isfinite(self.thickness) and self.thickness):
+            raise DomainError(f"thickness: must be a number other than zero, got {self.thickness!r}")
         if self.tolerance is not None and self.resolution != RESOLUTION:
             raise DomainError("resolution: excludes a tolerance, give one of them")
-        if self.tolerance is not None and self.parametrization == "toric":
-            raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out toric")
         if self.certify and (self.tolerance is None or self.radius is not None or self.thickness is not None):
             raise DomainError("certify: needs a tolerance, and a surface or curve: tubes and solids are not certified")
         if self.radius is not None and self.thickness is not None:
@@ -113,24 +117,25 @@ class Recipe:
             # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,
             # the middle line's error counts twice.
             tolerance *= 1 / 3
-        normals = self.normals or self.thickness is not None
         around = self._faces_around(tolerance)
         try:
-            cells = self.max_faces // around
-            make = partial(tessellate, normals=normals, max_faces=cells, certify=self.certify, rounding=rounding)
-            mesh = make(spec, None if tolerance else self.resolution, tolerance, self.parametrization)
+            mesh = surface = tessellate(
+                spec,
+                None if tolerance else self.resolution,
+                tolerance,
+                self.parametrization,
+                normals=self.normals or self.thickness is not None,
+                max_faces=self.max_faces // around,
+                certify=self.certify,
+                rounding=rounding,
+            )
         except ToleranceError as error:
             if around == 1:
                 raise
             raise ToleranceError(f"{error}: the tube has {around} faces around each segment") from None
-        surface = mesh
-        offset_folds: list[str] = []
+        remarks = self._remarks_on_surface(spec, mesh)
+        folds: list[str] = []
         thin: list[str] = []
-        remarks = self._remarks_on_model(spec, mesh)
-        if self.parametrization == "toric":
-            from gtb_cli.tessellation.crowding import crowding
-
-            remarks += crowding(spec, self.resolution)
         if self.attributes:
             from gtb_cli.tessellation.attributes import with_attributes
 
@@ -141,38 +146,37 @@ class Recipe:
                     "which get the mean of their neighbours'"
                 )
         if self.radius is not None:
-            mesh, found = self._tube(spec, mesh, self.radius, tolerance)
-            offset_folds += found
+            mesh, folds = self._tube(spec, mesh, self.radius, tolerance)
         elif self.thickness is not None:
-            mesh, found = self._solid(spec, mesh, self.thickness)
-            offset_folds += found
-            thin = _thin_wall(mesh, self.thickness)
+            from gtb_cli.meshes.solid import thicken
+            from gtb_cli.tessellation.remarks import offset_folds, thin_wall
+
+            folds = offset_folds(spec, mesh, self.thickness)
+            mesh = thicken(mesh, self.thickness)
+            thin = thin_wall(mesh, self.thickness)
         if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
             from gtb_cli.meshes.solidity import crossing_remarks
 
-            offset_folds += crossing_remarks(mesh)
+            folds += crossing_remarks(mesh)
         if self.require:
             from gtb_cli.assembly.requirements import require
 
-            require(self.require, spec, mesh, surface, offset_folds)
-        return mesh, remarks + offset_folds + thin
+            require(self.require, spec, mesh, surface, folds)
+        return mesh, remarks + folds + thin
 
-    def _remarks_on_model(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
-        """Remarks on the seams of a model, and on a mesh so coarse that sides have more than two faces."""
+    def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:
+        """Remarks on the seams of a model, and on how its mesh is spread."""
+        remarks: list[str] = []
         model = _model(spec)
-        if model is None:
-            return []
-        from gtb_cli.assembly.openings import seam_remarks
+        if model is not None:
+            from gtb_cli.assembly.openings import seam_remarks
 
-        remarks = seam_remarks(model)
-        if self.tolerance is None and self.resolution <= 2 and not mesh.is_curve:
-            # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
-            crowded = len(mesh.crowded_sides) - self.resolution * len(model.joints.crowded)
-            if crowded > 0:
-                remarks.append(
-                    f"with -n {self.resolution} edges of patches that have the same ends are one: {crowded} sides have "
-                    "more than two faces; -n 3 keeps them apart"
-                )
+            remarks += seam_remarks(model)
+        if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
+            from gtb_cli.tessellation.remarks import coarse_sides, crowding
+
+            remarks += coarse_sides(model, mesh, self.resolution) if model is not None else []
+            remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
 
     def _faces_around(self, tolerance: float | None) -> int:
@@ -188,33 +192,16 @@ class Recipe:
         from gtb_cli.meshes.solidity import where
         from gtb_cli.meshes.tube import folded_segments, tube
         from gtb_cli.tessellation.attributes import curve_tangents
-        from gtb_cli.theory.model import Model
+        from gtb_cli.theory.patch import Patch
 
-        tangents: FloatArray | None = None
-        if mesh.is_curve and not isinstance(spec, Model):
+        tangents = None
+        if mesh.is_curve and isinstance(spec, Patch):
             tangents = curve_tangents(spec, mesh, self.parametrization)
         folded = folded_segments(mesh, radius, tolerance=tolerance, tangents=tangents)
         remarks = []
         if len(folded):
             remarks.append(f"a radius of {radius:g} is more than that of the curve's bends: {where(mesh, folded)}")
         return tube(mesh, radius, tolerance=tolerance, tangents=tangents, max_faces=self.max_faces), remarks
-
-    def _solid(self, spec: Patch | Model, mesh: Mesh, thickness: float) -> tuple[Mesh, list[str]]:
-        """The solid between the mesh of a surface and its offset, and where the surface or the offset folds."""
-        from gtb_cli.meshes.solid import folded_faces, thicken
-        from gtb_cli.meshes.solidity import folded_places, point, where
-        from gtb_cli.tessellation.offset import sharpest_bend
-
-        remarks = folded_places(mesh)
-        folded = folded_faces(mesh, thickness)
-        turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
-        radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
-        if len(folded) or radius < math.inf:
-            facts = [where(mesh, folded)] if len(folded) else []
-            if radius < math.inf:
-                facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
-            remarks.append(f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}")
-        return thicken(mesh, thickness), remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:
         """Return the tolerance in model units; a percentage is of the spec's own size."""
@@ -256,34 +243,12 @@ class Recipe:
         return cells
 
     def check_size(self, spec: Patch | Model) -> None:
-        """Refuse more faces than are allowed, or than the machine's memory holds.
-
-        Raises
-        ------
-        ToleranceError
-            With the number of faces, before anything is made.
-        """
+        """Raise `ToleranceError` for more faces than are allowed, or than the machine's memory holds."""
         if self.tolerance is not None:
             return
-        from gtb_cli.tessellation.budget import refuse_faces
+        from gtb_cli.tessellation.tessellate import refuse_faces
 
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)
-
-
-def _check_numbers(recipe: Recipe) -> None:
-    """Refuse numbers that make no sense, as the command line refuses them in its own words."""
-    if isinstance(recipe.tolerance, str):
-        percentage(recipe.tolerance)
-    elif recipe.tolerance is not None and not 0 < recipe.tolerance < math.inf:
-        raise DomainError(f"tolerance: must be positive, got {recipe.tolerance!r}")
-    for name in ("resolution", "max_faces"):
-        value = getattr(recipe, name)
-        if isinstance(value, bool) or not hasattr(value, "__index__") or value < 1:
-            raise DomainError(f"{name}: expected a whole number of at least 1, got {value!r}")
-    if recipe.radius is not None and not 0 < recipe.radius < math.inf:
-        raise DomainError(f"radius: must be positive, got {recipe.radius!r}")
-    if recipe.thickness is not None and not (math.isfinite(recipe.thickness) and recipe.thickness):
-        raise DomainError(f"thickness: must be a number other than zero, got {recipe.thickness!r}")
 
 
 def welded(spec: Patch | Model, weld: float | str | None) -> Patch | Model:
@@ -300,18 +265,3 @@ def _model(spec: Patch | Model) -> Model | None:
     from gtb_cli.theory.model import Model
 
     return spec if isinstance(spec, Model) else None
-
-
-def _thin_wall(solid: Mesh, thickness: float) -> list[str]:
-    """Say where the wall of a solid is thinner than it should be, as normals turn much within a face."""
-    from gtb_cli.meshes.solid import thinnest_wall
-    from gtb_cli.meshes.solidity import point
-
-    thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
-    share, place = thinnest_wall(solid, thickness)
-    if share >= thick_enough:
-        return []
-    return [
-        f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
-        "more faces make it thicker where the surface is smooth"
-    ]

@@ -17,12 +17,17 @@ from gtb_cli.certificates.surface import Uncertified
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.nearest import cell_distances
-from gtb_cli.tessellation.barycentric import MIN_SAMPLES, SIDE_STEPS, inner_points, quadratic_heights, steps_for
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.tessellation.flatness import folded_or_uncovered, is_flat
 from gtb_cli.tessellation.peaks import Peaks
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.sampling import Sampling
+from gtb_cli.tessellation.sampling import (
+    MIN_SAMPLES,
+    SIDE_STEPS,
+    Sampling,
+    inner_points,
+    quadratic_heights,
+    steps_for,
+)
 from gtb_cli.tessellation.subdivision import Subdivision
 
 FINE_LATTICE_STEPS = 12  # steps of the lattice on which triangles are sampled over which the surface is not quadratic
@@ -37,30 +42,15 @@ def refine(
     certify: bool = False,
     seconds: float = math.inf,
 ) -> tuple[Complex, FloatArray]:
-    """Refine a complex until every point of a curve, or every sample of a surface, is within a distance of its cell.
+    """Refine a simplicial complex until a curve, or samples of a surface, are within a tolerance of their cells.
 
-    Parameters
-    ----------
-    start : Complex
-        Simplicial.
-    sampler : Sampler
-        In the linear parametrisation: toric parameters are too close to tell apart where exponents are small, and
-        parts of the surface would be left out.
-    tolerance : float
-        Largest distance from the surface to the mesh, in model units.
-    max_cells : int
-    points_in_all : int
-        If cells are few, they are sampled at about so many points together.
-    certify : bool
-        Whether every point of a surface must be within the tolerance, not only every sample.
-    seconds : float
-        Of the processor, that certificates of surfaces may take.
+    Returned are the complex, with the edges it started from or parts of them, and the (v, 3) points of its vertices.
+    The sampler takes linear parameters: toric ones are too close to tell apart where exponents are small.
 
-    Returns
-    -------
-    complex : Complex
-        With the edges it started from, or parts of them.
-    points : (v, 3) float
+    Segments are certified, triangles only if `certify` asks for it, in some `seconds` of the processor. They are
+    sampled at the quarters of their sides, at their centroids, and at and between knots; on a lattice of
+    `FINE_LATTICE_STEPS` steps, if samples differ from a quadratic surface; and on one on which all have about
+    `points_in_all` points, if cells are few.
 
     Raises
     ------
@@ -68,12 +58,6 @@ def refine(
         More than `max_cells` cells would be needed, or the tolerance is below rounding; says what was reached.
     Uncertified
         Surfaces are not certified in time, or not at all.
-
-    Notes
-    -----
-    Segments are certified (`gtb_cli.certificates.curve`). Triangles are sampled at the quarters of their sides,
-    at their centroids, and at and between knots; if the samples differ from a quadratic surface, on a lattice of
-    `FINE_LATTICE_STEPS` steps.
     """
     mesh = _Refinement(start, sampler, tolerance, max_cells, points_in_all, certify, seconds).finished()
     return mesh.result(), mesh.points
@@ -92,29 +76,31 @@ class _Refinement:
         certify: bool,
         seconds: float,
     ) -> None:
-        is_surface = start.cells.shape[1] == 3
         sample_share = 0.9  # of the tolerance: between samples near creases, distances up to 6 % larger were seen
-        thin_height = 0.01  # over the longest side, in units of the smallest such ratio at the start
         self.sampler, self.asked, self.max_cells, self.points_in_all = sampler, tolerance, max_cells, points_in_all
+        self.mesh = Subdivision(start, sampler)
+        refuse_rounding(tolerance, self.mesh.points)
+        is_surface = self.mesh.is_surface
         self.tolerance = sample_share * tolerance if is_surface else tolerance
-        points = sampler.points(start.patch, start.parameters, start.face)
-        refuse_rounding(tolerance, points)
-        self.mesh = Subdivision(start, points, sampler.patches, thin_height)
-        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.evaluated, seconds)
+        self.samples, self.certificates = Sampling(self.mesh, sampler), Certificates(sampler.patches, seconds)
         self.certify, self.rounds = certify or not is_surface, 0
         self.peaks = Peaks(self.mesh.domains, self.mesh.kinds) if is_surface else None
         self.sizes = np.array([domain.size for domain in self.mesh.domains])
         # Inside flat patches a point may slide out of its cell: that is not an error of the mesh.
-        self.flat = np.array([is_surface and self.is_flat(index) for index in range(len(sampler.evaluated))])
+        self.flat = np.array([is_surface and self.is_flat(index) for index in range(len(sampler.patches))])
         self.folds = np.zeros(len(sampler.patches), dtype=np.int64)
         self.nearby = 0.0  # part of Δ's size by which a sample may be off along the surface
-        self.foreseen_at = 0  # cells when their final number was last foreseen
 
     def is_flat(self, index: int) -> bool:
-        """Tell whether a point of a surface may slide out of its cell, as all cells together hold it."""
+        """Tell whether a point of a surface may slide out of its cell, as all cells together hold it.
+
+        Without a certificate, all control points, and so the surface, are within a tenth of the tolerance of a plane.
+        """
         if self.certify:
             return self.certificates.is_plane(index, self.asked)
-        return is_flat(self.sampler.evaluated[index], self.asked)
+        points = self.sampler.patches[index].control_points
+        centred = points - points.mean(axis=0)
+        return bool(np.abs(centred @ np.linalg.svd(centred, full_matrices=False)[2][-1]).max() <= self.asked / 10)
 
     def finished(self) -> Subdivision:
         """Split edges until all cells are within the tolerance."""
@@ -159,8 +145,7 @@ class _Refinement:
         kind, why = "faces" if self.mesh.is_surface else "segments", ""
         if count > self.max_cells:
             why = f"needs more than {self.max_cells} {kind}"
-        elif now > max(first_cells, 2 * self.foreseen_at):
-            self.foreseen_at = now
+        elif now > first_cells:
             needed = cells_needed(edges.error.take(cells.sides.T) / self.tolerance)
             # Until a sixteenth of the cells are there, spikes may be taken for what is usual.
             if needed > (2.0 if now < needed / 16 else 1.0) * self.max_cells:
@@ -300,7 +285,7 @@ class _Refinement:
         length = max(1, block_samples // len(weights))
         for begin in range(0, len(rows), length):
             block = slice(begin, begin + length)
-            distance = self.samples.inside(rows[block], weights, self.nearby).distances
+            distance = self.samples.inside(rows[block], weights, self.nearby)
             fails[block] = (distance > self.tolerance).any(axis=1)
             expected = np.abs(expected_of @ self.heights(rows[block])).T
             rough[block] = np.maximum(rough[block], np.abs(distance - expected).max(axis=1))
@@ -344,9 +329,7 @@ class _Refinement:
             return marked
         for index in np.unique(cells.patch[todo]).tolist():
             rows = np.flatnonzero(cells.patch == index)
-            failing = folded_or_uncovered(
-                self.mesh, rows, self.steps_at(rows), self.sampler, self.nearby, self.tolerance
-            )
+            failing = self.samples.folded_or_uncovered(rows, self.steps_at(rows), self.nearby, self.tolerance)
             if not failing.any():
                 continue
             cells.sampled[rows] = False

@@ -1,7 +1,7 @@
 """Samples of the surface over a subdivision's edges and cells, and their distances from these.
 
-Where a point is looked for, is guessed from its neighbours (see `gtb_cli.tessellation.sampler.Nets.near`): vertices and
-edges have guesses, these in their middles, NaN where there are none, as on the boundary of Δ.
+Where a point is looked for, is guessed from its neighbours (see `gtb_cli.tessellation.sampler`): vertices and edges
+have guesses, these in their middles, NaN where there are none, as on the boundary of Δ.
 """
 
 from collections.abc import Callable
@@ -9,24 +9,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.meshes.nearest import cell_distances
+from gtb_cli.meshes.nearest import NearestCells, cell_distances
 from gtb_cli.moment.torus import block_length
 from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.subdivision import Subdivision
 
+SIDE_STEPS = 4  # steps at which edges are sampled at least; all other numbers of steps are multiples of it
+MIN_SAMPLES = 20_000  # points at which a coarse mesh is sampled, at least, by a finer lattice on each triangle
+
+
+def inner_points(steps: int) -> FloatArray:
+    """(k, 3) barycentric coordinates of the inner points of a triangle's lattice; of the coarsest, of the centroid."""
+    steps = steps if steps > SIDE_STEPS else 3  # one point is enough where the surface is quadratic
+    i, j = np.mgrid[1:steps, 1:steps]
+    inner = i + j < steps
+    return np.stack([i[inner], j[inner], steps - i[inner] - j[inner]], axis=1) / steps
+
+
+def steps_for(width: FloatArray, samples: int) -> IntArray:
+    """(k,) steps of the lattices of cells of given widths in Δ: many if cells are few or wide."""
+    most = 32 / SIDE_STEPS
+    few = np.clip(np.sqrt(2 * samples / len(width)) / SIDE_STEPS, 1, most)
+    steps, parts = np.full(len(width), int(few)), width * most
+    wide = np.flatnonzero(parts > 1)
+    steps[wide] = np.maximum(steps[wide], np.exp2(np.ceil(np.log2(parts[wide]) - 1e-9)))
+    return SIDE_STEPS * steps
+
+
+def quadratic_heights(places: FloatArray) -> FloatArray:
+    """(k, 3) factors by which heights over the middles of sides 0, 1 and 2 enter those at (k, 3) barycentric places."""
+    a, b, c = places.T
+    return np.asarray(4 * np.stack([a * b, b * c, c * a], axis=1))
+
 
 class Samples(NamedTuple):
-    """Samples at w places of each of k edges or cells.
+    """Samples at w places of each of k edges or cells, their distances from these, and right guesses for points beside.
 
-    Attributes
-    ----------
-    points : (k, w, 3) float
-    distances : (k, w) float
-        From the edge or cell.
-    guesses : (k, w, 2) float
-        Right ones, for points beside these.
+    They are (k, w, 3), (k, w) and (k, w, 2).
     """
 
     points: FloatArray
@@ -35,18 +56,11 @@ class Samples(NamedTuple):
 
 
 class Sampling:
-    """Samples over the edges and cells of a subdivision.
-
-    Parameters
-    ----------
-    mesh : Subdivision
-    sampler : Sampler
-        One of linear parameters.
-    """
+    """Samples over the edges and cells of a subdivision, by a sampler of linear parameters."""
 
     def __init__(self, mesh: Subdivision, sampler: Sampler) -> None:
         self.mesh, self.sampler = mesh, sampler
-        self.block_rows = block_length(max(len(patch.knots) for patch in sampler.evaluated))
+        self.block_rows = block_length(max(len(patch.knots) for patch in sampler.patches))
 
     def along(self, rows: IntArray, fractions: FloatArray, within: float) -> Samples:
         """Sample the curves of some edges at fractions."""
@@ -63,8 +77,8 @@ class Sampling:
 
         return self._in_blocks(sample, rows, len(t))
 
-    def inside(self, rows: IntArray, weights: FloatArray, within: float) -> Samples:
-        """Sample the surface over some triangles at (w, 3) barycentric places."""
+    def inside(self, rows: IntArray, weights: FloatArray, within: float) -> FloatArray:
+        """(k, w) distances of the surface over some triangles, at (w, 3) barycentric places, from these."""
         mesh, a = self.mesh, weights.T
         quadratic = np.concatenate([a * (2 * a - 1), 4 * a * np.roll(a, -1, axis=0)])
 
@@ -78,13 +92,38 @@ class Sampling:
             points, right = self._near(cells.patch.take(each), u, np.full(len(each), INTERIOR), guesses, within)
             return [points, cell_distances(points, *mesh.corners(each)), right]
 
-        return self._in_blocks(sample, rows, len(weights))
+        return self._in_blocks(sample, rows, len(weights)).distances
 
     def at(self, cell: IntArray, u: FloatArray, within: float) -> FloatArray:
         """(m,) distances of the surface at (m, 2) parameters from the cells they lie in."""
         inner = np.full(len(cell), INTERIOR)
         sample = self.sampler.points(self.mesh.cells.patch.take(cell), u, inner, within)
         return cell_distances(sample, *self.mesh.corners(cell))
+
+    def folded_or_uncovered(self, rows: IntArray, steps_at: IntArray, within: float, tolerance: float) -> BoolArray:
+        """Mark cells of a flat patch that are turned over, or have samples farther than the tolerance from all cells.
+
+        All k cells of the patch are given, and sampled on lattices of the given steps: points may slide out of their
+        cells, but all cells together must cover them.
+        """
+        corners = np.stack(self.mesh.corners(rows), axis=1)
+        failing = _turned_over(corners)
+        if failing.any():
+            return failing
+        places, owners = [], []
+        for steps in np.unique(steps_at).tolist():
+            part = np.flatnonzero(steps_at == steps)
+            weights = inner_points(steps)
+            places.append(np.einsum("wc,kcd->kwd", weights, self.mesh.cells.corners[rows[part]]).reshape(-1, 2))
+            owners.append(np.repeat(part, len(weights)))
+        u, own = np.concatenate(places), np.concatenate(owners)
+        sample = self.sampler.points(self.mesh.cells.patch[rows[own]], u, np.full(len(own), INTERIOR), within)
+        nearest = NearestCells(corners)
+        distance = nearest.distances(sample, own)
+        far = np.flatnonzero(distance > tolerance)  # from their own triangles
+        if len(far):
+            failing[own[far[nearest.search(sample[far], distance[far], own[far])[0] > tolerance]]] = True
+        return failing
 
     def _near(
         self, patch: IntArray, u: FloatArray, face: IntArray, guesses: FloatArray, within: float
@@ -103,6 +142,14 @@ class Sampling:
         points, distances, guesses = map(np.concatenate, columns)
         shape = len(rows), w
         return Samples(points.reshape(*shape, 3), distances.reshape(shape), guesses.reshape(*shape, 2))
+
+
+def _turned_over(corners: FloatArray) -> BoolArray:
+    """Mark the (k, 3, 3) triangles in a plane that face away from most of the area."""
+    area = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    rounding = 1e-9  # part of the largest area: by it a triangle may be turned over
+    turn = area @ area.sum(axis=0)
+    return np.asarray(turn < -rounding * turn.max())
 
 
 def _either(values: FloatArray, others: FloatArray) -> FloatArray:

@@ -10,16 +10,9 @@ from gtb_cli.knots.face import INTERIOR
 
 
 class Vertices(NamedTuple):
-    """Vertices of a complex; `face` is the number of the face of Δ in whose interior each lies.
+    """Vertices of a complex, each with its patch, its (v, d) parameters there and the number of the face of Δ below it.
 
-    Attributes
-    ----------
-    patch, face : (v,) int
-    parameters : (v, d) float
-        In the domain of that patch.
-    points : (v, 3) float
-    guess : (v, 2) float
-        For points of a surface beside it, see `gtb_cli.tessellation.sampling`.
+    A (v, 2) `guess` is for points of a surface beside it, see `gtb_cli.tessellation.sampling`.
     """
 
     patch: IntArray
@@ -32,21 +25,10 @@ class Vertices(NamedTuple):
 class Edges(NamedTuple):
     """Sides of cells, and the surface over them as far as it is known; NaN stands for what is not known yet.
 
-    Attributes
-    ----------
-    ends : (e, 2) int
-    patch, face : (e,) int
-        The face of Δ that holds the middle.
-    parameters : (e, 2, d) float
-    middle : (e, 3) float
-        The middle of the edge's curve.
-    guess : (e, 2) float
-        That of the vertex there, if the edge is split.
-    bend, error : (e,) float
-        Distances of the middle, and of the farthest sample of the curve, from the edge. The error is 0 for edges that
-        were split.
-    roughness : (e,) float
-        By how much samples differ from a parabola.
+    Each has two `ends`, the (e, 2, d) `parameters` of these in a patch, and the face of Δ that holds its middle; the
+    (e, 3) `middle` of its curve, and the (e, 2) `guess` of the vertex there. `bend` and `error` are the distances of
+    the middle, and of the farthest sample of the curve, from the edge, 0 if it was split; `roughness` is by how much
+    samples differ from a parabola.
     """
 
     ends: IntArray
@@ -78,17 +60,10 @@ def unknown_edges(ends: IntArray, patch: IntArray, parameters: FloatArray, face:
 
 
 class Cells(NamedTuple):
-    """Cells with their sides: side i runs from vertex i to the next.
+    """Cells with their vertices and sides: side i runs from vertex i to the next.
 
-    Attributes
-    ----------
-    cells, sides : (k, d + 1) and (k, 1 or 3) int
-        Vertices and edges.
-    corners : (k, d + 1, d) float
-        Parameters in the domain of the cell's own patch.
-    patch : (k,) int
-    sampled, certified : (k,) bool
-        Whether it was found to be within the tolerance at samples, and at all points.
+    The (k, d + 1, d) `corners` are parameters in the domain of the cell's own patch. Cells are `sampled`, or
+    `certified`, once they were found to be within the tolerance at samples, or at all points.
     """
 
     cells: IntArray
@@ -128,34 +103,17 @@ def divide(
 ) -> tuple[list[Cells], list[Edges]]:
     """Cut segments in two, and triangles with one, two or three split sides into two, three or four.
 
-    Parameters
-    ----------
-    whole : Cells
-        Each with at least one split side.
-    edges : Edges
-        Among them the halves of split ones.
-    points : (v, 3) float
-        Positions of the vertices: the shorter of two diagonals is taken.
-    vertex : (e,) int
-        The vertex in the middle of a split edge, −1 for others.
-    child : (e, 2) int
-        The half of a split edge at its first and at its second end.
-    middles : function
-        Of cells and `vertex`: (k, s, d) parameters of the middles of the cells' sides.
-
-    Returns
-    -------
-    pieces : list of Cells
-    made : list of Edges
-        New ones inside cells, to be numbered after `edges`.
+    Each of the cells has a split side. (e,) `vertex` is the one in the middle of a split edge, −1 for others, and
+    (e, 2) `child` are its halves at its first and at its second end, which are among the edges. Of two diagonals the
+    one is taken that is shorter between the (v, 3) points. `middles` gives the (k, s, d) parameters of the middles of
+    sides of cells, from these and `vertex`. New edges inside cells are returned, too, to be numbered after `edges`.
     """
     pieces: list[Cells] = []
     made: list[Edges] = []
     next_edge = len(edges.ends)
     for cells, cut in _cuts(whole, points, vertex) if whole.cells.shape[1] == 3 else [(whole, _SEGMENT)]:
         around = np.concatenate([cells.cells, vertex.take(cells.sides)], axis=1)
-        corners = cells.corners
-        places = np.concatenate([corners, middles(cells, vertex)], axis=1)
+        places = np.concatenate([cells.corners, middles(cells, vertex)], axis=1)
         inner: dict[frozenset[int], IntArray] = {}
         for line in cut.lines:
             inner[frozenset(line)] = next_edge + np.arange(len(around))

@@ -10,36 +10,31 @@ from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.meshes.topology import sides_of
 from gtb_cli.tessellation.complex import Complex, kinds_of
+from gtb_cli.tessellation.sampler import Sampler
 from gtb_cli.tessellation.splitting import Cells, Edges, Vertices, divide, new_cells, unknown_edges
 from gtb_cli.theory.edges import edge_curves
-from gtb_cli.theory.patch import Patch
 
 
 class Subdivision:
     """The vertices, edges and cells of a complex that grows; their order depends on the input alone.
 
-    Parameters
-    ----------
-    start : Complex
-        Simplicial.
-    points : (v, 3) float
-    patches : sequence of Patch
-    slim : float
-        Height of a triangle in Δ over its longest side, in units of the smallest such ratio at the start, that is thin.
+    It starts from a simplicial complex, with the points of a sampler.
     """
 
-    def __init__(self, start: Complex, points: FloatArray, patches: Sequence[Patch], slim: float) -> None:
+    def __init__(self, start: Complex, sampler: Sampler) -> None:
+        thin_height = 0.01  # of a triangle in Δ over its longest side, in units of the smallest such ratio at the start
+        points = sampler.points(start.patch, start.parameters, start.face)
         self.vertices = Vertices(start.patch, start.parameters, start.face, points, np.full((len(points), 2), np.nan))
         self.collapsed = start.collapsed
-        self.domains = [patch.domain for patch in patches]
+        self.domains = sampler.domains
         self.kinds = kinds_of(self.domains)
         self.edges, sides = edges_of(start, self.domains, self.kinds)
         # Indices may have 32 bits, and others are joined to them.
         self.cells = new_cells(start.cells.astype(np.int64), sides, start.corners, start.cell_patch)
         self.is_surface = start.cells.shape[1] == 3
         uneven = sorted(start.uneven)
-        self.uneven = dict(zip(uneven, edge_curves(patches, uneven), strict=True))
-        self.slim = slim * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else slim
+        self.uneven = dict(zip(uneven, edge_curves(sampler.patches, uneven), strict=True))
+        self.slim = thin_height * min(1.0, float(slimness(start.corners)[0].min())) if self.is_surface else 0.0
 
     def __len__(self) -> int:
         """Number of cells."""

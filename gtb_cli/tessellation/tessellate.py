@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import os
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, TypeAlias, get_args
 
 import numpy as np
 
@@ -12,14 +13,13 @@ from gtb_cli.arrays import INDEX_ROWS, BoolArray, FloatArray, IntArray, cross, d
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import cell_count
+from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh, Origin
 from gtb_cli.meshes.shading import Normals, filled_normals
 from gtb_cli.meshes.topology import compacted, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.tessellation.budget import refuse_faces
-from gtb_cli.tessellation.complex import Complex, joined_complex
-from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.shape import Shape, shape_of
+from gtb_cli.tessellation.complex import Complex, joined_complex, welded_points
+from gtb_cli.tessellation.sampler import Sampler, evenly, torically, torically_inside
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
@@ -28,10 +28,27 @@ from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 if TYPE_CHECKING:
     from gtb_cli.theory.joints import Joints
 
+Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
 
 # Cells along an edge from which refinement may start: the first number is taken with which no two cells have the same
 # vertices and each patch has a cell
 FIRST_RESOLUTIONS = (1, 2, 3, 4)
+
+
+def shape_of(shape: Shape) -> Patch | Model:
+    """Return a patch or model as it is, load the file of a spec, and make a model of several patches.
+
+    Raises `DomainError` if it is something else.
+    """
+    match shape:
+        case Patch() | Model():
+            return shape
+        case str() | os.PathLike():
+            return load(shape)
+        case list() | tuple():
+            return Model(tuple(shape))
+    expected = "a Patch, a Model, several patches or the name of a spec file"
+    raise DomainError(f"shape: expected {expected}, got {type(shape).__name__}")
 
 
 def tessellate(
@@ -85,24 +102,20 @@ def tessellate(
     if resolution is not None and tolerance is not None:
         raise DomainError("resolution: excludes a tolerance, give one of them")
     resolution = RESOLUTION if resolution is None else resolution
-    if isinstance(resolution, bool) or not isinstance(resolution, int | np.integer) or resolution < 1:
-        raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
+    check_fineness(resolution, tolerance, parametrization)
     tolerance = tolerance_for(shape, tolerance) if isinstance(tolerance, str) else tolerance
-    if tolerance is not None and not (np.isfinite(tolerance) and tolerance > 0):
-        raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
-    if tolerance is not None and parametrization == "toric":
-        raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out 'toric'")
     patches = shape.patches
     joints = shape.joints if isinstance(shape, Model) else None
-    flipped, even = joints.flipped if joints else (), 0 if tolerance else resolution
-    sampler = Sampler(patches, parametrization, isinstance(shape, Model), flipped, resolution=even)
     if tolerance is None:
         refuse_faces(sum(cell_count(patch.domain, resolution) for patch in patches), resolution, max_faces)
+        toric = torically if joints is None else torically_inside
+        sampler = Sampler(patches, toric if parametrization == "toric" else evenly(resolution))
         mosaic = joined_complex(patches, joints, resolution)
         # Patches that share two edges are cut around their centres, into more cells than others.
         refuse_faces(len(mosaic.cells), resolution, max_faces)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
     else:
+        sampler = Sampler(patches)
         moved = max((joint.distance for joint in joints.shared), default=0.0) if joints else 0.0
         if moved > tolerance:
             raise ToleranceError(f"welding moves vertices by up to {moved:.3g}, more than the tolerance {tolerance:g}")
@@ -111,10 +124,41 @@ def tessellate(
         else:
             mosaic, points = refined(patches, joints, sampler, float(tolerance) - rounding, max_faces)
     if joints is not None and any(joint.distance for joint in joints.shared):
-        from gtb_cli.tessellation.welded import welded_points
-
         points = welded_points(mosaic, points, patches, joints)
     return _mesh(mosaic, points, sampler, shape, joints, normals)
+
+
+def check_fineness(resolution: int, tolerance: float | str | None, parametrization: str) -> None:
+    """Raise `DomainError` for numbers that make no sense, and for a tolerance in toric parameters."""
+    if isinstance(resolution, bool) or not hasattr(resolution, "__index__") or resolution < 1:
+        raise DomainError(f"resolution: expected a whole number of at least 1, got {resolution!r}")
+    if parametrization not in get_args(Parametrization):
+        raise DomainError(f"parametrization: expected toric or linear, got {parametrization!r}")
+    if isinstance(tolerance, str):
+        percentage(tolerance)
+    elif tolerance is not None and not 0 < tolerance < math.inf:
+        raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
+    if tolerance is not None and parametrization == "toric":
+        raise DomainError("parametrization: a tolerance chooses the parameters itself: leave out toric")
+
+
+def refuse_faces(faces: int, resolution: int, max_faces: int) -> None:
+    """Raise `ToleranceError` if a uniform mesh has more faces than are allowed, or than the machine's memory holds."""
+    estimate = f"`resolution` {resolution} makes {faces} faces"
+    if faces > max_faces:
+        raise ToleranceError(
+            f"{estimate}, more than {max_faces}: take a smaller `resolution`, or allow them with `max_faces` {faces}"
+        )
+    needed = 100 * faces  # bytes, measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
+    try:
+        there = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):  # the system does not say
+        there = math.inf
+    if needed > there:
+        raise ToleranceError(
+            f"{estimate} and needs about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}: "
+            "take a smaller `resolution`"
+        )
 
 
 def tolerance_for(shape: Patch | Model, percent: str) -> float:
@@ -158,13 +202,7 @@ def certified(
     moved: float,
     max_faces: int,
 ) -> tuple[Complex, FloatArray]:
-    """Refine until a tolerance is certain also after vertices are moved, or say which tolerance is.
-
-    Raises
-    ------
-    ToleranceError
-        It is not, or that cannot be shown in half a minute.
-    """
+    """Refine until a tolerance is certain also after vertices are moved; else raise, and say which tolerance is."""
     from gtb_cli.certificates.surface import Uncertified
 
     first, then = 30.0, 7.0  # seconds of the processor: for the tolerance, and for each larger one
@@ -202,9 +240,10 @@ def _mesh(
         used, cells = compacted(cells)
         cell_patch = cell_patch[rows]
         vertices, patch, parameters, face = points[used], patch[used], parameters[used], face[used]
-    inward = np.zeros(len(sampler.patches), dtype=bool)
+    inward = np.zeros(len(shape.patches), dtype=bool)
     if joints is not None and cells.shape[1] == 3:
-        inward = inside_out(vertices, cells, cell_patch, face != INTERIOR, len(sampler.patches))
+        inward = inside_out(vertices, cells, cell_patch, face != INTERIOR, len(shape.patches))
+    reversed_ = inward ^ np.array(joints.flipped) if joints else inward
     turned = np.flatnonzero(inward[cell_patch]) if inward.any() else cells[:0, 0]
 
     def outwards(rows: IntArray) -> IntArray:
@@ -224,7 +263,7 @@ def _mesh(
         vertex = np.searchsorted(used, owners[:, 0]) if len(mosaic.collapsed) else owners[:, 0]
         found = np.concatenate([found, sampler.normals(owners[:, 1], places, sampler.faces_at(owners[:, 1], places))])
         of_patch, of_vertex = np.append(patch, owners[:, 1]), np.append(np.arange(len(patch)), vertex)
-        found = np.where(inward[of_patch, None], -found, found)
+        found = np.where(reversed_[of_patch, None], -found, found)
         row = _rows_of_missing(found, of_patch, of_vertex)
         rows = cells.astype(index_type(len(found)))
         rows.ravel()[corners] = row[len(patch) + number]
@@ -248,7 +287,7 @@ def _mesh(
         normals=normals if with_normals and cells.shape[1] == 3 else None,  # type: ignore[arg-type]
         groups=groups,
         name=name,
-        origin=None if joints is None else Origin(patch, inward ^ np.array(joints.flipped)),
+        origin=None if joints is None else Origin(patch, reversed_),
     )
 
 
@@ -278,7 +317,7 @@ def inside_out(
     is_open = np.zeros(count, dtype=bool)
     is_open[body[owner[(sides.uses[edge] != 2) & on_boundary[sides.directed].any(axis=1)]]] = True
     volume, middle = np.zeros(count), vertices.mean(axis=0)
-    for start in range(0, len(faces), INDEX_ROWS):
+    for start in range(0, len(faces), INDEX_ROWS):  # all at once would take three times the memory of the mesh
         rows = slice(start, start + INDEX_ROWS)
         p, q, r = (vertices[corner] - middle for corner in faces[rows].T)
         volume += np.bincount(body[face_patch[rows]], dot(p, cross(q, r)), minlength=count)

@@ -7,7 +7,7 @@ import numpy as np
 from gtb_cli.language.loading import load
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.complex import Complex, joined_complex
-from gtb_cli.tessellation.sampler import Sampler
+from gtb_cli.tessellation.sampler import Sampler, evenly, torically
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
@@ -54,7 +54,7 @@ def evaluation(patch: Patch, kind: Parametrization, mosaic: Complex, resolution:
     """The points of an even mesh, by a parametrisation that has not learnt anything yet."""
 
     def run() -> np.ndarray:
-        sampler = Sampler((patch,), kind, False, resolution=resolution)
+        sampler = Sampler((patch,), torically if kind == "toric" else evenly(resolution))
         return sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
 
     return run

@@ -5,8 +5,8 @@ import pytest
 
 from gtb_cli import load, tessellate
 from gtb_cli.meshes.measures import measure
-from gtb_cli.tessellation.crowding import crowding
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.remarks import crowding
 from gtb_cli.theory.patch import Patch
 from tests.shell import SPECS, gtb
 from tests.specs import GOOD_SPECS

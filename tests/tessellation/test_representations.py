@@ -105,7 +105,7 @@ def test_edges_of_other_parameters_are_joined_in_even_and_refined_meshes(case):
     assert sum(bool(joint.match) for joint in model.joints.shared) == 2
     assert joint_findings(model)[0].status == "holds"
     rounding = 3 * ROUNDING * scale + 20 * np.spacing(shift)  # points that are inverted are rounded themselves
-    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    sampler = Sampler(model.patches)
     for resolution in (1, 2, 3, 8):
         mosaic = joined_complex(model.patches, model.joints, resolution)
         points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)
@@ -163,7 +163,7 @@ def test_three_representations_on_one_edge_meet_in_the_same_vertices():
         mesh = tessellate(model, **options)
         sides = np.sort(mesh.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         assert (np.unique(sides, axis=0, return_counts=True)[1] == 3).sum() >= 5
-    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    sampler = Sampler(model.patches)
     mosaic, points = refined(model.patches, model.joints, sampler, 1e-3, 10**5)
     assert_parameters_are_those_of_points(model, mosaic, points, 1e-13)
 
@@ -181,7 +181,7 @@ def test_a_patch_is_joined_with_itself_at_other_parameters(order):
         weights += list(np.exp(side.log_products))
     model = Model((Patch(knots, points, weights),))
     assert len(model.joints.open) == 2
-    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    sampler = Sampler(model.patches)
     even = joined_complex(model.patches, model.joints, 6)
     for mosaic, found in (
         (even, sampler.points(even.patch, even.parameters, even.face)),
@@ -207,7 +207,7 @@ def test_triangles_that_would_turn_over_are_cut_around_the_centre():
     uneven = Patch([*corners, (1, 0), (1, 1), (0, 1)], [*corners, (0.02, 0), (1, 1), (0, 0.02)], [1, 1, 1, 5, 3, 5])
     model = Model((*around, uneven))
     assert sum(bool(joint.match) for joint in model.joints.shared) == 2
-    sampler = Sampler(model.patches, "linear", True, model.joints.flipped)
+    sampler = Sampler(model.patches)
     mosaic = joined_complex(model.patches, model.joints, 8)
     assert (mosaic.cell_patch == 3).sum() == 3 * 64
     points = sampler.points(mosaic.patch, mosaic.parameters, mosaic.face)

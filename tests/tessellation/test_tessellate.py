@@ -103,12 +103,11 @@ def test_halves_of_a_collapsed_edge_are_collapsed():
     """The pole became several vertices, cells came twice, and the whole refinement was done again, more finely."""
     shape = globe()
     start = joined_complex(shape.patches, shape.joints, 2)
-    points = Sampler(shape.patches, "linear", True).points(start.patch, start.parameters, start.face)
-    mesh = Subdivision(start, points, shape.patches, 0.01)
+    mesh = Subdivision(start, Sampler(shape.patches))
     pole = mesh.edges.middles.argmax(axis=0)[1:]
     assert mesh.edges.face[pole].all()
     marked = np.isin(np.arange(len(mesh.edges.ends)), pole)
-    mesh.edges.middle[pole] = points[mesh.edges.ends[pole, 0]]
+    mesh.edges.middle[pole] = mesh.points[mesh.edges.ends[pole, 0]]
     mesh.split(pole, np.flatnonzero(mesh.has_mark(marked)))
     assert mesh.result().is_whole
     assert len(mesh.result().without_collapsed[0]) == len(start.without_collapsed[0])

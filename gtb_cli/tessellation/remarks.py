@@ -1,0 +1,144 @@
+"""Remarks on meshes: crowded vertices, coarse seams, offsets that fold, and walls that are too thin."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtb_cli.arrays import BoolArray, FloatArray, dot
+from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.triangulation import cell_count, triangulation
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.solid import folded_faces, thinnest_wall
+from gtb_cli.meshes.solidity import folded_places, point, where
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.curvature import curvature
+from gtb_cli.theory.model import Model
+from gtb_cli.theory.patch import Patch
+
+
+def crowding(spec: Patch | Model, resolution: int) -> list[str]:
+    """Say how far the vertices of a uniform toric mesh crowd, and what helps; nothing if they do not.
+
+    Places are compared by μ = Σ_i T_i a_i, their parameters in the linear parametrisation, in which a mesh is even.
+    They are the vertices of a patch with the knots in place of the control points.
+    """
+    max_side = 0.1  # part of the domain's size that a side may span before vertices are said to crowd
+    min_resolution = 16  # from which on even spacing gives no sides as wide as that
+    same_place = 1e-9  # of the domain's size: corners of a face that are nearer are one point
+    widest, lost, count = 0.0, 0, 0
+    for patch in spec.patches:
+        flat = patch.replace(control_points=np.pad(patch.knots, ((0, 0), (0, 3 - patch.dimension))))
+        alike = Model((flat,)) if isinstance(spec, Model) else flat
+        mesh = tessellate(alike, resolution, parametrization="toric", normals=False, max_faces=10**12)
+        corners = [mesh.vertices[corner] / patch.domain.size for corner in mesh.cells.T]
+        lengths = [np.linalg.norm(corners[k] - corners[k - 1], axis=1) for k in range(len(corners))]
+        widest, count = max(widest, float(np.max(lengths))), count + len(mesh.cells)
+        lost += int((np.min(lengths, axis=0) <= same_place).sum())
+    cells, side = ("segments", "segment") if spec.dimension == 1 else ("faces", "side of a face")
+    found = []
+    if lost:
+        found.append(f"{lost} of {count} {cells} have corners at one point")
+    if widest > max_side and resolution >= min_resolution:
+        found.append(f"one {side} spans {widest:.0%} of the patch")
+    return [f"toric parameters crowd: {' and '.join(found)}; leave out --parametrization toric"] if found else []
+
+
+def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
+    """Say how many sides of a uniform mesh have more than two faces because it is so coarse."""
+    if resolution > 2 or mesh.is_curve:
+        return []
+    # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
+    crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
+    if crowded <= 0:
+        return []
+    return [
+        f"with -n {resolution} edges of patches that have the same ends are one: {crowded} sides have more than two "
+        "faces; -n 3 keeps them apart"
+    ]
+
+
+def offset_folds(spec: Patch | Model, mesh: Mesh, thickness: float) -> list[str]:
+    """Say where a surface folds, and where its offset by a thickness does."""
+    folded = folded_faces(mesh, thickness)
+    turned = (False,) * len(spec.patches) if mesh.origin is None else mesh.origin.turned.tolist()
+    radius, place = sharpest_bend(spec.patches, turned, thickness, len(mesh.cells))
+    facts = [where(mesh, folded)] if len(folded) else []
+    if radius < math.inf:
+        facts.append(f"the surface bends to that side with a radius of {radius:.3g} near {point(place)}")
+    folds = [f"with a thickness of {thickness:g} the offset folds: {'; '.join(facts)}"] if facts else []
+    return folded_places(mesh) + folds
+
+
+def thin_wall(solid: Mesh, thickness: float) -> list[str]:
+    """Say where the wall of a solid is thinner than it should be, as normals turn much within a face."""
+    thick_enough = 0.95  # part of the thickness: normals that turn by 36° within a face
+    share, place = thinnest_wall(solid, thickness)
+    if share >= thick_enough:
+        return []
+    return [
+        f"the wall is at most {share:.0%} of the thickness near {point(place)}, as normals turn within a face: "
+        "more faces make it thicker where the surface is smooth"
+    ]
+
+
+def sharpest_bend(
+    patches: Sequence[Patch], turned: Sequence[bool], thickness: float, cells: int
+) -> tuple[float, FloatArray]:
+    """Find the smallest radius of curvature at which the offset of surfaces folds, inf if there is none, and its place.
+
+    The offset is by a thickness along the normals, which are reversed for patches that are `turned`. Samples inside
+    each patch are closer together than the cells of the mesh, but no more than 48 lie along an edge: a narrower fold
+    may be missed. With a principal curvature κ towards the offset by D, this is regular if 1 − D κ > 0. Where it is
+    not, a point of the offset is nearer than D to the surface; a fold counts if it is nearer by 2 %, so that curvatures
+    that are infinite only at an edge or a corner do not.
+    """
+    sparsest, densest, per_patch = 16, 48, cells / len(patches)
+    radius, place = math.inf, np.full(3, np.nan)
+    for patch, is_turned in zip(patches, turned, strict=True):
+        domain = patch.domain
+        count = min(max(sparsest, math.ceil(2 * math.sqrt(per_patch / cell_count(domain, 1)))), densest)
+        part = triangulation(domain, count)
+        u = part.parameters[part.cells].mean(axis=1)  # inside, also in triangles with corners on the boundary
+        offset = -thickness if is_turned else thickness
+        bend = _bends(patch, u, offset)
+        folded = np.flatnonzero(bend * abs(thickness) >= 1)
+        if not len(folded):
+            continue
+        folded = folded[bend[folded].argsort()[:: -max(1, len(folded) // 64)]]  # some with every curvature
+        deep = folded[_is_nearer(patch, u[folded], offset, domain.size / count)]
+        if len(deep) and 1 / bend[deep[0]] < radius:
+            radius, place = float(1 / bend[deep[0]]), patch.evaluate(u[deep[:1]], "linear")[0]
+    return radius, place
+
+
+def _bends(patch: Patch, u: FloatArray, offset: float) -> FloatArray:
+    """(m,) largest principal curvatures towards an offset; 0 where the surface is not regular."""
+    gaussian, mean = curvature(patch, u, "linear")
+    mean = -math.copysign(1.0, offset) * mean
+    bends = mean + np.sqrt(np.maximum(mean**2 - gaussian, 0.0))
+    return np.where(np.isfinite(bends), bends, 0.0)
+
+
+def _is_nearer(patch: Patch, u: FloatArray, offset: float, step: float) -> BoolArray:
+    """(k,) true where the offset of the point at each parameter is nearer by 2 % to another point of the surface."""
+    rounds, share = 6, 0.98
+    points = patch.evaluate(u, "linear") + offset * patch.normals(u, "linear")
+    pattern = np.stack(np.meshgrid([-2, -1, 0, 1, 2], [-2, -1, 0, 1, 2]), axis=-1).reshape(-1, 2)
+    best, rows = u, np.arange(len(u))
+    nearest = np.full(len(u), np.inf)
+    for _ in range(rounds):
+        around = _inside(patch.domain, best[:, None] + step * pattern, best)
+        found = patch.evaluate(around.reshape(-1, 2), "linear").reshape(len(u), -1, 3) - points[:, None]
+        squares = dot(found.reshape(-1, 3), found.reshape(-1, 3)).reshape(len(u), -1)
+        chosen = squares.argmin(axis=1)
+        best, nearest = around[rows, chosen], squares[rows, chosen]
+        step /= 2
+    return np.asarray(np.sqrt(nearest) < share * abs(offset))
+
+
+def _inside(domain: Domain, around: FloatArray, instead: FloatArray) -> FloatArray:
+    """(k, p, 2) parameters, those not clearly inside Δ replaced by one of (k, 2) that are."""
+    least = 1e-6 * domain.size * domain.normal_lengths
+    heights = np.einsum("kprd,rd->kpr", around[:, :, None] - domain.vertices, domain.normals)
+    return np.where((heights > least).all(axis=2)[:, :, None], around, instead[:, None])
