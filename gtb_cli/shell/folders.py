@@ -1,7 +1,8 @@
 """Folders as inputs: the specs or meshes in them, and the files of two folders that belong together."""
 
 import os
-from collections.abc import Iterator, Sequence
+import stat
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from gtb_cli.errors import GtbError, SpecError
@@ -20,23 +21,17 @@ class Pair(NamedTuple):
 
 
 def specs_among(paths: Sequence[str]) -> tuple[str, ...]:
-    """Return the paths, with each folder replaced by the specs in it, sorted by name.
-
-    Raises
-    ------
-    SpecError
-        A folder cannot be read, or has no specs.
-    """
+    """Return the paths, with each folder replaced by the specs in it, sorted by name; a `SpecError` if it has none."""
     found: list[str] = []
     for path in paths:
         if not os.path.isdir(path):
             found.append(path)
             continue
         try:
-            names = sorted(name for name in os.listdir(path) if suffix_of(name) in SPEC_FORMATS)
+            names = sorted(os.listdir(path))
         except OSError as error:
             raise SpecError(f"{path}: {error.strerror}") from None
-        specs = [os.path.join(path, name) for name in names if not name.startswith(".")]
+        specs = [os.path.join(path, name) for name in names if suffix_of(name) in SPEC_FORMATS and name[0] != "."]
         specs = [spec for spec in specs if not os.path.isdir(spec)]
         if not specs:
             raise SpecError(f"{path}: has no specs, files that end in .toml or .json")
@@ -60,45 +55,17 @@ def pairs(a: str, b: str) -> tuple[list[Pair], dict[str, str]]:
             _by_stem(files if own else _specs(files)) for files, own in zip((first, second), meshes, strict=True)
         )
         unreadable = {os.path.splitext(name)[0]: message for name, message in unreadable.items()}
-    names = [name for name in sorted({*first, *second}) if not any(part in unreadable for part in _parts(name))]
+    hidden = tuple(f"{name}{os.sep}" for name in unreadable)  # what is in folders that cannot be read
+    names = sorted(name for name in {*first, *second} - unreadable.keys() if not name.startswith(hidden))
     return [Pair(name, first.get(name), second.get(name)) for name in names], unreadable
 
 
-def _parts(name: str) -> Iterator[str]:
-    """Yield a path and those of the folders above it."""
-    while name:
-        yield name
-        name = os.path.dirname(name)
-
-
 def _files(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
-    """Return the paths of the files in a folder and its subfolders, by name."""
-    files = {name: os.path.join(folder, name) for name in _names(folder, unreadable)}
-    for name, path in files.items():
-        try:
-            os.stat(path)
-        except OSError as error:
-            unreadable[name] = f"{path}: {error.strerror}"
-    return {name: path for name, path in files.items() if not _is_manifest(path)}
+    """Return the paths of the files in a folder and its subfolders, by name; hidden files and manifests do not count.
 
-
-def _is_manifest(path: str) -> bool:
-    """Tell whether a file is the manifest of others."""
-    import json
-
-    most_bytes = 100_000_000
-    if suffix_of(path) != "json" or not os.path.isfile(path) or os.path.getsize(path) > most_bytes:
-        return False
-    try:
-        with open(path, "rb") as file:
-            content = json.load(file)
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()
-
-
-def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
-    """Yield the names of all files below a folder that are not hidden, following links; note folders not readable."""
+    Links are followed. What cannot be read is noted.
+    """
+    files: dict[str, str] = {}
     waiting: list[tuple[str, frozenset[tuple[int, int]]]] = [("", frozenset())]
     count = 0
     while waiting:
@@ -112,33 +79,41 @@ def _names(folder: str, unreadable: dict[str, str]) -> Iterator[str]:
             count += 1
             if count > MAX_FOLDERS:
                 raise GtbError(f"{folder}: has more than {MAX_FOLDERS} folders in it; do links lead to each other?")
-            with os.scandir(path) as entries:
-                listed = sorted((entry.name, _is_folder(entry)) for entry in entries)
+            names = sorted(name for name in os.listdir(path) if not name.startswith("."))
         except OSError as error:
-            message = f"{error.filename}: {error.strerror}"
             if not place:
-                raise GtbError(message) from None
-            unreadable[place] = message
+                raise GtbError(f"{error.filename}: {error.strerror}") from None
+            unreadable[place] = f"{error.filename}: {error.strerror}"
             continue
-        for name, is_folder in listed:
-            inner = os.path.join(place, name)
-            if name.startswith("."):
-                continue
-            if "\n" in name and os.path.islink(os.path.join(path, name)):  # its errors would not begin with its name
+        for name in names:
+            inner, file = os.path.join(place, name), os.path.join(path, name)
+            if "\n" in name and os.path.islink(file):  # its errors would not begin with its name
                 unreadable[inner] = f"{path}: {name!r} is a link with a line break in its name"
+                continue
+            try:
+                is_folder = stat.S_ISDIR(os.stat(file).st_mode)
+            except OSError as error:
+                unreadable[inner] = f"{file}: {error.strerror}"
                 continue
             if is_folder:
                 waiting.append((inner, above | {here}))
-            else:
-                yield inner
+            elif not _is_manifest(file):
+                files[inner] = file
+    return files
 
 
-def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Tell whether an entry must be read as a folder; a link in a circle without the suffix of a file may be one."""
+def _is_manifest(path: str) -> bool:
+    """Tell whether a file is the manifest of others."""
+    import json
+
+    if suffix_of(path) != "json" or not os.path.isfile(path):
+        return False
     try:
-        return entry.is_dir()
-    except OSError:
-        return suffix_of(entry.name) not in (*FORMATS, *SPEC_FORMATS)
+        with open(path, "rb") as file:
+            content = json.load(file)
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()
 
 
 def _specs(files: dict[str, str]) -> dict[str, str]:
