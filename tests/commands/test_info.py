@@ -1,4 +1,4 @@
-"""Several specs and folders of them, wherever a report or a mesh of each makes sense."""
+"""`gtb info`, and reports on several specs, wherever a report of each makes sense."""
 
 import json
 from pathlib import Path
@@ -6,6 +6,20 @@ from pathlib import Path
 import pytest
 
 from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb
+from tests.specs import load
+
+
+def test_info_sees_the_scale_of_the_normals():
+    text = Path(PENTAGON).read_bytes() + b'\nedge_normals = "unit"\n'
+    found = json.loads(gtb("info", "-", "--json", stdin=text).out)
+    assert found["edge_normals"] == "unit"
+    assert round(found["linear_precision_error"], 2) == 0.22  # mathematics.md, section 7
+
+
+def test_info_names_repeated_knots():
+    (group,) = json.loads(gtb("info", SPECS / "repeated-knot.toml", "--json").out)["repeated_knots"]
+    first, second = load(SPECS / "repeated-knot.toml").knots[group].tolist()
+    assert first == second
 
 
 def test_a_large_model_fits_on_a_screen_and_long_says_all():

@@ -1,0 +1,56 @@
+"""`gtb eval`: numbers that read back exactly, and the line that is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gtb_cli
+from gtb_cli.commands.evaluate import BATCH_LINES
+from tests.shell import BICUBIC, PENTAGON, gtb
+
+
+def rows(text: bytes) -> np.ndarray:
+    return np.array([line.split() for line in text.decode().splitlines()], dtype=float)
+
+
+def test_eval_gives_digits_that_read_back_exactly():
+    u = np.array([[0.5, 1.5], [2, 0], [0, 0.1], [1 / 3, 2 / 3]])
+    text = "".join(f"{a!r} {b!r}\n" for a, b in u.tolist()).encode()
+    patch = gtb_cli.load(PENTAGON)
+    assert (rows(gtb("eval", PENTAGON, stdin=text).out) == patch.evaluate(u)).all()
+    assert (rows(gtb("eval", PENTAGON, "--basis", stdin=text).out) == patch.basis(u)).all()
+    found = json.loads(gtb("eval", PENTAGON, "--json", "--basis", stdin=text).out)
+    assert found == {"basis": patch.basis(u).tolist(), "parameters": u.tolist()}
+
+
+def test_eval_linearly_has_linear_precision():
+    """With the values of the basis at p, the knots sum up to p: mathematics.md, section 2."""
+    text = b"0.5 1.5\n0 0.7\n1.9 0.05\n2 1\n"
+    patch = gtb_cli.load(PENTAGON)
+    basis = rows(gtb("eval", PENTAGON, "--basis", "--parametrization", "linear", stdin=text).out)
+    np.testing.assert_allclose(basis @ patch.knots, rows(text), atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"1 1\n" * (BATCH_LINES + 5) + b"\n0 -1\n", f"<stdin>:{BATCH_LINES + 7}: (0.0, -1.0) is outside the domain"),
+        (b"1 " * 100 + b"\n", "<stdin>:1: expected 2 numbers, got 100"),
+        (b"1 1\n" + b"1 " * 10_000, "<stdin>:2: a line of more than 10000 characters"),
+    ],
+)
+@pytest.mark.parametrize("parametrization", ["toric", "linear"])
+def test_eval_names_the_wrong_line_of_many(text, message, parametrization):
+    result = gtb("eval", PENTAGON, "--parametrization", parametrization, stdin=text)
+    assert result.status == 2
+    assert result.err.startswith(f"gtb: error: {message}")
+    assert result.err.count("\n") == 1
+
+
+def test_eval_of_many_lines():
+    u = np.random.default_rng(5).uniform(0, 3, (2 * BATCH_LINES + 3, 2))
+    text = b"".join(b"%r %r\n" % tuple(row) for row in u.tolist())
+    np.testing.assert_allclose(
+        rows(gtb("eval", BICUBIC, stdin=text).out), gtb_cli.load(BICUBIC).evaluate(u), rtol=0, atol=1e-14
+    )

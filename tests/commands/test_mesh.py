@@ -1,0 +1,244 @@
+"""`gtb mesh`: axes, errors of one spec among several, and what holds for any spec, however large or collapsed."""
+
+import json
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gtb_cli.formats.meshfiles import read_mesh
+from gtb_cli.language.loading import parse
+from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.shell.meshing import MeshOptions
+from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.tessellation.tessellate import tessellate
+from gtb_cli.theory.model import Model
+from tests.marks import mostly_long
+from tests.shell import PENTAGON, SPECS, gtb
+from tests.specs import load
+
+# --- axes
+
+
+def numbers_of(text: str, kind: str = "v") -> np.ndarray:
+    return np.array([line.split()[1:] for line in text.splitlines() if line.startswith(f"{kind} ")], dtype=float)
+
+
+def test_y_may_be_up():
+    """(x, y, z) becomes (x, z, -y), also of normals."""
+    plain, turned = (gtb("mesh", PENTAGON, "-n", 3, "--normals", *up).text for up in ([], ["--up", "y"]))
+    for kind in ("v", "vn"):
+        before, after = numbers_of(plain, kind), numbers_of(turned, kind)
+        assert np.array_equal(after, np.stack([before[:, 0], before[:, 2], -before[:, 1]], axis=1))
+    assert " -0.00000000" not in turned
+    assert gtb("mesh", PENTAGON, "-n", 3, "--normals", "--up", "z").text == plain
+
+
+@pytest.mark.parametrize("name", ["pentagon", "hebesphenorotunda", "example-3.1"])
+def test_y_is_up_in_glb_and_meshes_that_are_read_stand_as_in_the_spec(name, tmp_path):
+    """glTF 2.0, section 3.3: +Y is up. So viewers show it, and trimesh gives the numbers of the file."""
+    spec, path, lying, manifest = SPECS / f"{name}.toml", tmp_path / "a.glb", tmp_path / "z.glb", tmp_path / "m.json"
+    low, high = tessellate(load(spec), 2).bounds
+    upright = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
+    for file, options, up, bounds in ((path, [], "y", upright), (lying, ["--up", "z"], "z", [low, high])):
+        assert gtb("mesh", spec, "-n", 2, *options, "-o", file, "--manifest", manifest).status == 0
+        found = json.loads(manifest.read_text())
+        assert found["options"]["up"] == up
+        np.testing.assert_allclose(found["files"][0]["bounds"], bounds, atol=1e-12)
+        np.testing.assert_allclose(trimesh.load_scene(file).bounds, bounds, atol=1e-5)
+        np.testing.assert_allclose(read_mesh(file).bounds, [low, high], atol=1e-5)
+        same = gtb("diff", file, spec, "-n", 2)
+        assert (same.status, "the same faces" in same.text) == (0, True)
+    assert gtb("diff", path, lying).status == 0
+
+
+def test_y_is_up_in_an_animation(tmp_path):
+    sequence = ["degenerate", SPECS / "example-3.4.toml", "-x5", "-n2", "--no-distance"]
+    for name, options in (("folder", []), ("y.glb", []), ("z.glb", ["--up", "z"])):
+        assert gtb(*sequence, *options, "-o", tmp_path / name).status == 0
+    first = numbers_of((tmp_path / "folder" / "example-3.4-x5.obj").read_text())
+    upright, lying = (trimesh.load_scene(tmp_path / name).bounds for name in ("y.glb", "z.glb"))
+    np.testing.assert_allclose(lying, [first.min(axis=0), first.max(axis=0)], atol=1e-6)
+    np.testing.assert_allclose(upright[:, 2], -lying[::-1, 1], atol=1e-6)
+    for name in ("y.glb", "z.glb"):
+        np.testing.assert_allclose(read_mesh(tmp_path / name).vertices, first, atol=1e-6)
+
+
+# --- one of several specs
+
+
+@pytest.fixture
+def several(tmp_path, monkeypatch):
+    """Two specs, of which the first is called bad, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    Path("good.toml").symlink_to(PENTAGON)
+    Path("bad.toml").write_text(Path(PENTAGON).read_text().replace('name = "pentagon"', 'name = "bad"'))
+    return "mesh", "bad.toml", "good.toml", "-n", "2", "-o", "out"
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_an_internal_error_of_one_spec_leaves_the_others(jobs, several, monkeypatch):
+    mesh = Recipe.mesh
+
+    def broken(self, spec, rounding):
+        if spec.name == "bad":
+            raise IndexError("row 3")
+        return mesh(self, spec, rounding)
+
+    monkeypatch.setattr(Recipe, "mesh", broken)
+    result = gtb(*several, "-j", jobs, status=2)
+    assert "bad.toml: internal error, please report it: IndexError: row 3" in result.err
+    assert os.listdir("out") == ["good.obj"]
+
+
+def test_an_internal_error_in_the_middle_of_a_file_leaves_the_others(several, monkeypatch):
+    encoded = MeshOptions.encoded
+
+    def broken(self, mesh, kind):
+        yield from encoded(self, mesh, kind)
+        if mesh.name == "bad":
+            raise IndexError("row 3")
+
+    monkeypatch.setattr(MeshOptions, "encoded", broken)
+    assert "bad.toml: internal error" in gtb(*several, "--manifest", "m.json", status=2).err
+    assert os.listdir("out") == ["good.obj"]
+    assert [entry["file"] for entry in json.loads(Path("m.json").read_text())["files"]] == ["out/good.obj"]
+
+
+def test_names_of_files_do_nothing_to_a_terminal(tmp_path):
+    path = tmp_path / "a\x1b[2J.toml"
+    path.write_bytes(Path(PENTAGON).read_bytes())
+    assert gtb("mesh", path, "-n", 1, "-o", tmp_path / "\x9b2J.obj").err == (
+        f"gtb: {tmp_path}/\\x9b2J.obj: 6 vertices, 5 faces\n"
+    )
+    path = tmp_path / "a\nb.toml"
+    path.write_bytes(b"knots = [[0, 0]]")
+    err = gtb("info", path, status=2).err
+    assert err.count(f"gtb: error: {tmp_path}/a\\nb.toml:") == err.count("\n") == 2
+
+
+def test_a_terminal_gets_no_thousands_of_lines(monkeypatch):
+    monkeypatch.setattr("gtb_cli.commands.mesh.is_terminal", lambda output: output == "-")
+    assert gtb("mesh", PENTAGON, "-n", "2").out.startswith(b"v ")
+    result = gtb("mesh", PENTAGON)
+    assert result.status == 2
+    assert result.out == b""
+    assert "lines, and standard output is a terminal: give -o FILE" in result.err
+
+
+# --- any spec
+
+
+TOLERANCE = 0.1  # fraction of the size of a patch
+
+# How much the points of a patch grow, and what becomes of it
+MOVES = {
+    "points 1e-9": (1e-9, lambda patch: patch.replace(control_points=patch.control_points * 1e-9)),
+    "points 1e9": (1e9, lambda patch: patch.replace(control_points=patch.control_points * 1e9)),
+    "points + 1e7": (1.0, lambda patch: patch.replace(control_points=patch.control_points + 1e7)),
+    "knots 1e-9": (1.0, lambda patch: patch.replace(knots=patch.knots * 1e-9)),
+    "knots 1e9": (1.0, lambda patch: patch.replace(knots=patch.knots * 1e9)),
+    "knots + 1e7": (1.0, lambda patch: patch.replace(knots=patch.knots + 1e7)),
+}
+OPTIONS = [
+    {"resolution": 5},
+    {"resolution": 5, "parametrization": "linear"},
+    {"tolerance": TOLERANCE},
+]
+
+
+def is_disc(mesh: Mesh) -> bool:
+    """Tell whether a mesh is in one piece, with one boundary and no handles; of a curve, with two ends."""
+    if mesh.is_curve:
+        return len(np.unique(mesh.cells)) - len(mesh.cells) == 1
+    body = mesh.to_trimesh()
+    return (body.euler_number, body.body_count) == (1, 1)
+
+
+@pytest.mark.parametrize("options", mostly_long(OPTIONS, 2), ids=str)
+@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("name", mostly_long(["cubic-bezier", "pentagon", "bezier-triangle", "repeated-knot"], 2))
+def test_patches_may_be_tiny_huge_or_far_away(name, move, options):
+    patch = load(SPECS / f"{name}.toml")
+    growth, moved = MOVES[move]
+    size = float(np.ptp(patch.control_points, axis=0).max())
+    mesh, theirs = (
+        tessellate(one, **options | ({"tolerance": TOLERANCE * size * scale} if "tolerance" in options else {}))
+        for one, scale in ((patch, 1.0), (moved(patch), growth))
+    )
+    assert is_disc(mesh)
+    assert is_disc(theirs)
+    if "resolution" in options:
+        assert np.array_equal(mesh.cells, theirs.cells)
+
+
+SQUARE = "knots = [[0, 0], [1, 0], [0, 1], [1, 1]]\n"
+
+COLLAPSED = {
+    "an edge": f"{SQUARE}control_points = [[0, 0, 0], [0, 0, 0], [0, 1, 1], [1, 1, 0]]\n",
+    "two edges": f"{SQUARE}control_points = [[0, 0, 0], [0, 0, 0], [1, 1, 1], [1, 1, 1]]\n",
+    "to a line": f"{SQUARE}control_points = [[0, 0, 0], [1, 1, 1], [2, 2, 2], [3, 3, 3]]\n",
+    "to a point": f"{SQUARE}control_points = [[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3]]\n",
+    "a fold": "knots = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]\n"
+    "control_points = [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0], [0, 1, 0]]\n",
+    "weights": f"{SQUARE}weights = [1e-300, 1e300, 1, 1e-10]\n"
+    "control_points = [[0, 0, 0], [1, 0, 0], [0, 1, 1], [1, 1, 0]]\n",
+    "tiny": f"{SQUARE}control_points = [[0, 0, 0], [1e-310, 0, 0], [0, 1e-310, 1e-310], [1e-310, 1e-310, 0]]\n",
+    "huge": f"{SQUARE}control_points = [[0, 0, 0], [1e30, 0, 0], [0, 1e30, 1e30], [1e30, 1e30, 0]]\n",
+    "a curve to a point": "knots = [0, 1, 2]\ncontrol_points = [[1, 1], [1, 1], [1, 1]]\n",
+    "ends of a curve": "knots = [0, 1, 2, 3]\ncontrol_points = [[1, 1], [1, 1], [2, 2], [2, 2]]\n",
+}
+
+
+def numbers_of_glb(data: bytes) -> np.ndarray:
+    """All numbers of a GLB file that its description does not declare whole."""
+    length = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + length])
+    assert not re.search(rb"NaN|Infinity", data[20 : 20 + length])
+    found = []
+    for accessor in tree["accessors"]:
+        if accessor["componentType"] == 5126:
+            view = tree["bufferViews"][accessor["bufferView"]]
+            count = accessor["count"] * {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[accessor["type"]]
+            start = 28 + length + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            found.append(np.frombuffer(data, "<f4", count, start))
+    return np.concatenate(found)
+
+
+CURVATURE = ["--attribute", "gaussian_curvature", "--attribute", "mean_curvature"]
+
+SHAPES = (["-n", "4"], ["-n", "3", "--parametrization", "linear"], ["--tolerance", "0.2"])
+
+TEXTS = COLLAPSED | {name: (SPECS / f"{name}.toml").read_text("utf-8") for name in ("teapot", "repeated-knot")}
+
+
+@pytest.mark.parametrize("name", mostly_long(TEXTS, 4))
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command does: what overflows must not come out
+def test_no_file_has_a_number_that_is_none(name):
+    text = TEXTS[name].encode()
+    spec = parse(text)
+    model = isinstance(spec, Model)
+    kinds = [
+        ["obj", "--normals"],
+        ["ply", "--ascii", "--normals", *CURVATURE],
+        ["stl", "--ascii"],
+        ["glb", "--normals"],
+    ]
+    if model:
+        del kinds[1:3]  # no attributes; and STL has the vertices of OBJ
+    elif spec.dimension == 1:
+        kinds = [["obj"], ["ply", "--ascii"], ["glb"]]
+    for shape in SHAPES[:1] if model else SHAPES:
+        for kind in kinds:
+            result = gtb("mesh", "-", "-f", *kind, *shape, stdin=text)
+            if name == "huge" and "--tolerance" in shape:
+                assert result.status == 2
+                continue
+            assert result.status == 0, result.err
+            if kind[0] == "glb":
+                assert np.isfinite(numbers_of_glb(result.out)).all()
+            else:
+                assert not re.search(rb"\b(?:nan|inf)\b", result.out, re.IGNORECASE)
