@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, cross, dot, shifted, unit
+from gtb_cli.arrays import joined as rows_joined
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent
@@ -25,11 +28,9 @@ from gtb_cli.values import frozen
 NO_POINTS = np.empty((0, 3))
 
 
-@frozen
-class Keyframe:
-    """One state of a moving shape: positions, normals (none for curves) and control points."""
+class Keyframe(NamedTuple):
+    """One state of a moving shape: (m, 3) positions and unit normals (none for curves), and control points."""
 
-    label: str
     vertices: FloatArray
     normals: FloatArray
     net_points: FloatArray
@@ -52,6 +53,7 @@ class Content:
     cells: IntArray
     groups: tuple[tuple[str, int, int], ...]
     lines: Mapping[str, IntArray]
+    labels: tuple[str, ...] = ("",)
     net_names: tuple[str, ...] = ()
     knots: FloatArray = field(default_factory=lambda: NO_POINTS)
     knot_names: tuple[str, ...] = ()
@@ -90,16 +92,16 @@ def content_of(shape: Patch | Model, resolution: int | None = None, name: str | 
     shown = mesh.split
     return Content(
         title,
-        (_keyframe(shown, "", np.concatenate([patch.control_points for patch in patches])),),
+        (_keyframe(shown, np.concatenate([patch.control_points for patch in patches])),),
         shown.cells,
         groups,
         lines | {"net": np.concatenate(net)},
-        tuple(net_names),
-        np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
-        tuple(knot_names),
-        {kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface},
-        len(mesh.vertices),
-        _word(mesh),
+        net_names=tuple(net_names),
+        knots=np.concatenate([patch.evaluate(patch.knots) for patch in patches]),
+        knot_names=tuple(knot_names),
+        scalars={kind: shown.attributes[f"{kind}_curvature"] for kind in ("mean", "gaussian") if surface},
+        vertices=len(mesh.vertices),
+        normals=_word(mesh),
     )
 
 
@@ -125,10 +127,7 @@ def content_of_frames(frames: Frames, name: str) -> Content:
     none = np.empty((0, 2), dtype=np.int64)
     return Content(
         name,
-        tuple(
-            _keyframe(with_normals(mesh, smooth=True), label, frames.net_points)
-            for label, mesh in zip(frames.titles, frames.meshes, strict=True)
-        ),
+        tuple(_keyframe(with_normals(mesh, smooth=True), frames.net_points) for mesh in frames.meshes),
         first.cells,
         ((name, 0, len(first.cells)),),
         {
@@ -137,7 +136,8 @@ def content_of_frames(frames: Frames, name: str) -> Content:
             "folds": none,
             "net": np.array(frames.net, dtype=np.int64).reshape(-1, 2),
         },
-        tuple(subscript("b", i) for i in range(len(frames.net_points))),
+        labels=tuple(frames.titles),
+        net_names=tuple(subscript("b", i) for i in range(len(frames.net_points))),
         vertices=len(first.vertices),
         normals="means of the triangles'" if first.normals is None else _word(first),
     )
@@ -145,44 +145,44 @@ def content_of_frames(frames: Frames, name: str) -> Content:
 
 def joined(contents: Sequence[Content]) -> Content:
     """Return the contents of one page for several things together."""
-    if len(contents) == 1:
-        return contents[0]
     if len({content.is_curve for content in contents}) > 1:
         raise DomainError("curves and surfaces are not shown on one page")
-    if any(len(content.keyframes) > 1 for content in contents):
+    if len(contents) > 1 and any(len(content.keyframes) > 1 for content in contents):
         raise DomainError("a sequence is shown on a page of its own")
-    shown = [content.keyframes[0] for content in contents]
-    vertices, normals, points = (
-        [getattr(keyframe, name) for keyframe in shown] for name in ("vertices", "normals", "net_points")
-    )
-    cells = [content.cells for content in contents]
-    first_vertex, first_point, first_cell = (np.cumsum([0, *map(len, rows)]) for rows in (vertices, points, cells))
+    return reduce(_beside, map(_with_names, contents) if len(contents) > 1 else contents)
 
-    def behind(pairs: Sequence[IntArray], starts: IntArray) -> IntArray:
-        return np.concatenate([shifted(rows, start) for rows, start in zip(pairs, starts.tolist(), strict=False)])
 
+def _with_names(content: Content) -> Content:
+    """Return contents whose groups, where there are several, have names that begin with the content's own."""
+    if len(content.groups) == 1:
+        return content
+    named = tuple((f"{content.name}: {name}", start, stop) for name, start, stop in content.groups)
+    return replace(content, groups=named)
+
+
+def _beside(one: Content, other: Content) -> Content:
+    """Return the contents of a page for one thing and another."""
+    (frame,), (further,) = one.keyframes, other.keyframes
+    vertices, cells = len(frame.vertices), len(one.cells)
+    behind = {"net": len(frame.net_points)}
     return Content(
-        ", ".join(content.name for content in contents),
-        (Keyframe("", np.concatenate(vertices), np.concatenate(normals), np.concatenate(points)),),
-        behind(cells, first_vertex),
-        tuple(
-            (name if len(content.groups) == 1 else f"{content.name}: {name}", start + first, stop + first)
-            for content, first in zip(contents, first_cell.tolist(), strict=False)
-            for name, start, stop in content.groups
-        ),
+        f"{one.name}, {other.name}",
+        (rows_joined([frame, further]),),
+        np.concatenate([one.cells, shifted(other.cells, vertices)]),
+        (*one.groups, *((name, start + cells, stop + cells) for name, start, stop in other.groups)),
         {
-            name: behind([content.lines[name] for content in contents], first_point if name == "net" else first_vertex)
-            for name in contents[0].lines
+            name: np.concatenate([rows, shifted(other.lines[name], behind.get(name, vertices))])
+            for name, rows in one.lines.items()
         },
-        tuple(name for content in contents for name in content.net_names),
-        np.concatenate([content.knots for content in contents]),
-        tuple(name for content in contents for name in content.knot_names),
-        {
-            name: np.concatenate([content.scalars[name] for content in contents])
-            for name in sorted(set.intersection(*(set(content.scalars) for content in contents)))
+        net_names=one.net_names + other.net_names,
+        knots=np.concatenate([one.knots, other.knots]),
+        knot_names=one.knot_names + other.knot_names,
+        scalars={
+            name: np.concatenate([one.scalars[name], other.scalars[name]])
+            for name in sorted(one.scalars.keys() & other.scalars.keys())
         },
-        sum(content.vertices for content in contents),
-        " and ".join(dict.fromkeys(content.normals for content in contents)),
+        vertices=one.vertices + other.vertices,
+        normals=one.normals if other.normals in one.normals else f"{one.normals} and {other.normals}",
     )
 
 
@@ -213,8 +213,8 @@ def _word(mesh: Mesh) -> str:
     return "exact at vertices" if mesh.exact_normals else "not all exact"
 
 
-def _keyframe(mesh: Mesh, label: str = "", points: FloatArray = NO_POINTS) -> Keyframe:
-    return Keyframe(label, mesh.vertices, NO_POINTS if mesh.normals is None else mesh.normals, points)
+def _keyframe(mesh: Mesh, points: FloatArray = NO_POINTS) -> Keyframe:
+    return Keyframe(mesh.vertices, NO_POINTS if mesh.normals is None else mesh.normals, points)
 
 
 def _tuple(numbers: ArrayLike) -> str:

@@ -44,7 +44,9 @@ def plot(thing: Patch | Model | Mesh, ax: Axes | None = None, what: str | None =
         "sequence" is the degeneration by the patch's lifting, "distance" that from its limit: each makes a figure, and
         the first of its axes are returned.
     **options
-        Attributes of `gtb_cli.pictures.look.Look`.
+        ``size`` (width and height in inches), ``dpi``, ``camera`` (azimuth and elevation in degrees), ``labels`` and
+        ``net`` (bool), ``curvature`` ("gaussian" or "mean"), ``colour_map``, ``isolines`` (their number),
+        ``indices`` (of basis functions), ``unnormalised``, ``lifted`` (bool), ``resolution``.
 
     Returns
     -------

@@ -45,47 +45,20 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    """The look of a picture.
+    """The look of a picture. None, where it may stand, is what suits."""
 
-    Attributes
-    ----------
-    size : (float, float)
-        Width and height in inches.
-    dpi : int
-        Pixels per inch.
-    camera : Camera, or a pair of its azimuth and elevation
-    labels : bool or None
-        Number points and edges; None: if there are not too many.
-    net : bool or None
-        Draw control points and the lines between them; None: for a single patch.
-    curvature : "gaussian", "mean" or None
-        Curvature that colours a surface.
-    colour_map : str or None
-        One of `gtb_cli.vocabulary.COLOUR_MAPS`; None: one that suits.
-    isolines : int
-        Number of lines of constant u, and of constant v.
-    indices : tuple of int
-        Basis functions to draw; empty: all.
-    unnormalised : bool
-        Draw β_i instead of T_i.
-    lifted : bool
-        Draw the lifted knots and their upper hull above the decomposition.
-    resolution : int or None
-        Segments of each edge of the mesh; None: as many as look smooth.
-    """
-
-    size: tuple[float, float] = (6.0, 4.5)
+    size: tuple[float, float] = (6.0, 4.5)  # width and height in inches
     dpi: int = 150
-    camera: Camera = field(default_factory=Camera)
-    labels: bool | None = None
-    net: bool | None = None
-    curvature: Curvature | None = None
-    colour_map: str | None = None
-    isolines: int = 0
-    indices: tuple[int, ...] = ()
-    unnormalised: bool = False
-    lifted: bool = False
-    resolution: int | None = None
+    camera: Camera = field(default_factory=Camera)  # or a pair of its azimuth and elevation
+    labels: bool | None = None  # number points and edges; None: if there are not too many
+    net: bool | None = None  # draw control points and the lines between them; None: for a single patch
+    curvature: Curvature | None = None  # which colours a surface
+    colour_map: str | None = None  # one of `gtb_cli.vocabulary.COLOUR_MAPS`
+    isolines: int = 0  # number of lines of constant u, and of constant v
+    indices: tuple[int, ...] = ()  # basis functions to draw; empty: all
+    unnormalised: bool = False  # draw β_i instead of T_i
+    lifted: bool = False  # draw the lifted knots and their upper hull above the decomposition
+    resolution: int | None = None  # segments of each edge of the mesh
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):

@@ -1,14 +1,13 @@
 """Control nets, boundaries and parameter lines of patches: the lines drawn with a surface."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.design.isocurve import span
-from gtb_cli.knots.decomposition import RegularDecomposition
+from gtb_cli.knots.decomposition import RegularDecomposition, control_net, regular_decomposition
 from gtb_cli.knots.domain import Domain
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.theory.patch import Patch
@@ -21,21 +20,12 @@ its ends like t^h, where h, the distance of the next knot, may be small."""
 
 
 def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
-    """Return the pairs of knots whose control points are joined by a line.
+    """Return the pairs of knots whose control points are joined by a line: by an (n,) lifting, or the patch's own.
 
-    Parameters
-    ----------
-    patch : Patch
-    lifting : (n,) float, optional
-        Default: the patch's own. Without either, the net is that of the Delaunay triangulation of the knots, in
-        coordinates in which a triangle is equilateral and a parallelogram is a square, so that the lattices of Bézier
-        triangles and tensor products have their usual nets.
+    Without either, the net is that of the Delaunay triangulation of the knots, in coordinates in which a triangle is
+    equilateral and a parallelogram is a square, so that the lattices of Bézier triangles and tensor products have their
+    usual nets.
     """
-    if patch.dimension == 1 and lifting is None and patch.lifting is None:
-        _, first = np.unique(patch.knots[:, 0], return_index=True)
-        return [(min(pair), max(pair)) for pair in pairwise(first.tolist())]
-    from gtb_cli.knots.decomposition import control_net, regular_decomposition  # a polygon needs no hull
-
     if lifting is None:
         lifting = patch.lifting if patch.lifting is not None else bowl(patch.domain)
     return control_net(regular_decomposition(patch.knots, lifting))
@@ -45,8 +35,6 @@ def mesh_of_nets(
     patches: Sequence[Patch], decompositions: Sequence[RegularDecomposition], name: str | None = None
 ) -> Mesh:
     """Return the control points of patches and the lines of their nets, with a group for each of several patches."""
-    from gtb_cli.knots.decomposition import control_net
-
     first = np.cumsum([0] + [len(patch.knots) for patch in patches])
     lines = [np.array(control_net(part)) + start for part, start in zip(decompositions, first, strict=False)]
     ends = np.cumsum([0] + [len(part) for part in lines]).tolist()

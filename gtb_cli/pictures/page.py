@@ -54,10 +54,9 @@ def page_data(content: Content) -> dict[str, Any]:
 
     Raises a `DomainError` if there is nothing to show, or it is too large.
     """
-    clouds = [
-        cloud for keyframe in content.keyframes for cloud in (keyframe.vertices, keyframe.net_points) if len(cloud)
-    ]
-    low, high = bounds_of(np.concatenate(clouds))
+    vertices = [keyframe.vertices for keyframe in content.keyframes]
+    points = [keyframe.net_points for keyframe in content.keyframes]
+    low, high = bounds_of(np.concatenate([*vertices, *points]))
     size = float(np.linalg.norm((high - low).astype(np.longdouble)))
     if not math.isfinite(size):
         raise DomainError("is too large to be shown")
@@ -68,8 +67,8 @@ def page_data(content: Content) -> dict[str, Any]:
         return _text(((points - middle) / size).astype("<f4"))
 
     frames = []
-    for keyframe in content.keyframes:
-        frame = {"label": keyframe.label, "positions": placed(keyframe.vertices)}
+    for label, keyframe in zip(content.labels, content.keyframes, strict=True):
+        frame = {"label": label, "positions": placed(keyframe.vertices)}
         if len(keyframe.normals):
             frame["normals"] = _text(keyframe.normals.astype("<f4"))
         if len(keyframe.net_points):
@@ -80,7 +79,7 @@ def page_data(content: Content) -> dict[str, Any]:
         ends = scale_of(values, "PuOr")
         with np.errstate(over="ignore"):
             scalars[name] = {"values": _text(values.clip(*ends).astype("<f4")), "low": ends[0], "high": ends[1]}
-    start, end = bounds_of(np.concatenate([keyframe.vertices for keyframe in content.keyframes]))
+    start, end = bounds_of(np.concatenate(vertices))
     lines = {name: _text(pairs.astype("<u4")) for name, pairs in content.lines.items()}
     return {
         "name": content.name,

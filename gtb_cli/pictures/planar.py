@@ -68,13 +68,19 @@ def basis_values(patch: Patch, u: FloatArray, unnormalised: bool) -> FloatArray:
     return gt_bernstein(patch.domain, patch.coefficients, u) if unnormalised else patch.basis(u)
 
 
+def chosen(look: Look, patch: Patch) -> tuple[int, ...]:
+    """Return the indices of the basis functions to draw."""
+    count = len(patch.knots)
+    for index in look.indices:
+        if not 0 <= index < count:
+            raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
+    return look.indices or tuple(range(count))
+
+
 def draw_basis(ax: Axes, curves: Sequence[Patch], look: Look, names: Sequence[str] = ()) -> None:
     """Draw basis functions of curves over t; several curves are variants of one curve, each with a name."""
     basis_points = 480  # number of points at which a basis is evaluated; knots and their neighbours are among them
-    indices = look.indices or range(len(curves[0].knots))
-    for index in indices:
-        if not 0 <= index < len(curves[0].knots):
-            raise DomainError(f"index: expected 0 … {len(curves[0].knots) - 1}, got {index}")
+    indices = chosen(look, curves[0])
     symbol = "β" if look.unnormalised else "T"
     number = 0
     for variant, curve in enumerate(curves):
@@ -136,20 +142,15 @@ def draw_domain(ax: Axes, patch: Patch, look: Look) -> None:
         _label_knots(ax, flat, texts, shape.vertices)
 
 
-def _grouped(places: FloatArray, texts: Sequence[str]) -> list[tuple[tuple[float, float], str]]:
-    """Texts of points; those of points at the same place in several lines."""
-    found: dict[tuple[float, float], list[str]] = {}
-    for place, text in zip(places.tolist(), texts, strict=True):
-        found.setdefault((place[0], place[1]), []).append(text)
-    return [(place, "\n".join(lines)) for place, lines in found.items()]
-
-
 def _label_knots(ax: Axes, places: FloatArray, texts: Sequence[str], corners: FloatArray) -> None:
     """Write texts beside knots, towards the inside of Δ, where no edge runs; above those of a curve, in two rows."""
+    lines: dict[tuple[float, float], list[str]] = {}
+    for (x, y), text in zip(places.tolist(), texts, strict=True):
+        lines.setdefault((x, y), []).append(text)
     # Width of a label of a curve's knot, as a fraction of Δ: one that is nearer to the last stands in another row
     label_width = 0.13
     last = [-np.inf, -np.inf]
-    for place, text in sorted(_grouped(places, texts)):
+    for place, text in sorted((place, "\n".join(several)) for place, several in lines.items()):
         if corners.shape[1] == 1:
             near = label_width * float(np.ptp(corners))
             row = 0 if place[0] - last[0] >= near or last[0] < last[1] else 1
@@ -181,14 +182,9 @@ def _inward(place: FloatArray, corners: FloatArray) -> FloatArray:
 def _number_edges(ax: Axes, corners: FloatArray) -> None:
     for edge, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True)):
         along = (b - a) / np.hypot(*(b - a))
-        style = {"va": "center", "fontsize": 7.5, "color": LINE_COLOURS[0], "rotation": _upright(along), "zorder": 6}
+        upright = 90 - (90 - np.degrees(np.arctan2(along[1], along[0]))) % 180  # so that it is not upside down
+        style = {"va": "center", "fontsize": 7.5, "color": LINE_COLOURS[0], "rotation": upright, "zorder": 6}
         note(ax, f"edge {edge}", (a + b) / 2, (9 * along[1], -9 * along[0]), **style)
-
-
-def _upright(along: FloatArray) -> float:
-    """Angle of text along a line, in degrees, so that it is not upside down."""
-    angle = float(np.degrees(np.arctan2(along[1], along[0])))
-    return angle - 180 if angle > 90 else angle + 180 if angle <= -90 else angle
 
 
 def draw_knots(ax: Axes, places: FloatArray, absent: Sequence[int] = ()) -> None:

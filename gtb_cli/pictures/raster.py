@@ -66,23 +66,18 @@ def _fragments(points: FloatArray, faces: IntArray, width: int, height: int) -> 
     high = np.floor(plane.max(axis=1) - 0.5).clip(None, [width - 1, height - 1]).astype(np.int64)
     spans = high - low + 1
     used = np.flatnonzero((spans > 0).all(axis=1) & (doubled != 0))
-    side = 2 ** np.ceil(np.log2(spans[used].max(axis=1))).astype(np.int64) if len(used) else used
+    boxes = spans.prod(axis=1)
     found = [(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 3)))]
-    for size in np.unique(side).tolist():
-        alike = used[side == size]
-        step_y, step_x = np.divmod(np.arange(size * size), size)
-        block = max(pixel_batch // (size * size), 1)
-        for start in range(0, len(alike), block):
-            t = alike[start : start + block, None]
-            x, y = low[t, 0] + step_x, low[t, 1] + step_y
-            px, py = x + 0.5, y + 0.5
-            first = (b[t, 0] - px) * (c[t, 1] - py) - (b[t, 1] - py) * (c[t, 0] - px)
-            second = (c[t, 0] - px) * (a[t, 1] - py) - (c[t, 1] - py) * (a[t, 0] - px)
-            share_a, share_b = first / doubled[t], second / doubled[t]
-            share_c = 1 - share_a - share_b
-            inside = (share_a >= 0) & (share_b >= 0) & (share_c >= 0) & (x <= high[t, 0]) & (y <= high[t, 1])
-            row, column = np.nonzero(inside)
-            shares = np.stack([share_a[inside], share_b[inside], share_c[inside]], axis=1)
-            found.append(((y * width + x)[row, column], t[row, 0], shares))
+    for batch in np.split(used, np.flatnonzero(np.diff(np.cumsum(boxes[used]) // pixel_batch)) + 1):
+        t = np.repeat(batch, boxes[batch])
+        number = np.arange(len(t)) - np.repeat(np.cumsum(boxes[batch]) - boxes[batch], boxes[batch])
+        row, column = np.divmod(number, spans[t, 0])
+        x, y = low[t, 0] + column, low[t, 1] + row
+        px, py = x + 0.5, y + 0.5
+        share_a = ((b[t, 0] - px) * (c[t, 1] - py) - (b[t, 1] - py) * (c[t, 0] - px)) / doubled[t]
+        share_b = ((c[t, 0] - px) * (a[t, 1] - py) - (c[t, 1] - py) * (a[t, 0] - px)) / doubled[t]
+        shares = np.stack([share_a, share_b, 1 - share_a - share_b], axis=1)
+        inside = (shares >= 0).all(axis=1)
+        found.append(((y * width + x)[inside], t[inside], shares[inside]))
     pixels, triangles, shares = (np.concatenate(part) for part in zip(*found, strict=True))
     return pixels, triangles, shares

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
 from gtb_cli.pictures.colours import FAINT, INK, LINE_COLOURS, NET, OPEN, line_style, patch_colour, rgb, scale_of
 from gtb_cli.pictures.look import Look, panels, subscript
 from gtb_cli.pictures.nets import boundary_paths, curve_path, edge_path, isoparametric_paths, net_of
-from gtb_cli.pictures.planar import HALO, basis_values, note
+from gtb_cli.pictures.planar import HALO, basis_values, chosen, note
 from gtb_cli.pictures.scene import Surface, View, plain, views
 from gtb_cli.tessellation.attributes import with_attributes
 from gtb_cli.tessellation.tessellate import tessellate
@@ -28,9 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PATCH_SEGMENTS, MODEL_SEGMENTS, GRAPH_SEGMENTS = 64, 16, 48
-"""Segments of each edge of a patch, of each patch of a model, and of the graph of a basis function."""
-
 GRAPH_HEIGHT = 0.62  # height of a graph relative to the width of Δ
 HIDDEN_STRENGTH = 0.3  # opacity of what is behind a surface
 
@@ -39,7 +35,7 @@ def draw_surface(ax: Axes, shape: Patch | Model, look: Look) -> None:
     """Draw a surface, or the patches of a model, shaded by its exact normals."""
     parameter_lines = "#1F3A52"
     patches = shape.patches
-    fine = look.resolution or (MODEL_SEGMENTS if len(patches) > 4 else PATCH_SEGMENTS)
+    fine = look.resolution or (16 if len(patches) > 4 else 64)  # segments of each edge
     mesh = tessellate(shape, fine, parametrization="linear").split
     surface = surface_of(mesh, len(patches))
     if look.curvature is not None:
@@ -151,14 +147,10 @@ def draw_space_curves(ax: Axes, curves: Sequence[Patch], look: Look) -> None:
 
 def draw_bases(figure: Figure, patch: Patch, look: Look) -> None:
     """Draw basis functions of a surface as graphs over Δ, each with a scale of its own, from 0 to its maximum."""
-    count = len(patch.knots)
-    indices = look.indices or tuple(range(count))
-    for index in indices:
-        if not 0 <= index < count:
-            raise DomainError(f"index: expected 0 … {count - 1}, got {index}")
+    indices = chosen(look, patch)
     symbol = "β" if look.unnormalised else "T"
     flat = Patch(patch.knots, patch.knots, patch.weights, patch.coefficients, log_weights=patch.log_weights)
-    fine = look.resolution or (PATCH_SEGMENTS if len(indices) <= 4 else GRAPH_SEGMENTS)
+    fine = look.resolution or (64 if len(indices) <= 4 else 48)
     fine = min(fine, math.ceil(max(look.size) * look.dpi / math.sqrt(len(indices))))  # a pixel is enough for a segment
     mesh = tessellate(flat, fine, parametrization="toric", normals=False)
     assert mesh.parameters is not None
