@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -15,64 +16,41 @@ from gtb_cli.theory.patch import Patch
 
 
 class Certificates:
-    """Proofs that cells are within a tolerance of their curves or surfaces.
-
-    Parameters
-    ----------
-    patches : sequence of Patch
-    seconds : float
-        Of the processor, that surfaces may take.
-    """
+    """Proofs that cells are within a tolerance of their curves or surfaces, in some seconds of the processor."""
 
     def __init__(self, patches: Sequence[Patch], seconds: float = math.inf) -> None:
         self.patches, self.deadline = patches, time.process_time() + seconds
-        self.curves: dict[int, CurveCertificate] = {}
-        self.surfaces: dict[int, SurfaceCertificate] = {}
-        self.planes: dict[int, PlanarCertificate] = {}
+
+    @cached_property
+    def _curves(self) -> list[CurveCertificate]:
+        return [CurveCertificate(patch) for patch in self.patches]
+
+    @cached_property
+    def _planes(self) -> list[PlanarCertificate]:
+        return [PlanarCertificate(patch) for patch in self.patches]
+
+    @cached_property
+    def _surfaces(self) -> list[SurfaceCertificate]:
+        return [SurfaceCertificate(without_copies(patch), self.deadline) for patch in self.patches]
 
     def is_plane(self, index: int, tolerance: float) -> bool:
         """Tell whether a surface is certified by its boundary alone: all of its triangles together, see `failing`."""
-        if index not in self.planes:
-            self.planes[index] = PlanarCertificate(self.patches[index])
-        return self.planes[index].serves(tolerance)
+        return self._planes[index].serves(tolerance)
 
     def failing(self, patch: IntArray, u: FloatArray, corners: FloatArray, tolerance: float) -> BoolArray:
-        """Tell which cells are not certain to be within the tolerance.
+        """Mark the cells, (k,), that are not certain to be within the tolerance.
 
-        Parameters
-        ----------
-        patch : (k,) int
-        u : (k, d + 1, d) float
-            Parameters of the cells' corners.
-        corners : (k, d + 1, 3) float
-            Their corners in the mesh, nearly the points of the patch there.
-        tolerance : float
-
-        Raises
-        ------
-        Uncertified
-            Triangles take too long to certify.
+        They have (k, d + 1, d) corners in Δ, and (k, d + 1, 3) in the mesh, nearly the points of the patch there.
+        Raises `Uncertified` if triangles take too long to certify.
         """
-        if u.shape[1] == 3:
-            return self._failing_triangles(patch, u, corners, tolerance)
         fails = np.zeros(len(patch), dtype=bool)
         for index, own in groups(patch):
-            if index not in self.curves:
-                self.curves[index] = CurveCertificate(self.patches[index])
-            curve = self.curves[index]
-            fails[own] = curve.failing(curve.torus_coordinates(u[own]), corners[own], tolerance)
-        return fails
-
-    def _failing_triangles(self, patch: IntArray, u: FloatArray, corners: FloatArray, tolerance: float) -> BoolArray:
-        fails = np.zeros(len(patch), dtype=bool)
-        for index, own in groups(patch):
-            if self.is_plane(index, tolerance):
-                fails[own] = self.planes[index].failing(u[own], corners[own], tolerance)
-                continue
-            if index not in self.surfaces:
-                self.surfaces[index] = SurfaceCertificate(without_copies(self.patches[index]), self.deadline)
-            surface = self.surfaces[index]
-            fails[own] = surface.failing(u[own], corners[own], tolerance)
+            if u.shape[1] == 2:
+                curve = self._curves[index]
+                fails[own] = curve.failing(curve.torus_coordinates(u[own])[:, :, 0], corners[own], tolerance)
+            else:
+                surface = self._planes[index] if self.is_plane(index, tolerance) else self._surfaces[index]
+                fails[own] = surface.failing(u[own], corners[own], tolerance)
         return fails
 
 

@@ -5,7 +5,6 @@ Values at the ends of an interval [α, β] therefore bound T, μ and the derivat
 log T_i at both ends meet above it.
 """
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,72 +16,35 @@ from gtb_cli.theory.patch import Patch
 
 
 class Intervals(NamedTuple):
-    """Intervals of the torus coordinate, which is infinite at the ends of the curve.
+    """Intervals of the torus coordinate, in units of the reciprocal of the size of Δ; infinite at ends of the curve."""
 
-    Attributes
-    ----------
-    row : (m,) int
-        The chord that each part of the curve is compared with.
-    start, end : (m,) float
-        In units of the reciprocal of the size of Δ.
-    """
-
-    row: IntArray
+    row: IntArray  # (m,) the chord that each part of the curve is compared with
     start: FloatArray
     end: FloatArray
 
 
 class _Chords(NamedTuple):
-    """The control points seen from each chord.
-
-    Attributes
-    ----------
-    length : (m,) float
-    along : (n, m) float
-        From the first end, along the chord.
-    across : (3, n, m) float
-    rounding : (m,) float
-        How much too small a bound of the distance may be.
-    """
+    """The control points seen from each of m chords: places along it, from its first end, and vectors across."""
 
     length: FloatArray
-    along: FloatArray
-    across: FloatArray
-    rounding: FloatArray
+    along: FloatArray  # (n, m)
+    across: FloatArray  # (3, n, m)
+    rounding: FloatArray  # (m,) how much too small a bound of the distance may be
 
 
 class _Ends(NamedTuple):
-    """One end of each interval: T there, and the point of the curve seen from the chord.
+    """One end of each interval: T there, and the place of the curve along and across the chord."""
 
-    Attributes
-    ----------
-    logs, shares : (n, m) float
-        log T_i and T_i.
-    slopes : (n, m) float
-        a_i − μ, in units of the size of Δ.
-    x : (m,) float
-        Place along the chord.
-    y : (3, m) float
-        Place across it.
-    """
-
-    logs: FloatArray
-    shares: FloatArray
-    slopes: FloatArray
-    x: FloatArray
-    y: FloatArray
+    logs: FloatArray  # (n, m) log T_i
+    shares: FloatArray  # (n, m) T_i
+    slopes: FloatArray  # (n, m) a_i − μ, in units of the size of Δ
+    x: FloatArray  # (m,)
+    y: FloatArray  # (3, m)
 
 
 class CurveCertificate:
     """Proofs that segments are within a tolerance of a curve.
 
-    Parameters
-    ----------
-    patch : Patch
-        A curve.
-
-    Notes
-    -----
     On an interval [α, β], P is within (β − α)²/8 · max |P''| of the point at the same fraction of its chord, with
     ``P'' = Σ T_i (b_i − v)((a_i − μ)² − Var a)`` for any v. This is used along and across the segment of the mesh:
     distances across grow by no more, and along it the curve does not run beyond the ends of the interval unless ``P'``
@@ -93,16 +55,17 @@ class CurveCertificate:
     """
 
     def __init__(self, patch: Patch) -> None:
-        self.basis = patch.rational_basis
-        domain = patch.domain
+        self.basis, domain = patch.rational_basis, patch.domain
         knots = patch.knots[:, 0].copy()
         for end in (0, 1):
             knots[domain.incidence[:, end]] = domain.vertices[end, 0]
-        self.size = domain.size
-        self.knots = knots
-        self.ends = domain.incidence.T
-        self.log_weights = patch.log_products
-        self.points = patch.control_points
+        self.knots, self.size, self.ends = knots, domain.size, domain.incidence.T
+        self.log_weights, self.points = patch.log_products, patch.control_points
+        # (n,) distances of the knots from either end, in units of the size of Δ
+        self.gaps = [(knots - knots.min()) / self.size, (knots.max() - knots) / self.size]
+        # The lengths by which a tail, an interval up to an end of the curve, is shortened: a factor of 4 in z
+        self.steps = [float(np.log(4.0) / gaps[gaps > 0].min()) for gaps in self.gaps]
+        self.reach = [self._reach(side) for side in (0, 1)]
 
     def torus_coordinates(self, u: FloatArray) -> FloatArray:
         """Find the torus coordinates of parameters in an array of any shape, infinite at the ends of the curve."""
@@ -113,19 +76,13 @@ class CurveCertificate:
         return s[inverse.reshape(u.shape)]
 
     def failing(self, s: FloatArray, chords: FloatArray, tolerance: float) -> BoolArray:
-        """Tell which chords are not within the tolerance of their parts of the curve, or cannot be shown to be.
+        """Mark the (k, 2, 3) chords that are not within the tolerance of their parts of the curve, or may not be.
 
-        Parameters
-        ----------
-        s : (k, 2) or (k, 2, 1) float
-            Torus coordinates of the ends of the parts, −inf and inf at the ends of the curve.
-        chords : (k, 2, 3) float
-            Their ends, nearly the points of the curve there.
-        tolerance : float
+        Given are the (k, 2) torus coordinates of the ends of these parts, infinite at the ends of the curve.
         """
         max_halvings = 200  # all but a few rounds halve intervals; those still open then fail
         alive = 8  # arrays as large as T
-        start, end = s.reshape(-1, 2).T * self.size
+        start, end = s.T * self.size
         fails = np.zeros(len(start), dtype=bool)
         todo = Intervals(np.arange(len(start)), start, end)
         length = max(64, block_length(len(self.knots)) // alive)
@@ -155,34 +112,19 @@ class CurveCertificate:
         with np.errstate(invalid="ignore"):  # infinities of opposite signs
             places = (start + end) / 2
         for sign, near, far, reach, step in (
-            (1.0, start, end, self._reach[0], self._steps[0]),
-            (-1.0, end, start, self._reach[1], self._steps[1]),
+            (1.0, start, end, self.reach[0], self.steps[0]),
+            (-1.0, end, start, self.reach[1], self.steps[1]),
         ):
             shorter = np.where(sign * far > sign * reach, reach, far - sign * step)
             places = np.where(np.isinf(near), shorter, places)
-        return np.asarray(np.where(np.isinf(start) & np.isinf(end), self._reach[0], places))
+        return np.asarray(np.where(np.isinf(start) & np.isinf(end), self.reach[0], places))
 
-    @cached_property
-    def _gaps(self) -> list[FloatArray]:
-        """(n,) distances of the knots from either end, in units of the size of Δ."""
-        low, high = self.knots.min(), self.knots.max()
-        return [(self.knots - low) / self.size, (high - self.knots) / self.size]
-
-    @cached_property
-    def _steps(self) -> list[float]:
-        """The lengths by which a tail, an interval up to an end of the curve, is shortened: a factor of 4 in z."""
-        return [float(np.log(4.0) / gaps[gaps > 0].min()) for gaps in self._gaps]
-
-    @cached_property
-    def _reach(self) -> list[float]:
-        """Torus coordinates beyond which the knots at the first, or last, end have most of T."""
-        reach = []
-        for side, sign in ((0, 1.0), (1, -1.0)):
-            at = self.ends[side]
-            total = np.logaddexp.reduce(self.log_weights[at])
-            others = self.log_weights[~at] - total + np.log(2.0 * len(at))
-            reach.append(float(sign * (-others / self._gaps[side][~at]).min()))
-        return reach
+    def _reach(self, side: int) -> float:
+        """The torus coordinate beyond which the knots at the first, or last, end have most of T."""
+        at = self.ends[side]
+        total = np.logaddexp.reduce(self.log_weights[at])
+        others = self.log_weights[~at] - total + np.log(2.0 * len(at))
+        return float((-1 if side else 1) * (-others / self.gaps[side][~at]).min())
 
     def _seen_from(self, chords: FloatArray) -> _Chords:
         origin, corner = chords[:, 0], chords[:, 1]
@@ -272,7 +214,7 @@ class CurveCertificate:
         Given are V = T and a_i − μ at β, the end of each tail that is not an end of the curve, and the control points
         relative to that end of the curve: (n, m) places along the chord, and distances from it.
         """
-        at, gaps = self.ends[side], self._gaps[side]
+        at, gaps = self.ends[side], self.gaps[side]
         least = gaps[gaps > 0].min()
         first = np.flatnonzero(gaps == least)
         # The largest of z − z^η between 0 and 1, where its derivative is 0.

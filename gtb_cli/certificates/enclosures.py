@@ -165,28 +165,11 @@ class Coverings:
     def covering(
         self, number: int, u: FloatArray, face: IntArray, s: FloatArray
     ) -> tuple[BoolArray, TorusTriangles, IntArray]:
-        """Find triangles of torus coordinates whose images under μ cover triangles of Δ.
+        """Find triangles of torus coordinates, by their number, whose images under μ cover triangles of Δ.
 
-        Parameters
-        ----------
-        number : int
-            Of the coordinates.
-        u : (m, 3, 2) float
-            The triangles' corners.
-        face : (m, 3) int
-        s : (m, 3, 2) float
-            Both from `located`.
+        These have (m, 3, 2) corners `u`, with faces and torus coordinates from `located`. Returned are which of them are
+        covered (others must be cut), the triangles that cover them, and the one that each of these helps to cover.
 
-        Returns
-        -------
-        found : (m,) bool
-            Whether there are such triangles; if not, the triangle of Δ must be cut.
-        triangles : TorusTriangles
-        owner : (p,) int
-            The triangle of Δ that each of them helps to cover.
-
-        Notes
-        -----
         The straight triangle of torus coordinates is enlarged until μ maps each side beyond the line through the same
         side of the triangle of Δ: Σ T_i λ_k(a_i) ≤ 0 with the barycentric coordinate λ_k that is 0 on this line. The
         image of the boundary then runs around the triangle of Δ, and as μ is one to one, all that it encloses is

@@ -6,6 +6,7 @@ back (G. Craciun, L. García-Puente, F. Sottile, Some geometrical aspects of con
 """
 
 from fractions import Fraction
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -19,13 +20,6 @@ from gtb_cli.theory.patch import Patch
 class PlanarCertificate:
     """Proofs that the triangles of a plane patch are together within a tolerance of it.
 
-    Parameters
-    ----------
-    patch : Patch
-        A surface.
-
-    Notes
-    -----
     Neither the patch nor the mesh turns back. So each winds at least once around its points, and the other one winds as
     often around those that are not between the two boundaries, and holds them. Only the boundary needs a tolerance.
     """
@@ -42,22 +36,15 @@ class PlanarCertificate:
             apart = ~patch.domain.incidence[triples].all(axis=1).any(axis=1)  # knots on one edge are so to all digits
             signs = apart * _turns(patch.knots[triples]) * _turns(((points - self.middle) @ self.plane)[triples])
             self.turn = float(np.sign(signs.min() + signs.max()))  # 0 with both signs
-        self.curves: dict[int, CurveCertificate] = {}
 
     def serves(self, tolerance: float) -> bool:
         """Tell whether the patch does not turn back, and is so nearly plane that its boundary decides."""
         return bool(self.turn) and self.height <= tolerance / 10
 
     def failing(self, u: FloatArray, corners: FloatArray, tolerance: float) -> BoolArray:
-        """Tell which triangles turn back, or have sides on the boundary that are not certain to be near its curves.
+        """Mark triangles that turn back, or have sides on the boundary that are not certain to be near its curves.
 
-        Parameters
-        ----------
-        u : (k, 3, 2) float
-            Their corners in Δ.
-        corners : (k, 3, 3) float
-            Their corners in the mesh.
-        tolerance : float
+        They have (k, 3, 2) corners in Δ, and (k, 3, 3) in the mesh.
         """
         fails = np.asarray(_turns(u) * _turns((corners - self.middle) @ self.plane) * self.turn < 0)
         shape = self.patch.domain
@@ -68,18 +55,18 @@ class PlanarCertificate:
             row, side = np.nonzero(on)
             ends = row[:, None], np.column_stack([side, (side + 1) % 3])
             length = shape.along(edge, np.roll(shape.vertices, -1, axis=0)[edge : edge + 1])
-            curve = self._curve(edge)
+            curve = self._curves[edge]
             s = curve.torus_coordinates(np.clip(shape.along(edge, u[ends].reshape(-1, 2)) / length, 0, 1))
             chords, s = corners[ends], s.reshape(-1, 2)
             order = np.argsort(s, axis=1), np.arange(len(s))[:, None]
             fails[row[curve.failing(s[order[::-1]], chords[order[::-1]], left)]] = True
         return fails
 
-    def _curve(self, edge: int) -> CurveCertificate:
-        if edge not in self.curves:
-            curve = edge_curve(self.patch, edge)
-            self.curves[edge] = CurveCertificate(Patch(curve.knots, curve.points, log_weights=curve.log_weights))
-        return self.curves[edge]
+    @cached_property
+    def _curves(self) -> list[CurveCertificate]:
+        """Those of the edges."""
+        curves = [edge_curve(self.patch, edge) for edge in range(len(self.patch.domain.vertices))]
+        return [CurveCertificate(Patch(each.knots, each.points, log_weights=each.log_weights)) for each in curves]
 
 
 def _turns(corners: FloatArray) -> FloatArray:

@@ -36,28 +36,19 @@ class Uncertified(ToleranceError):
 
 
 class Triangles(NamedTuple):
-    """Triangles of Δ and their images in a mesh.
+    """Triangles of Δ and their images in a mesh, by their (k, 3, 2) and (k, 3, 3) corners.
 
-    Attributes
-    ----------
-    u, points : (k, 3, 2) and (k, 3, 3) float
-        Corners in Δ and in space.
-    along, out, normal : (k, 3) float
-        Unit vectors along the longest side, across it in the plane, and across the plane.
-    outwards : (k, 3, 3) float
-        Unit normals of the sides in the plane; side i is opposite corner i.
-    heights, cosines : (k, 3) float
-        Heights over the sides, 0 if the triangle is only a line, and cosines of the angles.
+    Side i is opposite corner i; unit vectors are (k, 3) each, heights are 0 if the triangle is only a line.
     """
 
     u: FloatArray
     points: FloatArray
-    along: FloatArray
-    out: FloatArray
+    along: FloatArray  # the longest side
+    out: FloatArray  # across it in the plane
     normal: FloatArray
-    outwards: FloatArray
-    heights: FloatArray
-    cosines: FloatArray
+    outwards: FloatArray  # (k, 3, 3) unit normals of the sides in the plane
+    heights: FloatArray  # (k, 3) over the sides
+    cosines: FloatArray  # (k, 3) of the angles
 
 
 def triangles(u: FloatArray, points: FloatArray) -> Triangles:
@@ -104,25 +95,13 @@ class Parts(NamedTuple):
 
 
 class _SideErrors(NamedTuple):
-    """Errors of parts of the surface at one side of their triangles, in the triangles' planes.
+    """(m,) errors of parts of the surface at one side of their triangles, in the triangles' planes."""
 
-    Attributes
-    ----------
-    beyond : (m,) float
-        Upper bounds of the distance beyond the side; negative inside.
-    off : (m,) float
-        The same, but not negative; at parts on the side itself also of the distance inside it.
-    doubt : (m,) float
-        How well they are known.
-    is_outside, is_inside : (m,) bool
-        Whether the whole part of Δ is beyond the side, and whether it is not.
-    """
-
-    beyond: FloatArray
-    off: FloatArray
-    doubt: FloatArray
-    is_outside: BoolArray
-    is_inside: BoolArray
+    beyond: FloatArray  # upper bounds of the distance beyond the side; negative inside
+    off: FloatArray  # the same, but not negative; at parts on the side itself also of the distance inside it
+    doubt: FloatArray  # how well they are known
+    is_outside: BoolArray  # whether the whole part of Δ is beyond the side
+    is_inside: BoolArray  # whether none of it is
 
 
 class _Enclosure(NamedTuple):
@@ -151,28 +130,20 @@ class _Enclosure(NamedTuple):
 
 
 class SurfaceCertificate:
-    """Proofs that triangles are within a tolerance of a surface.
+    """Proofs, up to a `deadline` of `time.process_time`, that triangles are within a tolerance of a surface.
 
-    Notes
-    -----
     A triangle of the mesh is certified if every point of its piece of the surface is within the tolerance of it, and
     every point on a side of that piece within the tolerance of the same side. Every point of the triangle is then
     within the tolerance of the surface, too: the points nearest to a piece with such a boundary cover the triangle.
     Errors are bounded across the plane; along it only beyond sides, as a point may slide inside the triangle. The
     bounds include rounding.
-
-    Parameters
-    ----------
-    patch : Patch
-    deadline : float
-        The processor's time, `time.process_time`, at which this gives up.
     """
 
     def __init__(self, patch: Patch, deadline: float = math.inf) -> None:
         self.coverings = Coverings(patch)
         domain = patch.domain
-        self.points = patch.control_points - patch.control_points.mean(axis=0)
         self.middle = patch.control_points.mean(axis=0)
+        self.points = patch.control_points - self.middle
         self.scale = float(np.abs(patch.control_points).max())
         # How far the knots are from each corner along the bisector of its edges; 0 for those at the corner.
         across = self.coverings.across
@@ -187,20 +158,9 @@ class SurfaceCertificate:
         self.deadline = deadline
 
     def failing(self, u: FloatArray, points: FloatArray, tolerance: float) -> BoolArray:
-        """Tell which triangles are not certified.
+        """Mark the triangles that are not certified, by (k, 3, 2) corners in Δ and (k, 3, 3) corners nearly there.
 
-        Parameters
-        ----------
-        u : (k, 3, 2) float
-            Their corners in Δ.
-        points : (k, 3, 3) float
-            Their corners in the mesh, nearly the points of the surface at u.
-        tolerance : float
-
-        Raises
-        ------
-        Uncertified
-            The deadline has passed.
+        Raises `Uncertified` once the deadline has passed.
         """
         max_corner_cuts = 48  # of triangles at corners of Δ, which are cut until what is left is nearly a point
         coverings = self.coverings
