@@ -167,8 +167,8 @@ class Coverings:
     ) -> tuple[BoolArray, TorusTriangles, IntArray]:
         """Find triangles of torus coordinates, by their number, whose images under μ cover triangles of Δ.
 
-        These have (m, 3, 2) corners `u`, with faces and torus coordinates from `located`. Returned are which of them are
-        covered (others must be cut), the triangles that cover them, and the one that each of these helps to cover.
+        These have (m, 3, 2) corners `u`, with faces and torus coordinates from `located`. Returned are which of them
+        are covered (others must be cut), the triangles that cover them, and the one that each of these helps to cover.
 
         The straight triangle of torus coordinates is enlarged until μ maps each side beyond the line through the same
         side of the triangle of Δ: Σ T_i λ_k(a_i) ≤ 0 with the barycentric coordinate λ_k that is 0 on this line. The
