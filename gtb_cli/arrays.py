@@ -81,12 +81,6 @@ def column_dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(reduce(np.add, (x * y for x, y in zip(a, b, strict=True))))
 
 
-def put_columns(columns: FloatArray, where: IntArray, values: FloatArray) -> None:
-    """Write (d, k) values to some of (d, m) columns, row by row, which is faster in numpy than all at once."""
-    for row, new in zip(columns, values, strict=True):
-        row[where] = new
-
-
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """(m, 3) vector products of (m, 3) vectors."""
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))

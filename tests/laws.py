@@ -204,15 +204,7 @@ def edge_scale_changes_no_image(patch: Patch) -> None:
     scale = 1 + np.arange(len(patch.domain.vertices)) / 4
     other = patch.replace(edge_normals="unit", edge_scale=scale)
     u = inner_parameters(patch)
-    where = [
-        Location(
-            slice(0, len(u)),
-            patch.domain.faces[INTERIOR],
-            centred(patch),
-            same_torus_coordinates(patch, u),
-            np.empty((0, len(u))),
-        )
-    ]
+    where = [Location(slice(0, len(u)), patch.domain.faces[INTERIOR], centred(patch), same_torus_coordinates(patch, u))]
     assert (other.points_at(where, len(u)) == patch.points_at(where, len(u))).all()
     p = clipped(patch, other.basis(u) @ patch.knots)
     close(linear_points(patch, p), other.evaluate(u), error_of_linear_points(patch))
@@ -225,8 +217,8 @@ def affine_liftings_translate(patch: Patch) -> None:
     u = inner_parameters(patch)
     s = same_torus_coordinates(patch, u)
     rows = slice(0, len(u))
-    here = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s, np.empty((0, len(u))))
-    there = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s - slope[:, None], np.empty((0, len(u))))
+    here = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s)
+    there = Location(rows, patch.domain.faces[INTERIOR], centred(patch), s - slope[:, None])
     close(lifted.points_at([there], len(u)), patch.points_at([here], len(u)), error_of_points(patch))
     found = linear_points(lifted, parameters(patch))
     close(found, linear_points_at_parameters(patch), error_of_linear_points(patch))

@@ -15,10 +15,9 @@ from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
 from gtb_cli.theory.joints import Joint
-from gtb_cli.theory.linear import LinearParametrization
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.normals import NormalField, on_edge
-from gtb_cli.theory.parametrization import RationalBasis
+from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -158,7 +157,7 @@ def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> list[_Rim
         numbers = np.repeat(np.arange(len(found)), SEAM_PLACES)
         (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=numbers)
         for key, s in zip(found, np.split(whole.s, len(found), axis=1), strict=True):
-            places[key] = Location(slice(0, SEAM_PLACES), face, whole.knots, s, None)
+            places[key] = Location(slice(0, SEAM_PLACES), face, whole.knots, s)
     flipped = model.joints.flipped
     return [
         _Rim(model.patches[patch], edge, places[key], flipped[patch])

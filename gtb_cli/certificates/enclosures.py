@@ -11,7 +11,7 @@ import numpy as np
 
 from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, rows_of
 from gtb_cli.moment.torus import UNDERFLOW_EXPONENT
-from gtb_cli.theory.linear import LinearParametrization
+from gtb_cli.theory.parametrization import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 

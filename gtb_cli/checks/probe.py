@@ -122,7 +122,7 @@ Measure: TypeAlias = Callable[[Probe], Finding]
 def points_at_torus(patch: Patch, s: FloatArray) -> FloatArray:
     """Return (m, 3) points of a patch at (d, m) torus coordinates."""
     count, shape = s.shape[1], patch.domain
-    where = Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s, None)
+    where = Location(slice(0, count), shape.faces[INTERIOR], shape.knots - shape.center, s)
     return patch.points_at([where], count)
 
 

@@ -204,7 +204,7 @@ def edge_normals(patch: Patch, edge: int, t: FloatArray) -> FloatArray:
     assert steps is not None, "the edge has a Bézier form"
     tilt = _end_log(logs, along == along.max()) - _end_log(logs, along == along.min())
     s = ((np.log(t / (1 - t)) * steps - tilt) / length)[None]
-    where = Location(np.arange(len(t)), face, along[:, None], s, np.ones((len(shape.vertices), len(t))))
+    where = Location(np.arange(len(t)), face, along[:, None], s)
     return patch.normals_at([where], len(t))
 
 

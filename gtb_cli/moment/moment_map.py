@@ -1,33 +1,24 @@
-"""The moment map μ and its inverse.
+"""The moment map μ and its inverse, which the linear parametrisation p ↦ P(μ⁻¹(p)) needs.
 
 ``μ(s) = Σ_i T_i(s) a_i`` maps the torus coordinates one-to-one onto the interior of the knots' hull (Birch's theorem).
-The linear parametrisation needs the inverse: p ↦ P(μ⁻¹(p)).
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, put_columns
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
+from gtb_cli.knots.domain import domain
 from gtb_cli.moment.solve import MAX_STEPS, RESIDUAL, TARGET_RESIDUAL, LogSum, short_steps, solve
-from gtb_cli.moment.starts import LayerStarts, extents_of, layer_starts, origin_of, tame_starts
-from gtb_cli.moment.torus import SAFE_EXPONENT, block_length, weighted_sums
+from gtb_cli.moment.torus import block_length, weighted_sums
 from gtb_cli.values import frozen
 
 
 @frozen
 class MomentMap:
-    """``μ(s) = Σ_i T_i(s) a_i`` for one set of knots, and its inverse.
+    """``μ(s) = Σ_i T_i(s) a_i`` for (n, d) knots and (n,) log(c_i ω_i), or (w, n) several vectors of them.
 
-    Parameters
-    ----------
-    knots : (n, d) float
-    log_weights : (n,) or (w, n) float
-        log(c_i ω_i), or several vectors of them.
-
-    Notes
-    -----
     The inverse starts from the torus coordinates of p for the nearest layers of knots alone; where this fails,
     from solutions for tamer weights, and at last from 0. See `gtb_cli.moment.solve`.
     """
@@ -48,47 +39,30 @@ class MomentMap:
         start: FloatArray | None = None,
         numbers: IntArray | None = None,
     ) -> FloatArray:
-        """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull.
+        """(d, m) torus coordinates s with μ(s) = p, for (m, d) points inside the hull, sooner from a good start.
 
-        A residual of `within` times the hull's size suffices if `within` exceeds `TARGET_RESIDUAL`. From a good `start`
-        they are found sooner. Of several vectors of weights, `numbers` has each point's.
-
-        Raises
-        ------
-        ToleranceError
-            |μ(s) − p| stays above `RESIDUAL` times the hull's size.
+        A residual of `within` times the hull's size suffices. Of several vectors of weights, `numbers` has each
+        point's. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size.
         """
         unit, length = self._unit(np.ascontiguousarray(p.T)), block_length(len(self.knots))
-        s, target = self._starts(unit) if start is None else start * self._extents[:, None], self._target(within)
+        s = layer_starts(self._unit_knots, unit) if start is None else start * self._extents[:, None]
         for begin in range(0, len(p), length):
             block = slice(begin, begin + length)
             total = self._sum(None if numbers is None else numbers[block])
-            s[:, block] = _solved(total, unit[:, block], s[:, block], target)
+            s[:, block] = _solved(total, unit[:, block], s[:, block], max(TARGET_RESIDUAL, within))
         return np.asarray(s / self._extents[:, None])
 
     def starts(self, p: FloatArray) -> FloatArray:
         """(d, m) torus coordinates of (d, m) points if only the nearest layers of knots counted."""
-        return np.asarray(self._starts(self._unit(p)) / self._extents[:, None])
+        return np.asarray(layer_starts(self._unit_knots, self._unit(p)) / self._extents[:, None])
 
     def near(
         self, p: FloatArray, start: FloatArray, within: float = 0.0, numbers: IntArray | None = None
     ) -> tuple[FloatArray, IntArray]:
-        """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that are not found."""
-        s, missing = solve(self._sum(numbers), self._unit(p), start * self._extents[:, None], self._target(within))
+        """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that a few steps do not find."""
+        start, target = start * self._extents[:, None], max(TARGET_RESIDUAL, within)
+        s, missing = short_steps(self._sum(numbers), self._unit(p), start, target)
         return s / self._extents[:, None], missing
-
-    def very_near(self, p: FloatArray, start: FloatArray, within: float = 0.0) -> tuple[FloatArray, IntArray]:
-        """Return what `near` does after short steps alone; what is not found so, or not to all digits, is missing."""
-        start, total = start * self._extents[:, None], self._sum(None)
-        far = np.flatnonzero(~(total.reach[:-1] @ np.abs(start) + total.reach[-1] <= SAFE_EXPONENT))
-        there, start[:, far] = start[:, far], np.nan
-        s, missing = short_steps(total, self._unit(p), start, self._target(within))
-        put_columns(s, far, there)
-        return s / self._extents[:, None], missing
-
-    @staticmethod
-    def _target(within: float) -> float:
-        return max(TARGET_RESIDUAL, within)
 
     def _sum(self, numbers: IntArray | None) -> LogSum:
         return self._one_sum if numbers is None else LogSum(self._unit_knots, self.log_weights[numbers].T)
@@ -102,18 +76,16 @@ class MomentMap:
         return np.asarray(unit)
 
     @cached_property
-    def _starts(self) -> LayerStarts:
-        return layer_starts(self._unit_knots)
-
-    @cached_property
     def _extents(self) -> FloatArray:
         """(d,) unit of each coordinate, so that thin hulls are solved like others."""
-        return extents_of(self.knots)
+        return np.asarray(np.ptp(self.knots, axis=0))
 
     @cached_property
     def _origin(self) -> FloatArray:
         """(d,) 0 in coordinates whose zeros are exact, as over an edge; otherwise the middle of the hull."""
-        return origin_of(self.knots)
+        low, high = self.knots.min(axis=0), self.knots.max(axis=0)
+        far = np.maximum(np.abs(low), np.abs(high)) > 4 * self._extents
+        return np.where(far, (low + high) / 2, 0.0)
 
     @cached_property
     def _unit_knots(self) -> FloatArray:
@@ -122,6 +94,28 @@ class MomentMap:
     @cached_property
     def _one_sum(self) -> LogSum:
         return LogSum(self._unit_knots, self.log_weights)
+
+
+def layer_starts(knots: FloatArray, p: FloatArray) -> FloatArray:
+    """``Σ_j ξ_j/δ_j log(h_j(p)/δ_j)``: (d, m) torus coordinates of points if only the nearest layers of knots counted.
+
+    δ_j is the distance from edge j of the hull of (n, d) unit knots to the nearest knots not on it.
+    """
+    normals, offsets, layer = _layers(np.ascontiguousarray(knots).tobytes(), knots.shape[1])
+    heights = normals @ p
+    heights -= offsets
+    heights /= layer
+    np.maximum(heights, 1e-17, out=heights)  # nearer to an edge, points start there
+    np.log(heights, out=heights)
+    return np.asarray((normals / layer).T @ heights)
+
+
+@lru_cache(1024)  # the patches of a family, and of a model, share their knots
+def _layers(knots: bytes, dimension: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    shape = domain(np.frombuffer(knots).reshape(-1, dimension), "unit")
+    offsets = np.einsum("jk,jk->j", shape.normals, shape.vertices)
+    layer = np.where(shape.heights > 0, shape.heights, np.inf).min(axis=0)
+    return shape.normals, offsets[:, None], layer[:, None]
 
 
 def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> FloatArray:
@@ -139,3 +133,29 @@ def _solved(total: LogSum, p: FloatArray, start: FloatArray, target: float) -> F
             f"{RESIDUAL:g} is required"
         )
     return s
+
+
+def tame_starts(total: LogSum, p: FloatArray, start: FloatArray) -> FloatArray:
+    """Return starts that follow the solutions for powers of the weights, from tame ones on.
+
+    As the power t of steep weights grows, s(t) tends to −t g + s_F, where g is the gradient of the cell of the regular
+    decomposition that holds p, and s_F its own solution: it is extrapolated as a linear function of t.
+    """
+    tame = max(3.0, len(total.knots))  # the range of logarithms that the first start stands
+    if np.ptp(total.log_weights, axis=0).max() <= tame:
+        return start
+    w = total.log_weights.reshape(len(total.knots), -1)
+    affine = np.column_stack([total.knots, np.ones(len(w))])
+    slopes = np.linalg.lstsq(affine, w)[0]
+    bends = (w - affine @ slopes).reshape(total.log_weights.shape)
+    t = tame / max(float(np.ptp(bends, axis=0).max()), tame)
+    if t == 1:
+        return start
+    s = before = start
+    power = 0.0
+    while t < 1:
+        found, _ = solve(LogSum(total.knots, t * bends), p, s, 1e-3)
+        following = min(2 * t, 1.0)
+        s = found + (found - before) * ((following - t) / (t - power)) if power else found
+        before, power, t = found, t, following
+    return np.asarray(s - slopes[:-1])

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, column_dot, put_columns
-from gtb_cli.moment.grid import Grid, grid_of
+from gtb_cli.arrays import EPS, FloatArray, IntArray, column_dot
 from gtb_cli.moment.torus import SAFE_EXPONENT, scaled_exponentials
 from gtb_cli.values import frozen
 
@@ -33,19 +32,14 @@ class Moments(NamedTuple):
     mean: FloatArray
     spread: FloatArray
     total: FloatArray
-    shift: FloatArray | float
+    shift: FloatArray
 
 
 @frozen
 class LogSum:
     """``log Σ_i c_i ω_i e^<a_i, s>`` for each column s.
 
-    Parameters
-    ----------
-    knots : (n, d) float
-        In units of their extents.
-    log_weights : (n,) or (n, m) float
-        log(c_i ω_i), for all columns or one vector for each.
+    Knots are (n, d), in units of their extents; log(c_i ω_i) are (n,) for all columns, or (n, m), one vector for each.
     """
 
     knots: FloatArray
@@ -57,33 +51,21 @@ class LogSum:
 
     def moments(self, s: FloatArray) -> Moments:
         """Return the derivatives at (d, m) torus coordinates."""
-        d = len(s)
-        shift: FloatArray | float
+        d, is_safe = len(s), False
         if self.log_weights.ndim == 2:
-            e = self.knots @ s
-            e += self.log_weights
-            shift = e.max(axis=0)
-            sums = self._summed @ scaled_exponentials(e)
+            e = self.knots @ s + self.log_weights
         else:
-            is_safe = bool(self.reach[:d] @ np.abs(s).max(axis=1, initial=0.0) + self.reach[d] <= SAFE_EXPONENT)
-            if is_safe and self._on_grid is not None:
-                grid, summed = self._on_grid
-                sums, shift = summed @ grid.exponentials(s), grid.first @ s
-            else:
-                e = self._exponents @ np.concatenate([s, np.ones((1, s.shape[1]))])
-                shift = 0.0 if is_safe else e.max(axis=0)
-                sums = self._summed @ (np.exp(e, out=e) if is_safe else scaled_exponentials(e))
+            e = self._exponents @ np.concatenate([s, np.ones((1, s.shape[1]))])
+            reach = np.abs(self._exponents).max(axis=0)
+            is_safe = bool(reach[:d] @ np.abs(s).max(axis=1, initial=0.0) + reach[d] <= SAFE_EXPONENT)
+        shift = np.zeros(1) if is_safe else e.max(axis=0)
+        sums = self._summed @ (np.exp(e, out=e) if is_safe else scaled_exponentials(e))
         moments = sums[1:] / sums[0]
         mean, spread = moments[:d], moments[d:]
         # The spread of a column near a knot is of the order of the rounding, but positive.
         spread[:d] -= (1 - 8 * EPS) * mean**2
         spread[d:] -= mean[:1] * mean[1:]
         return Moments(mean, spread, sums[0], shift)
-
-    @cached_property
-    def reach(self) -> FloatArray:
-        """(d + 1,) factors of the largest exponent: the exponents at s are at most reach[:d] @ |s| + reach[d]."""
-        return np.asarray(np.abs(self._exponents).max(axis=0))
 
     @cached_property
     def _exponents(self) -> FloatArray:
@@ -96,14 +78,6 @@ class LogSum:
         """The functions averaged: 1, the knots' coordinates, their squares and, for d = 2, their product."""
         a = self.knots.T
         return np.concatenate([np.ones((1, a.shape[1])), a, a**2, a[:1] * a[1:]])
-
-    @cached_property
-    def _on_grid(self) -> tuple[Grid, FloatArray] | None:
-        """The grid of the knots, if they form one, and the values summed under its exponentials."""
-        grid = grid_of(self.knots)
-        if grid is None or not grid.is_worth_it:
-            return None
-        return grid, (self._summed * np.exp(self._exponents[:, -1]))[:, grid.order]
 
 
 class State(NamedTuple):
@@ -124,37 +98,21 @@ class State(NamedTuple):
         """Return some columns."""
         return State(*(x[..., rows] for x in self))
 
-    def put(self, rows: IntArray, other: State) -> None:
-        """Replace the columns in `rows`."""
-        for mine, theirs in zip(self, other, strict=True):
-            mine[..., rows] = theirs
-
 
 def solve(
     total: LogSum, p: FloatArray, start: FloatArray, target: float = TARGET_RESIDUAL
 ) -> tuple[FloatArray, IntArray]:
-    """Find s with μ(s) = p.
+    """Return (d, m) columns s with μ(s) = p from (d, m) starts, and the columns whose residual is too large.
 
-    Parameters
-    ----------
-    total : LogSum
-    p, start : (d, m) float
-        Points in the coordinates of the knots, inside their hull, and torus coordinates to start from.
-    target : float
-        Residual |μ(s) − p| that suffices; if rounding keeps it above, `ACCEPTED_RESIDUAL` does.
-
-    Returns
-    -------
-    s : (d, m) float
-    missing : (k,) int
-        The columns whose residual is larger.
+    Points are in the coordinates of the knots, inside their hull. A residual |μ(s) − p| of `target` suffices; if
+    rounding keeps it above, `ACCEPTED_RESIDUAL` does.
     """
     s, left = short_steps(total, p, start, target)
     if not len(left):
         return s, left
     some, there = total.columns(left), p.take(left, axis=1)
     found, residual = _minimised(some, there, start.take(left, axis=1), target)
-    put_columns(s, left, short_steps(some, there, found, target)[0])
+    s[:, left] = short_steps(some, there, found, target)[0]
     return s, left[~(residual <= max(ACCEPTED_RESIDUAL, target))]
 
 
@@ -173,24 +131,24 @@ def short_steps(
     for turn in range(16):  # most points need five; one that needs more is left
         mean, spread, *_ = total.moments(s)
         mean -= p
-        step = _plain_step(mean, spread)
+        step = _step(mean, spread)
         length = np.abs(step).sum(axis=0)
         bound = -0.5 * column_dot(mean, step)
         short = length <= longest
         done = short & (bound * np.exp(np.minimum(length, longest)) <= target)
         long = np.flatnonzero(~short)
         if len(long):
-            put_columns(step, long, step[:, long] * (np.log1p(length[long]) / length[long]))
+            step[:, long] *= np.log1p(length[long]) / length[long]
         step += s
         if turn == 0:
             solution = step
         else:
-            put_columns(solution, active[done], step[:, done])
+            solution[:, active[done]] = step[:, done]
         keep = np.flatnonzero(~done)
         active, s, p, total = active[keep], step.take(keep, axis=1), p.take(keep, axis=1), total.columns(keep)
         if not len(keep):
             break
-    put_columns(solution, active, start.take(active, axis=1))
+    solution[:, active] = start[:, active]
     return solution, active
 
 
@@ -216,7 +174,7 @@ def _minimised(total: LogSum, p: FloatArray, start: FloatArray, target: float) -
         if len(going) < len(active):
             at, p, total, active = at.columns(going), p[:, going], total.columns(going), active[going]
             factor, refusals, residual = factor[going], refusals[going], residual[going]
-        step = _regularised_step(at.gradient, at.hessian, factor * residual)
+        step = _step(at.gradient, at.hessian, factor * residual, 1e-300)
         trial = State.at(total, p, at.s + step)
         slope = column_dot(at.gradient, step)
         # Below the rounding of the objective, only the gradient can identify a better point.
@@ -242,7 +200,8 @@ def _drawn_in(total: LogSum, p: FloatArray, at: State) -> State:
         rows = np.flatnonzero((column_dot(at.gradient, s) > curvature) & (_size(s) > 1.0))
         if not len(rows):
             break
-        at.put(rows, State.at(total.columns(rows), p[:, rows], s[:, rows] / 2))
+        for old, new in zip(at, State.at(total.columns(rows), p[:, rows], s[:, rows] / 2), strict=True):
+            old[..., rows] = new
     return at
 
 
@@ -251,33 +210,17 @@ def _size(a: FloatArray) -> FloatArray:
     return np.asarray(np.abs(a).max(axis=0))
 
 
-def _plain_step(gradient: FloatArray, hessian: FloatArray) -> FloatArray:
-    """Solve H step = −gradient for each column; NaN where rounding has made H indefinite."""
-    first = _positive(hessian[0])
-    if len(gradient) == 1:
-        return np.asarray(-gradient / first)
-    ratio = hessian[2] / first
-    step = np.empty_like(gradient)
-    step[1] = (ratio * gradient[0] - gradient[1]) / _positive(hessian[1] - ratio * hessian[2])
-    step[0] = -gradient[0] / first - ratio * step[1]
-    return step
-
-
-def _positive(curvatures: FloatArray) -> FloatArray:
-    """Return the curvatures, with NaN in place of those that are not positive."""
-    return curvatures if curvatures.min(initial=1.0) > 0 else np.where(curvatures > 0, curvatures, np.nan)
-
-
-def _regularised_step(gradient: FloatArray, hessian: FloatArray, regular: FloatArray) -> FloatArray:
-    """Solve (H + regular I) step = −gradient for each column."""
-    tiny = 1e-300  # the least curvature used as a divisor
-    xx = np.maximum(hessian[0] + regular, tiny)
+def _step(
+    gradient: FloatArray, hessian: FloatArray, regular: FloatArray | float = 0.0, least: float = np.nan
+) -> FloatArray:
+    """Solve (H + regular I) step = −gradient for each column; `least` replaces curvatures that are not positive."""
+    xx = hessian[0] + regular
+    xx = np.where(xx > 0, xx, least)
     if len(gradient) == 1:
         return np.asarray(-gradient / xx)
     # Cholesky's method keeps all digits if the knots that count are nearly collinear; Cramer's rule does not.
     yy, xy = hessian[1] + regular, hessian[2]
     ratio = xy / xx
     rest = yy - ratio * xy
-    rest = np.maximum(np.where(rest > 0, rest, yy), tiny)
-    over = (ratio * gradient[0] - gradient[1]) / rest
-    return np.stack([-(gradient[0] + xy * over) / xx, over])
+    over = (ratio * gradient[0] - gradient[1]) / np.where(rest > 0, rest, np.maximum(yy, least))
+    return np.stack([-gradient[0] / xx - ratio * over, over])

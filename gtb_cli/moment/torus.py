@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
-from gtb_cli.moment.grid import grid_of
+from gtb_cli.arrays import FloatArray
 
 # Numbers per work array (knots times parameters of a block): two megabytes, which fit in the cache
 BLOCK_NUMBERS = 1 << 18
@@ -18,8 +17,6 @@ SAFE_EXPONENT = 250.0
 # Value of a share at `UNDERFLOW_EXPONENT`: shares up to this count as 0
 CUT_OFF_SHARE = float(np.exp(UNDERFLOW_EXPONENT))
 
-NO_ROWS: IntArray = np.empty(0, dtype=np.int64)
-
 
 def block_length(knots: int) -> int:
     """The number of parameters handled at once for a given number of knots."""
@@ -32,21 +29,15 @@ def exponents(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> Floa
 
 
 def exponentials(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> FloatArray:
-    """(n, m) numbers proportional, in each column, to the rational basis.
+    """(n, m) numbers proportional, in each column, to the rational basis at (d, m) torus coordinates.
 
-    Parameters
-    ----------
-    knots : (n, d) float
-        Preferably centred: only their differences matter.
-    log_weights : (n,) or (n, m) float
-        log(c_i ω_i), for all columns or for each.
-    s : (d, m) float
-        Torus coordinates.
+    Knots should be centred: only their differences matter. log(c_i ω_i) are (n,) for all columns, or (n, m).
     """
     if log_weights.ndim == 2:
         return scaled_exponentials(knots @ s + log_weights)
     e = exponents(knots, log_weights, s)
-    return np.exp(e, out=e) if _are_safe(knots, log_weights, s) else scaled_exponentials(e)
+    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
+    return np.exp(e, out=e) if bound <= SAFE_EXPONENT else scaled_exponentials(e)
 
 
 def scaled_exponentials(e: FloatArray) -> FloatArray:
@@ -56,19 +47,11 @@ def scaled_exponentials(e: FloatArray) -> FloatArray:
     return np.exp(e, out=e)
 
 
-def _are_safe(knots: FloatArray, log_weights: FloatArray, s: FloatArray) -> bool:
-    """Whether no exponent is beyond `SAFE_EXPONENT`."""
-    bound = np.abs(knots).max(axis=0) @ np.abs(s).max(axis=1, initial=0.0) + np.abs(log_weights).max()
-    return bool(bound <= SAFE_EXPONENT)
-
-
 def weighted_sums(knots: FloatArray, log_weights: FloatArray, values: FloatArray, s: FloatArray) -> FloatArray:
     """(1 + k, m) sums of weights and of weighted (n, k) values at (d, m) torus coordinates, up to a common factor."""
     if len(knots) == 1:
         return np.repeat(np.concatenate([np.ones((1, 1)), values.T]), s.shape[1], axis=1)
-    factors, grid = np.concatenate([np.ones((1, len(values))), values.T]), grid_of(knots)
-    if grid is not None and grid.is_worth_it and _are_safe(knots, log_weights, s):
-        return np.asarray((factors * np.exp(log_weights))[:, grid.order] @ grid.exponentials(s))
+    factors = np.concatenate([np.ones((1, len(values))), values.T])
     return np.asarray(factors @ exponentials(knots, log_weights, s))
 
 
@@ -82,17 +65,10 @@ def shares(e: FloatArray) -> FloatArray:
 
 
 def covariance(e: FloatArray, eta: FloatArray, deltas: FloatArray, mean: FloatArray) -> FloatArray:
-    """(…, 3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column.
+    """(…, 3, m) sums of T_i η_i (δ_i − mean), up to a positive factor per column; mean is (…, 3, m) Σ_i T_i δ_i.
 
-    Parameters
-    ----------
-    e : (…, n, m) float
-        Logarithms of T, up to a constant per column.
-    eta : (n, m) or (n, 1) float
-        Coordinates of the knots. A knot with an exact 0 does not count, however large its T.
-    deltas : (…, n, 3) float
-    mean : (…, 3, m) float
-        Σ_i T_i δ_i.
+    T is given by (…, n, m) logarithms, up to a constant per column. η are (n, m) or (n, 1) coordinates of the knots: a
+    knot with an exact 0 does not count, however large its T. δ are (…, n, 3).
     """
     x = e - np.max(e, axis=-2, where=eta != 0, initial=-np.inf, keepdims=True)
     np.clip(x, UNDERFLOW_EXPONENT, 0.0, out=x)

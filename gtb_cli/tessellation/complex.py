@@ -14,7 +14,6 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.triangulation import Triangulation, central_triangulation, triangulation
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.meshes.welding import merged
-from gtb_cli.moment.torus import NO_ROWS
 from gtb_cli.theory.edges import EdgeRef, edge_points_at
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
@@ -150,7 +149,7 @@ def alone(domain: Domain, part: Triangulation) -> Complex:
         face=part.faces(domain.faces),
         cells=part.cells,
         cell_patch=np.zeros(len(part.cells), dtype=np.int64),
-        own_corners=(NO_ROWS, np.empty((0, domain.dimension))),
+        own_corners=(np.empty(0, dtype=np.int64), np.empty((0, domain.dimension))),
         collapsed=np.empty((0, 2), dtype=np.int64),
         sides=count + len(part.cells) - 1,
     )

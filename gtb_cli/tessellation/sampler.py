@@ -8,13 +8,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, groups, put_columns
+from gtb_cli.arrays import FloatArray, IntArray, groups
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.tessellation.complex import kinds_of
 from gtb_cli.theory.basis import Location
-from gtb_cli.theory.linear import LinearParametrization
-from gtb_cli.theory.parametrization import blend_each, toric_locations
+from gtb_cli.theory.parametrization import LinearParametrization, blend_each, toric_locations
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -113,7 +112,7 @@ class Sampler:
             there, own = rows[location.rows], numbers[location.rows]
             locations = [location._replace(rows=slice(None))]
             points[there] = blend_each(nets.control_points, nets.linear.log_weights, own, locations)
-            put_columns(right, there, found)
+            right[:, there] = found
         rest = np.flatnonzero(np.isnan(points[:, 0]))
         if len(rest):
             points[rest] = self.points(patch[rest], parameters[rest], face[rest], within)
@@ -178,7 +177,7 @@ class _Nets:
         rows = np.delete(np.arange(len(u)), missing)
         if len(missing):
             s, base = s.take(rows, axis=1), base.take(rows, axis=1)
-        return Location(rows, self.linear.shape.faces[INTERIOR], longest.moments.knots, s, None), s - base
+        return Location(rows, self.linear.shape.faces[INTERIOR], longest.moments.knots, s), s - base
 
     @cached_property
     def _is_crowded(self) -> bool:

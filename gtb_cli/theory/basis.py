@@ -22,31 +22,18 @@ from gtb_cli.knots.face import Face
 class Location(NamedTuple):
     """The location of parameters: a face of Δ, and torus coordinates on it.
 
-    Attributes
-    ----------
-    rows : slice or (B,) int
-        The indices of these parameters. A later location (an edge, a corner) may cover some of the rows again, and then
-        replaces the earlier one.
-    face : Face
-    knots : (k, e) float
-        The knots on that face, in coordinates of the face, which has dimension e.
-    s : (e, B) float
-        Torus coordinates, dual to those of the knots.
-    heights : (r, B) float or None
-        Edge functions at the parameters; None where they were not needed. For linear ones they are Σ T_i h_j(a_i).
+    Rows, a slice or (B,) int, are the indices of these parameters; a later location (an edge, a corner) may cover some
+    of them again, and then replaces the earlier one. Knots are the (k, e) coordinates, in the face of dimension e, of
+    the knots on it, and s are the (e, B) torus coordinates, dual to these.
     """
 
     rows: slice | IntArray
     face: Face
     knots: FloatArray
     s: FloatArray
-    heights: FloatArray | None
 
     def part(self, begin: int, end: int) -> Location | None:
-        """Return the location of the parameters from `begin` to `end`, counted from `begin`, or None if it has none.
-
-        Rows have to be ascending.
-        """
+        """Return the location of ascending rows from `begin` to `end`, counted from `begin`; None if there are none."""
         if isinstance(self.rows, slice):
             first = self.rows.start or 0
             low, high = max(begin - first, 0), min(end - first, self.s.shape[1])
@@ -56,8 +43,7 @@ class Location(NamedTuple):
             rows = self.rows[low:high] - begin
         if low >= high:
             return None
-        heights = None if self.heights is None else self.heights[:, low:high]
-        return Location(rows, self.face, self.knots, self.s[:, low:high], heights)
+        return self._replace(rows=rows, s=self.s[:, low:high])
 
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:

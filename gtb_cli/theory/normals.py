@@ -23,23 +23,8 @@ from gtb_cli.values import frozen
 
 @frozen
 class NormalField:
-    """Unit normals in the direction of ∂P/∂u_0 × ∂P/∂u_1.
+    """Unit normals of a surface in the direction of ∂P/∂u_0 × ∂P/∂u_1; `DomainError` is raised for a curve.
 
-    Parameters
-    ----------
-    domain : Domain
-        The domain of a surface.
-    log_weights : (n,) float
-        log(c_i ω_i).
-    control_points : (n, 3) float
-
-    Raises
-    ------
-    DomainError
-        The domain is that of a curve.
-
-    Notes
-    -----
     Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
     knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
     taken about the knot with the largest T_i, along and across the direction to the second. The normal on an edge is
@@ -70,19 +55,17 @@ class NormalField:
 
     def _inside(self, location: Location) -> FloatArray:
         e = exponents(location.knots, self.log_weights, location.s)
-        t = shares(e)
-        heights = self.domain.heights.T @ t if location.heights is None else location.heights
-        result, doubtful = self._about_corners(t, heights)
+        result, doubtful = self._about_corners(shares(e))
         rows = np.flatnonzero(doubtful)
         if len(rows):
             result[rows] = self._about_leaders(e[:, rows])
         return result
 
-    def _about_corners(self, t: FloatArray, heights: FloatArray) -> tuple[FloatArray, BoolArray]:
+    def _about_corners(self, t: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Normals at (n, m) values of the rational basis, and whether they are doubtful."""
         cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
         cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
-        shape = self.domain
+        shape, heights = self.domain, self.domain.heights.T @ t
         r, columns = len(shape.vertices), np.arange(heights.shape[1])
         distance = heights / shape.normal_lengths[:, None]
         edge = shape.nearest_edge(heights)

@@ -6,41 +6,28 @@ patch whose control points are its knots is the identity. The image is the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import FloatArray, IntArray, groups
-from gtb_cli.errors import DomainError
+from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.domain import Domain
 from gtb_cli.knots.face import INTERIOR
-from gtb_cli.moment.torus import CUT_OFF_SHARE, NO_ROWS, block_length, exponentials, weighted_sums
+from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.torus import CUT_OFF_SHARE, block_length, exponentials, weighted_sums
 from gtb_cli.theory.basis import Location, face_knots, torus_coordinates
 from gtb_cli.values import frozen
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.linear import LinearParametrization
 
 Parametrization: TypeAlias = Literal["toric", "linear"]
 
 
 @frozen
 class RationalBasis:
-    """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` of a domain and weights.
-
-    Parameters
-    ----------
-    domain : Domain
-    log_weights : (n,) float
-        log(c_i ω_i); T depends only on these and the domain.
-
-    References
-    ----------
-    Eq. (202), eq. (205); Thm 2.1, Thm 2.3.
-    """
+    """The rational basis ``T_i = c_i ω_i β_i / Σ c ω β`` of a domain and (n,) log(c_i ω_i): eq. (202), eq. (205)."""
 
     domain: Domain
     log_weights: FloatArray
@@ -52,23 +39,10 @@ class RationalBasis:
         faces: IntArray | None = None,
         within: float = 0.0,
     ) -> Iterable[Location]:
-        """Locate parameters, for `values` and `blend`.
+        """Locate (m, d) parameters, for `values` and `blend`; numbers of their faces may be known, despite rounding.
 
-        Parameters
-        ----------
-        u : (m, d) float, or (m,) for a curve
-        parametrization : {"toric", "linear"}
-        faces : (m,) int, optional
-            Numbers of the faces of Δ on which the parameters are known to lie, despite rounding.
-        within : float
-            Sufficient accuracy of linear parameters, as a fraction of Δ's size.
-
-        Raises
-        ------
-        DomainError
-            A parameter is not finite or lies outside Δ, or the parametrisation is unknown.
-        ToleranceError
-            A linear parameter was not found to `RESIDUAL`.
+        `DomainError` is raised if a parameter lies outside Δ or the parametrisation is unknown, `ToleranceError` if a
+        linear one was not found to `RESIDUAL`, or to `within`, a fraction of Δ's size.
         """
         columns = self.domain.columns(u)
         if parametrization == "toric":
@@ -80,14 +54,12 @@ class RationalBasis:
     @cached_property
     def linear(self) -> LinearParametrization:
         """The linear parametrisation."""
-        from gtb_cli.theory.linear import LinearParametrization  # a small toric mesh does not need it
-
         return LinearParametrization(self.domain, self.log_weights)
 
     def values(self, locations: Iterable[Location], count: int) -> FloatArray:
         """(count, n) values T_i at the locations of `count` parameters; exact zeros off the face of a location."""
         result = np.zeros((count, len(self.domain.knots)))
-        for rows, face, knots, s, _ in locations:
+        for rows, face, knots, s in locations:
             e = exponentials(knots, self.log_weights[face.knots], s)
             e /= e.sum(axis=0)
             e[e <= CUT_OFF_SHARE] = 0.0
@@ -100,20 +72,11 @@ class RationalBasis:
         """(count, k) sums ``Σ_i T_i values_i`` of (n, k) values, such as control points, without storing T.
 
         The sum at a corner with one knot is exactly the value of that knot.
-
-        Notes
-        -----
-        The cost is n exps and r logs per parameter and two small matrix products, in blocks that fit in the cache.
         """
         result = np.empty((count, values.shape[1]))
-        for location in locations:
-            face = location.face.knots
-            sums = weighted_sums(location.knots, self.log_weights[face], values[face], location.s)
-            if isinstance(location.rows, slice):
-                np.divide(sums[1:], sums[0], out=result[location.rows].T)
-            else:
-                for column, values_there in zip(result.T, sums[1:] / sums[0], strict=True):
-                    column[location.rows] = values_there  # numpy takes twice as long for rows
+        for rows, face, knots, s in locations:
+            sums = weighted_sums(knots, self.log_weights[face.knots], values[face.knots], s)
+            result[rows] = (sums[1:] / sums[0]).T
         return result
 
 
@@ -125,58 +88,192 @@ def blend_each(
     Numbers ascend, and so do the rows of each location. Logarithms of weights are (n,), or (p, n) with numbers alike.
     """
     result = np.empty((len(numbers), values.shape[2]))
-    for location in locations:
-        face, own = location.face.knots, numbers[location.rows]
-        weights, chosen = log_weights[..., face], values[:, face]
-        shares = exponentials(location.knots, weights if weights.ndim == 1 else weights[own].T, location.s)
+    for rows, face, knots, s in locations:
+        own = numbers[rows]
+        weights, chosen = log_weights[..., face.knots], values[:, face.knots]
+        shares = exponentials(knots, weights if weights.ndim == 1 else weights[own].T, s)
         shares /= shares.sum(axis=0)
         if len(own) < 16 * len(values):  # a few for each: all at once take less time than one after another
-            result[location.rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
+            result[rows] = np.einsum("mnk,nm->mk", chosen[own], shares)
             continue
         ends = np.searchsorted(own, np.arange(len(values) + 1)).tolist()
         sums = np.empty((values.shape[2], len(own)))
         for one, begin, end in zip(chosen, ends[:-1], ends[1:], strict=True):
             np.matmul(one.T, shares[:, begin:end], out=sums[:, begin:end])
-        result[location.rows] = sums.T
+        result[rows] = sums.T
     return result
 
 
 def toric_locations(domain: Domain, u: FloatArray, faces: IntArray | None = None) -> Iterator[Location]:
     """Locate (m, d) parameters in the toric parametrisation; see `RationalBasis.locations`."""
-
-    centred = domain.knots - domain.center
-    for rows, number, heights in _blocks(domain, u, faces):
-        face = domain.faces[number]
-        if face.is_interior:
-            yield Location(rows, face, centred, torus_coordinates(domain, heights), heights)
-            continue
-        s = np.zeros((0, heights.shape[1]))
-        if not face.is_corner:
-            others = np.where(heights == 0, 1.0, heights)
-            s = (domain.direction(face.index) @ torus_coordinates(domain, others))[None]
-        yield Location(rows, face, face_knots(domain, face), s, heights)
-
-
-def _blocks(
-    domain: Domain, u: FloatArray, faces: IntArray | None
-) -> Iterator[tuple[slice | IntArray, int, FloatArray]]:
-    """Split (m, d) parameters into blocks, each on one face: rows, number of the face, edge functions."""
     length = block_length(len(domain.knots))
-    rows: list[IntArray] = []
-    kept: list[FloatArray] = []
+    centred = domain.knots - domain.center
     for start in range(0, len(u), length):
         known = None if faces is None else faces[start : start + length]
         heights = domain.heights_of_columns(u[start : start + length], start, known)
-        boundary = np.flatnonzero((heights == 0).any(axis=0)) if heights.min() == 0 else NO_ROWS
-        if len(boundary):
-            rows.append(start + boundary)
-            kept.append(heights[:, boundary])
-            heights[:, boundary] = 1.0
-        if len(boundary) < heights.shape[1]:
-            yield slice(start, start + heights.shape[1]), INTERIOR, heights
-    if rows:
-        row, heights = np.concatenate(rows), np.concatenate(kept, axis=1)
-        for number, members in groups(domain.faces.at(heights)):
-            for start in range(0, len(members), length):
-                part = members[start : start + length]
-                yield row[part], number, heights[:, part]
+        s = torus_coordinates(domain, np.where(heights == 0, 1.0, heights))
+        on_boundary = (heights == 0).any(axis=0)
+        if not on_boundary.all():
+            yield Location(slice(start, start + heights.shape[1]), domain.faces[INTERIOR], centred, s)
+        boundary = np.flatnonzero(on_boundary)
+        for number, members in groups(domain.faces.at(heights[:, boundary])):
+            face, rows = domain.faces[number], boundary[members]
+            along = np.zeros((0, len(rows))) if face.is_corner else domain.direction(face.index)[None] @ s[:, rows]
+            yield Location(start + rows, face, face_knots(domain, face), along)
+
+
+@frozen
+class LinearParametrization:
+    """The linear parametrisation for (n,) log(c_i ω_i), or (w, n) several vectors of them: p in Δ stands for μ⁻¹(p).
+
+    Points on an edge depend only on that edge's knots and weights, so that patches that share an edge share its points.
+    Each point inside is solved in coordinates along and over its nearest edge: the knots on that edge have an exact 0
+    there, so that digits are kept up to the edge.
+    """
+
+    shape: Domain
+    log_weights: FloatArray
+
+    def locations(
+        self,
+        p: FloatArray,
+        faces: IntArray | None = None,
+        within: float = 0.0,
+        resolution: int = 0,
+        numbers: IntArray | None = None,
+    ) -> Iterator[Location]:
+        """Locate (m, d) points of Δ: find s with |μ(s) − p| at most `RESIDUAL`, or `within`, times the hull's size.
+
+        Points may be the vertices of `triangulation` with a `resolution`: these are found sooner. Of several vectors of
+        weights, `numbers` has each point's. See `RationalBasis.locations`.
+        """
+        rows = None
+        if faces is not None and numbers is None:
+            rows = yield from self._even(p, faces, resolution)
+        if faces is None or rows is None:
+            yield from self._located(p, faces, within, numbers)
+            return
+        for location in self._located(p[rows], faces[rows], within, None):
+            yield location._replace(rows=rows[location.rows])
+
+    def _located(
+        self, p: FloatArray, faces: IntArray | None, within: float, numbers: IntArray | None
+    ) -> Iterator[Location]:
+        shape = self.shape
+        heights = shape.heights_of_columns(p, 0, faces)
+        on_boundary = (heights == 0).any(axis=0)
+        boundary, inside = np.flatnonzero(on_boundary), np.flatnonzero(~on_boundary)
+        for number, members in groups(shape.faces.at(heights[:, boundary])):
+            face, rows = shape.faces[number], boundary[members]
+            knots, s = face_knots(shape, face), np.zeros((0, len(rows)))
+            if not face.is_corner:
+                along, own = shape.along(face.index, p[rows])[:, None], None if numbers is None else numbers[rows]
+                s = MomentMap(knots, self.log_weights[..., face.knots]).inverse(along, within, None, own)
+            yield Location(rows, face, knots, s)
+
+        for number, members in groups(self._nearest(heights[:, inside])):
+            rows, system = inside[members], self._systems[number]
+            own = None if numbers is None else numbers[rows]
+            places = system.rows(p.take(rows, axis=0), heights.take(rows, axis=1))
+            s = system.moments.inverse(places, within, None, own)
+            yield Location(rows, shape.faces[INTERIOR], system.moments.knots, s)
+
+    def _even(self, p: FloatArray, faces: IntArray, resolution: int) -> Generator[Location, None, IntArray | None]:
+        """Locate most inner vertices of `triangulation`, and return the other rows; None if it does not help.
+
+        Values interpolated from a few of them are their starts, all in the coordinates of the longest edge.
+        """
+        if resolution < 48 or self.shape.dimension == 1:  # interpolation needs 12 nodes in a line
+            return None
+        from gtb_cli.moment.lattices import vertex_lattices  # a coarse mesh does not need it
+
+        lattice, inner = vertex_lattices(self.shape, resolution), np.flatnonzero(faces == INTERIOR)
+        if not lattice.is_worth_it or lattice.counts.sum() != len(inner):
+            return None
+        system, moments = self.longest, self.longest.moments
+
+        def solve(points: FloatArray, start: FloatArray | None) -> FloatArray:
+            places = system.columns(points)
+            base = moments.starts(places)
+            s, left = np.empty_like(base), np.arange(len(points))
+            if start is not None:
+                s, left = moments.near(places, base + start, 1e-10)
+                if len(left) > len(points) / 2:  # as with x^λ for x = 1e30
+                    raise ToleranceError("interpolation says nothing")
+            s[:, left] = moments.inverse(places[:, left].T, 1e-10)
+            return s - base
+
+        try:
+            lines = lattice.lines(solve)
+        except ToleranceError:
+            return None
+        rest = [np.flatnonzero(faces != INTERIOR)]
+        for lattice_rows, block in lattice.blocks(block_length(len(self.shape.knots))):
+            rows = inner[block]
+            span = slice(int(rows[0]), int(rows[-1]) + 1)
+            places = system.columns(p[rows])
+            s, left = moments.near(places, moments.starts(places) + lattice.values(lines, lattice_rows))
+            if len(rows) < span.stop - span.start:  # vertices on edges lie between them
+                s = s.take(np.cumsum(faces[span] == INTERIOR) - 1, axis=1)
+            yield Location(span, self.shape.faces[INTERIOR], moments.knots, s)
+            rest.append(rows[left])
+        return np.concatenate(rest)
+
+    @cached_property
+    def _systems(self) -> tuple[EdgeCoordinates, ...]:
+        """Coordinates by their numbers: twice that of an edge, plus 1 from its last corner."""
+        numbers = range(2 * len(self.shape.vertices))
+        return tuple(EdgeCoordinates(self.shape, self.log_weights, *divmod(number, 2)) for number in numbers)
+
+    @cached_property
+    def longest(self) -> EdgeCoordinates:
+        """Coordinates along and over the longest edge."""
+        sides = np.roll(self.shape.vertices, -1, axis=0) - self.shape.vertices
+        return self._systems[2 * int(np.hypot(sides[:, 0], sides[:, 1]).argmax())]
+
+    def _nearest(self, heights: FloatArray) -> IntArray:
+        """(m,) numbers of coordinates for points inside: those of the nearest edge.
+
+        Points far from all edges lose no digits in any of them, and are located together, in those of the longest edge.
+        """
+        shape, columns = self.shape, np.arange(heights.shape[1])
+        edge = shape.nearest_edge(heights)
+        if shape.dimension == 1:
+            return 2 * edge
+        following = (edge + 1) % len(shape.vertices)
+        depth, gap = (heights[each, columns] / shape.normal_lengths[each] for each in (edge, following))
+        near = np.asarray(2 * edge + (gap < 1e-6 * shape.size))
+        return np.where(depth > shape.size / 64, 2 * self.longest.edge, near)
+
+
+@frozen
+class EdgeCoordinates:
+    """Coordinates along and over an edge, from its first corner or its last; for a curve, from one of its ends."""
+
+    shape: Domain
+    log_weights: FloatArray
+    edge: int
+    last: int
+
+    @property
+    def _corner(self) -> FloatArray:
+        return np.asarray(self.shape.vertices[(self.edge + self.last) % len(self.shape.vertices)])
+
+    def rows(self, points: FloatArray, heights: FloatArray) -> FloatArray:
+        """(m, d) coordinates of (m, d) points with (r, m) edge functions."""
+        shape, edge = self.shape, self.edge
+        steps = points - self._corner
+        if shape.dimension == 1:
+            return np.asarray(steps)
+        return np.column_stack([steps @ shape.direction(edge), heights[edge] / shape.normal_lengths[edge]])
+
+    def columns(self, points: FloatArray) -> FloatArray:
+        """(2, m) coordinates of (m, 2) points, to rounding."""
+        shape, edge = self.shape, self.edge
+        axes = np.array([shape.direction(edge), shape.normals[edge] / shape.normal_lengths[edge]])
+        return np.asarray(axes @ (points.T - self._corner[:, None]))
+
+    @cached_property
+    def moments(self) -> MomentMap:
+        """The moment map of Δ in these coordinates."""
+        return MomentMap(self.rows(self.shape.knots, self.shape.heights.T), self.log_weights)

@@ -222,20 +222,18 @@ class Patch:
         """
         u, grid = self.domain.grid(u)
         result = np.empty((len(u), 3, self.dimension))
-        points = self.control_points - self._middle
-        for where, face, knots, s, heights in self.rational_basis.locations(u):
+        points = self.control_points - (self.control_points.min(axis=0) + self.control_points.max(axis=0)) / 2
+        for where, face, knots, s in self.rational_basis.locations(u):
             if not face.is_interior:
                 raise DomainError("derivatives are taken inside the domain: a parameter lies on its boundary")
             t = exponentials(knots, self.log_products, s)
             t /= t.sum(axis=0)
-            if heights is None:
-                heights = self.domain.heights_of_columns(u[where])
-                heights[heights == 0] = 1.0  # refused later
+            heights = self.domain.heights_of_columns(u[where])
             # If h_j(u) is small, so are all T_i except those with h_j(a_i) = 0 exactly: digits are kept up to the
-            # edges.
+            # edges. Zeros are of the boundary, which is refused with a later location.
             mean = points.T @ t
             rates = [
-                ((points * column[:, None]).T @ t - mean * (column @ t)) / height
+                ((points * column[:, None]).T @ t - mean * (column @ t)) / np.where(height > 0, height, 1.0)
                 for column, height in zip(self.domain.heights.T, heights, strict=True)
             ]
             result[where] = np.einsum("jkm,jl->mkl", np.array(rates), self.domain.normals)
@@ -296,10 +294,6 @@ class Patch:
 
     plot = plot
     _repr_html_ = frame
-
-    @cached_property
-    def _middle(self) -> FloatArray:
-        return np.asarray((self.control_points.min(axis=0) + self.control_points.max(axis=0)) / 2)
 
     @cached_property
     def _normal_field(self) -> NormalField:

@@ -10,8 +10,7 @@ from gtb_cli.knots.domain import domain
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.solve import LogSum
-from gtb_cli.theory.linear import LinearParametrization
-from gtb_cli.theory.parametrization import RationalBasis
+from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL, heights, linear_points, parameters

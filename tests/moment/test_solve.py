@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from gtb_cli.moment.moment_map import MomentMap
+from gtb_cli.moment.moment_map import MomentMap, layer_starts, tame_starts
 from gtb_cli.moment.solve import ACCEPTED_RESIDUAL, LogSum, solve
-from gtb_cli.moment.starts import layer_starts, tame_starts
 from gtb_cli.theory.patch import Patch
 from tests import exact
 from tests.laws import RESIDUAL
@@ -16,7 +15,7 @@ WEIGHTS = np.random.default_rng(1).normal(size=(8, 40)) * np.geomspace(0.1, 300,
 POINTS = np.random.default_rng(2).dirichlet(np.ones(8), 40) @ KNOTS
 
 
-@pytest.mark.parametrize("start", [np.zeros((2, 40)), np.full((2, 40), 1e4), layer_starts(KNOTS)(POINTS.T)])
+@pytest.mark.parametrize("start", [np.zeros((2, 40)), np.full((2, 40), 1e4), layer_starts(KNOTS, POINTS.T)])
 def test_each_column_may_have_its_own_weights(start):
     found, missing = solve(LogSum(KNOTS, WEIGHTS), POINTS.T, start)
     means = LogSum(KNOTS, WEIGHTS).moments(found).mean
@@ -39,7 +38,7 @@ def test_several_vectors_of_weights_are_inverted_together():
 @pytest.mark.parametrize("range_", [1.0, 100.0, 3000.0])
 def test_starts_of_steep_weights_are_near_their_solutions(range_):
     total, p = LogSum(KNOTS, np.array([1, 0, 3, 2, 0, 1, 3, 1]) * (range_ / 3)), POINTS.T
-    start = tame_starts(total, p, layer_starts(KNOTS)(p))
+    start = tame_starts(total, p, layer_starts(KNOTS, p))
     found, missing = solve(total, p, start)
     assert not len(missing)
     assert np.abs(found - start).max() < 20  # of torus coordinates in thousands

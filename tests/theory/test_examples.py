@@ -162,15 +162,7 @@ def test_example_4_1_integer_knots_have_linear_precision_after_a_rational_repara
         assert sum(t * b[0] for t, b in zip(terms, points, strict=True)) / sum(terms) == u
         assert sum(t * b[1] for t, b in zip(terms, points, strict=True)) / sum(terms) == v
     s = np.log(np.array(coordinates, dtype=np.float64)).T
-    where = [
-        Location(
-            slice(0, len(grid)),
-            patch.domain.faces[INTERIOR],
-            patch.knots - patch.domain.center,
-            s,
-            np.empty((0, len(grid))),
-        )
-    ]
+    where = [Location(slice(0, len(grid)), patch.domain.faces[INTERIOR], patch.knots - patch.domain.center, s)]
     found = patch.points_at(where, len(grid))[:, :2]
     assert np.abs(found - np.array(grid, dtype=np.float64)).max() < POINT_ERROR
 
