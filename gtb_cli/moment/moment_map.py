@@ -10,7 +10,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ToleranceError
 from gtb_cli.knots.domain import domain
-from gtb_cli.moment.solve import MAX_STEPS, RESIDUAL, TARGET_RESIDUAL, LogSum, short_steps, solve
+from gtb_cli.moment.solve import MAX_STEPS, RESIDUAL, TARGET_RESIDUAL, LogSum, solve
 from gtb_cli.moment.torus import block_length, weighted_sums
 from gtb_cli.values import frozen
 
@@ -59,9 +59,9 @@ class MomentMap:
     def near(
         self, p: FloatArray, start: FloatArray, within: float = 0.0, numbers: IntArray | None = None
     ) -> tuple[FloatArray, IntArray]:
-        """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that a few steps do not find."""
+        """(d, m) torus coordinates of (d, m) points from nearby ones, and the columns that are not found."""
         start, target = start * self._extents[:, None], max(TARGET_RESIDUAL, within)
-        s, missing = short_steps(self._sum(numbers), self._unit(p), start, target)
+        s, missing = solve(self._sum(numbers), self._unit(p), start, target)
         return s / self._extents[:, None], missing
 
     def _sum(self, numbers: IntArray | None) -> LogSum:
