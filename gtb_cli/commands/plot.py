@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gtb_cli.pictures.look import Look
-    from gtb_cli.pictures.sequences import Frames
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
@@ -247,11 +246,12 @@ def _of_spec(shape: Patch | Model, what: str | None, look: Look, limit: LimitReq
             look = replace(look, indices=(vary.knot,))
         return figure_of_variants(variants, names, what, look)
     if sequence:
-        from gtb_cli.pictures.sequences import default_resolution, default_values
+        from gtb_cli.pictures.sequences import default_resolution, default_values, figure_of_frames
 
         xs, steps = default_values(what)
         fine = look.resolution or default_resolution(shape.dimension)
-        return _of_frames(limit.frames(shape, fine, xs=xs, steps=steps, distances=what == "distance"), what, look)
+        frames = limit.frames(shape, fine, xs=xs, steps=steps, distances=what == "distance")
+        return figure_of_frames(frames, what, look)
     heights = None if limit.lifting is None else heights_of(single(shape), limit.lifting)
     return figure_of(shape, what, look, lifting=heights)
 
@@ -273,16 +273,10 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
 
 def _of_folder(path: str, what: str, look: Look) -> Figure:
     """Draw what `gtb degenerate` or `gtb knot-limit` wrote into a folder."""
-    from gtb_cli.pictures.sequences import read_frames
+    from gtb_cli.pictures.sequences import figure_of_frames, read_frames
 
     if what not in ("sequence", "distance"):
         raise click.UsageError(f"{path} is a sequence, and --what {what} is for a spec")
     frames = read_frames(path)
     with about(path):
-        return _of_frames(frames, what, look)
-
-
-def _of_frames(frames: Frames, what: str, look: Look) -> Figure:
-    from gtb_cli.pictures.sequences import figure_of_distances, figure_of_frames
-
-    return figure_of_distances(frames, look) if what == "distance" else figure_of_frames(frames, look)
+        return figure_of_frames(frames, what, look)

@@ -16,7 +16,6 @@ from gtb_cli.pictures.planar import draw_basis, draw_curves, draw_decomposition,
 from gtb_cli.pictures.sequences import (
     default_resolution,
     default_values,
-    figure_of_distances,
     figure_of_frames,
     frames_of_degeneration,
 )
@@ -79,9 +78,9 @@ def _limit(thing: Patch | Model, ax: Axes | None, what: str, look: Look) -> Axes
     if ax is not None:
         raise DomainError(f"ax: a {what} makes a figure of its own")
     resolution = look.resolution or default_resolution(thing.dimension)
-    far = what == "distance"
-    frames = frames_of_degeneration(thing, default_values(what)[0], None, resolution, distances=far)
-    return (figure_of_distances if far else figure_of_frames)(frames, look).axes[0]
+    xs = default_values(what)[0]
+    frames = frames_of_degeneration(thing, xs, None, resolution, distances=what == "distance")
+    return figure_of_frames(frames, what, look).axes[0]
 
 
 def figure_of(shape: Patch | Model, what: str, look: Look, *, lifting: ArrayLike | None = None) -> Figure:

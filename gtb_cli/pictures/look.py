@@ -12,6 +12,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError, ExportError
+from gtb_cli.pictures.colours import INK
 from gtb_cli.vocabulary import COLOUR_MAPS
 
 if TYPE_CHECKING:
@@ -91,26 +92,17 @@ def settings() -> AbstractContextManager[None]:
     chosen = {
         "font.family": ["DejaVu Sans"],
         "font.size": 9,
-        "text.color": "#222222",
         "text.usetex": False,
+        **dict.fromkeys(("text.color", "axes.labelcolor"), INK),
+        **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), "#444444"),
+        **dict.fromkeys(("axes.facecolor", "figure.facecolor", "savefig.facecolor"), "white"),
+        **dict.fromkeys(("axes.spines.top", "axes.spines.right", "path.simplify", "savefig.transparent"), False),
+        **dict.fromkeys(("xtick.labelsize", "ytick.labelsize"), 8),
         "axes.linewidth": 0.7,
-        "axes.edgecolor": "#444444",
-        "axes.labelcolor": "#222222",
         "axes.titlesize": 9.5,
         "axes.unicode_minus": True,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
         "axes.formatter.useoffset": True,
-        "axes.facecolor": "white",
-        "figure.facecolor": "white",
-        "savefig.facecolor": "white",
-        "savefig.transparent": False,
         "savefig.bbox": None,
-        "xtick.color": "#444444",
-        "ytick.color": "#444444",
-        "xtick.labelsize": 8,
-        "ytick.labelsize": 8,
-        "path.simplify": False,
         "svg.fonttype": "none",
         "svg.hashsalt": "gtb",
         "pdf.fonttype": 42,

@@ -72,8 +72,10 @@ def frames_of(sequence: MeshSequence, patch: Patch, net: Sequence[tuple[int, int
     )
 
 
-def figure_of_frames(frames: Frames, look: Look) -> Figure:
-    """Draw the meshes of a sequence side by side, all with one camera and one scale, and the net of the limit."""
+def figure_of_frames(frames: Frames, what: str, look: Look) -> Figure:
+    """Draw the meshes of a "sequence" side by side, all with one camera and one scale; or their "distance"."""
+    if what == "distance":
+        return _figure_of_distances(frames, look)
     max_panels = 24  # panels of one figure
     if len(frames.meshes) > max_panels:
         raise DomainError(f"a sequence of {len(frames.meshes)} meshes: a figure has room for {max_panels} panels")
@@ -201,7 +203,7 @@ def frames_of_degeneration(
     return frames_of(found, patch, net_of(patch, heights if found.values[-1] else -heights))
 
 
-def figure_of_distances(frames: Frames, look: Look) -> Figure:
+def _figure_of_distances(frames: Frames, look: Look) -> Figure:
     """Draw the distances from the limit, both axes logarithmic: against x, or against what is left of the way."""
     if not frames.distances:
         raise DomainError("its distances were not measured: make it again without `distances=False`")
