@@ -197,16 +197,23 @@ def test_the_work_of_a_worker_that_dies_is_done_by_another(cluster, specs, tmp_p
 
 
 @long
-def test_workers_of_other_versions_are_refused(cluster, tmp_path):
+def test_workers_of_other_versions_or_with_several_threads_are_refused(cluster, tmp_path):
     folder = tmp_path / "other" / "numpy-0.1.dist-info"
     folder.mkdir(parents=True)
     (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
-    paths = environment()["PYTHONPATH"]
-    cluster.worker(PYTHONPATH=f"{folder.parent}:{paths}")
-    result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
-    assert result.status == 2
-    assert f"has numpy 0.1, and this process has {importlib.metadata.version('numpy')}" in result.err
-    assert not (tmp_path / "x.obj").exists()
+    paths = f"{folder.parent}:{environment()['PYTHONPATH']}"
+    ours = importlib.metadata.version("numpy")
+    for variables, words in (
+        ({"PYTHONPATH": paths}, f"has numpy 0.1, and this process has {ours}"),
+        ({"OPENBLAS_NUM_THREADS": "2"}, "was started without OPENBLAS_NUM_THREADS=1"),
+    ):
+        worker = cluster.worker(**variables)
+        result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
+        assert result.status == 2
+        assert words in result.err
+        assert not (tmp_path / "x.obj").exists()
+        worker.terminate()
+        worker.wait()
 
 
 @long
@@ -218,14 +225,6 @@ def test_what_another_processor_made_is_not_up_to_date_here(cluster, tmp_path):
     assert "last digits of their files may differ" in made.err
     assert "up to date" not in process(*line).err
     assert process(*line).err.count("up to date") == 2
-
-
-@long
-def test_workers_must_sum_in_one_thread(cluster, tmp_path):
-    cluster.worker(OPENBLAS_NUM_THREADS="2")
-    result = process("mesh", PENTAGON, "-o", tmp_path / "x.obj", "--cluster", cluster.file)
-    assert result.status == 2
-    assert "was started without OPENBLAS_NUM_THREADS=1" in result.err
 
 
 @long

@@ -1,6 +1,5 @@
 """`gtb plot`."""
 
-import re
 import subprocess
 import sys
 
@@ -196,10 +195,3 @@ def test_a_curve_needs_no_slow_packages(tmp_path):
     loaded = set(done.stdout.split())
     assert "matplotlib.figure" in loaded
     assert not loaded & {"matplotlib.pyplot", "tkinter", "scipy", "trimesh"}
-
-
-def test_numbers_below_letters():
-    from gtb_cli.pictures.look import subscript
-
-    assert subscript("b", 1023456789) == "b₁₀₂₃₄₅₆₇₈₉"
-    assert re.fullmatch(r"\D+", subscript("T", 3))

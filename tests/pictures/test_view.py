@@ -82,18 +82,6 @@ def test_a_fold_within_a_patch_is_marked():
     assert (lines["border"].tolist(), len(lines["folds"])) == ([[1, 2]], 0)
 
 
-def test_no_text_of_a_spec_ends_the_script(tmp_path):
-    spec = tmp_path / "x.toml"
-    spec.write_text(
-        '[[patches]]\nname = "</script><b>"\nknots = [[0, 0], [1, 0], [0, 1]]\n'
-        "control_points = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n",
-        encoding="utf-8",
-    )
-    text = gtb("view", spec, "-n", "2", "-o", "-").text
-    assert "</script><b>" not in text
-    assert data_of(text)["groups"][0][0] == "</script><b>"
-
-
 def test_sequences_and_meshes(tmp_path):
     assert gtb("degenerate", SPECS / "example-3.4.toml", "-x", "2", "-n", "8", "-o", tmp_path / "s").status == 0
     data = page(tmp_path / "s")
@@ -133,8 +121,6 @@ def test_python_draws_and_shows_itself():
     ax = patch.plot(what="domain")
     assert patch.plot(ax=ax, what="domain") is ax
     assert len(mesh.plot(dpi=40).images) == 1
-    with pytest.raises(gtb_cli.DomainError, match="got 'colour'"):
-        patch.plot(colour="red")
     for thing, what in ((mesh, "domain"), (patch, "nothing")):
         with pytest.raises(gtb_cli.DomainError, match=f"'{what}'"):
             thing.plot(what=what)
