@@ -1,8 +1,10 @@
-"""The group of commands, run in this process: help, errors and messages; what only processes show is in test_shell.py."""
+"""The group of commands in this process: help, errors and messages; what only processes show is in test_shell.py."""
 
 import io
 import json
 import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
 
 import click
 import pytest
@@ -10,6 +12,8 @@ import pytest
 from gtb_cli.commands.cli import COMMANDS
 from gtb_cli.commands.cli import gtb as group
 from gtb_cli.shell import console
+from gtb_cli.shell.versions import versions
+from gtb_cli.version import __version__
 from tests.shell import PENTAGON, gtb, process
 
 
@@ -129,3 +133,23 @@ def test_what_takes_long_is_counted_on_a_terminal(quiet, monkeypatch):
             begin(label)
     counted = "\r\r[2/3] b.tom\r" + " " * 11 + "\r[3/3] c.tom\r" + " " * 11 + "\r"
     assert shown.getvalue() == ("" if quiet else counted)
+
+
+# --- versions
+
+
+@pytest.mark.parametrize("arguments", [["--version", "--json"], ["--json", "--version"]])
+def test_versions_as_json(arguments):
+    found = json.loads(gtb(*arguments, status=0).out)
+    packages = {name: version(name) for name in ("numpy", "scipy", "trimesh", "click")}
+    assert {**found, "gtb": __version__, "python": platform.python_version()} | packages == found
+    assert found.keys() - packages.keys() == {"gtb", "sources", "python", "system", "processor"}
+
+
+def test_a_package_that_is_missing_has_no_version(monkeypatch):
+    def version(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("gtb_cli.shell.versions.version", version)
+    monkeypatch.setattr("gtb_cli.shell.versions.versions", versions.__wrapped__)
+    assert json.loads(gtb("--version", "--json").out)["numpy"] is None

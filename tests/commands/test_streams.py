@@ -51,11 +51,7 @@ def test_two_outputs_are_two_files(line):
     assert sorted(os.listdir()) == before
 
 
-# Its number, but for halves of pairs, which no text has
-ANY_CHARACTER = st.integers(0, 0xD7FF) | st.integers(0xE000, 0x10FFFF)
-
-
-@given(st.lists(ANY_CHARACTER.map(chr)).map("".join) | st.text("aé😀 .-", min_size=100, max_size=300))
+@given(st.text() | st.text("aé😀 .-", min_size=100, max_size=300))
 @example("a" * (streams.MAX_STEM_BYTES - 1) + " b")
 def test_file_stems_stay_in_their_folder(name):
     stem = streams.file_stem(name)
