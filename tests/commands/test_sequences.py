@@ -11,8 +11,8 @@ import trimesh
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
 from gtb_cli.theory.knot_limit import merge_knots
-from tests.marks import long, mostly_long
-from tests.shell import SPECS, gtb, process
+from tests.marks import mostly_long
+from tests.shell import SPECS, gtb
 from tests.specs import load
 from tests.theory.test_limits import spec
 
@@ -91,16 +91,6 @@ def test_the_spec_of_one_x(tmp_path):
     assert len(listing(tmp_path)) == 3
     far = parse(gtb("degenerate", SURFACE, "-x1e200", "--emit-spec").out, "out.toml")
     np.testing.assert_allclose(far.log_weights, patch.log_weights + patch.lifting * np.log(1e200), rtol=1e-14)
-
-
-@long
-def test_the_same_bytes_in_another_process(tmp_path):
-    arguments = ["degenerate", LINE, "-x", "2", "-x", "1e30", "-n", "5"]
-    for name, settings in (("one", {}), ("two", {"PYTHONHASHSEED": "7", "OMP_NUM_THREADS": "2", "LC_ALL": "C"})):
-        assert process(*arguments, "-o", tmp_path / name, **settings).status == 0
-    assert listing(tmp_path / "one") == listing(tmp_path / "two")
-    for name in listing(tmp_path / "one"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
 def test_a_sweep_has_short_numbers(tmp_path):
