@@ -2,7 +2,6 @@
 
 import tracemalloc
 from collections import Counter
-from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from math import factorial
@@ -14,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from gtb_cli.assembly.seams import joints
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.meshes.mesh import Mesh
@@ -23,7 +23,7 @@ from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.joints import Joint, find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
-from tests.marks import long, mostly_long
+from tests.marks import mostly_long
 from tests.specs import SPECS, load
 from tests.surfaces import area, assert_closed, product, quartic_octant, volume
 from tests.tiny_meshes import encoded
@@ -125,28 +125,6 @@ def test_a_large_model_takes_a_few_times_the_memory_of_its_mesh():
     assert peak < 6 * sum(rows.nbytes for rows in (mesh.vertices, mesh.cells, mesh.parameters, mesh.origin.patch))
 
 
-def test_the_numbers_of_the_teapot():
-    """What is known of the data set, in whatever order it is written: 306 points, of which some coincide."""
-    points = np.concatenate([patch.control_points for patch in MODELS["teapot"].patches])
-    assert points.shape == (512, 3)
-    assert points.min(axis=0).tolist() == [-3, -2, 0]
-    assert points.max(axis=0).tolist() == [3.525, 2, 3.15]
-    different = np.unique(points, axis=0)
-    mirrored = np.unique(points * [1, -1, 1] + 0.0, axis=0)
-    assert np.array_equal(different, mirrored)
-    assert (np.abs(1000 * points[:, :2] - np.rint(1000 * points[:, :2])) < 1e-9).mean() > 0.95
-    assert len(np.unique(points[:, 2])) == len({float(z) for z in np.round(points[:, 2], 5)})
-
-
-def test_the_closed_solid_has_faces_of_every_kind():
-    joints = find_joints(SOLID.patches)
-    assert joints.closed
-    assert len(joints.shared) == 36
-    assert not any(joints.flipped)
-    assert Counter(len(patch.domain.vertices) for patch in SOLID.patches) == {3: 13, 4: 3, 5: 3, 6: 1}
-    assert all((patch.knots != np.rint(patch.knots)).any() for patch in SOLID.patches[1:4])  # irrational pentagons
-
-
 def test_the_box_corner_is_open_only_where_the_box_goes_on():
     model = MODELS["box-corner"]
     joints = find_joints(model.patches)
@@ -161,23 +139,9 @@ def test_the_box_corner_is_open_only_where_the_box_goes_on():
         assert min(np.abs(side - 1).max() for side in (*sides, x + 1, y + 1, z + 1)) < 1e-14
 
 
-def normals_along(patch: Patch, edge: int, count: int) -> np.ndarray:
-    """(count, 3) normals at equal fractions of an edge, without its ends."""
-    v = patch.domain.vertices
-    t = np.arange(1, count + 1)[:, None] / (count + 1)
-    u = v[edge] + t * (v[(edge + 1) % len(v)] - v[edge])
-    where = patch.rational_basis.locations(u, "linear", np.full(count, 1 + edge))
-    return patch.normals_at(where, count)
-
-
 @pytest.mark.parametrize(("name", "degrees"), [("hebesphenorotunda", CREASE), ("box-corner", 1e-11)])
 def test_smooth_models_have_the_same_normals_on_both_sides_of_an_edge(name, degrees):
-    patches = MODELS[name].patches
-    for joint in find_joints(patches).shared:
-        one, other = (normals_along(patches[p], edge, 40) for p, edge in (joint.first, joint.second))
-        other = other[::-1] if joint.opposite else other
-        angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other))
-        assert np.degrees(angle.max()) < degrees
+    assert max(seam.angle for seam in joints(MODELS[name])) < degrees
 
 
 # Meshes of them
@@ -228,14 +192,6 @@ def extrapolated(model: Model, measure, n: int, **options) -> float:
     return (4 * fine - coarse) / 3
 
 
-@long
-def test_the_volume_of_the_closed_solid_does_not_depend_on_how_it_is_meshed():
-    linear, finer = (extrapolated(SOLID, volume, n) for n in (6, 9))
-    assert linear == pytest.approx(finer, rel=EXTRAPOLATED)
-    mesh = tessellate(SOLID, tolerance=3e-3)
-    assert abs(volume(mesh) - finer) < 3e-3 * area(mesh)
-
-
 def test_eight_quartic_triangles_are_a_ball():
     one = quartic_octant()
     signs = [[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)]
@@ -254,17 +210,6 @@ def test_files_of_the_closed_solid_are_solids_to_another_program():
         assert read.is_volume
         assert len(read.faces) == len(mesh.cells)
         assert read.volume == pytest.approx(volume(mesh), rel=1e-5)  # float32
-
-
-@long
-def test_the_teapot_as_stl_is_consistent_to_another_program():
-    mesh = tessellate(MODELS["teapot"], tolerance=0.03)
-    read = trimesh.load(BytesIO(encoded(mesh, "stl")), file_type="stl")
-    assert read.is_winding_consistent
-    # By faces: the handle's lower end touches the body in one point.
-    parts = trimesh.graph.connected_component_labels(read.face_adjacency, node_count=len(read.faces))
-    assert parts.max() == 3
-    assert len(read.faces) == len(mesh.cells)
 
 
 # The same model in other words
@@ -322,16 +267,6 @@ def test_other_words_give_the_same_surface(name):
     if one.closed:
         assert_closed(theirs)
         assert volume(theirs) == pytest.approx(volume(mesh), rel=2e-3)
-
-
-@pytest.mark.parametrize("scale", mostly_long([2.0**-30, 2.0**30]))
-@pytest.mark.parametrize("options", mostly_long([{"resolution": 5}, {"tolerance": 0.06}]), ids=str)
-def test_a_power_of_two_scales_every_vertex_exactly(scale, options):
-    mesh = tessellate(SOLID, **options)
-    scaled = {key: value * scale if key == "tolerance" else value for key, value in options.items()}
-    theirs = tessellate(moved(SOLID, scale=scale), **scaled)
-    assert np.array_equal(mesh.cells, theirs.cells)
-    assert np.array_equal(mesh.vertices * scale, theirs.vertices)
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
@@ -466,13 +401,6 @@ def test_patches_that_share_two_edges_at_a_corner_have_no_side_in_common(knots, 
     assert len(np.unique(np.sort(mesh.cells, axis=1), axis=0)) == len(mesh.cells)
 
 
-def test_the_volume_between_two_bezier_triangles_is_exact():
-    """Heights of a Bézier triangle have the mean of its control points' heights: here h/10 over an area of 9/2."""
-    coefficients = [1, 3, 3, 1, 3, 6, 3, 3, 3, 1]
-    halves = [replace(pillow(CUBIC, h, 0.0), coefficients=np.array(coefficients, float)) for h in (2.0, -1.0)]
-    assert extrapolated(Model(tuple(halves)), volume, 16) == pytest.approx(3 * 4.5 / 10, rel=EXTRAPOLATED)
-
-
 def test_a_tube_of_two_halves_ends_in_two_rings_between_the_same_vertices():
     """With one cell to an edge, the arcs of a ring had the same ends: refinement took them for one and had no end."""
     half = [[[x, s * y, z] for x, y in ((1, 0), (0, 2), (-1, 0))] for s in (1, -1) for z in (0.0, 1.0, 2.0)]
@@ -603,14 +531,3 @@ def test_the_same_points_with_other_knots_are_another_curve():
     ((_, _, distance),) = joints.almost
     one, other = edge_points(pair[0], 1, 2001), edge_points(pair[1], 3, 2001)[::-1]
     assert distance == pytest.approx(cKDTree(one).query(other)[0].max(), rel=5e-2)
-
-
-def test_three_patches_on_an_edge_are_reported_and_meet_in_the_same_vertices():
-    t = 2 * np.pi * np.arange(3) / 3
-    fan = [Patch(CUBIC, np.array(CUBIC) @ [[0, 0, 1], [np.cos(a), np.sin(a), 0]]) for a in t]
-    joints = find_joints(fan)
-    assert joints.crowded == (((0, 0), (1, 0), (2, 0)),)
-    assert not joints.closed
-    mesh = tessellate(Model(tuple(fan)), 5)
-    pairs = np.sort(mesh.cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    assert np.bincount(np.unique(pairs, axis=0, return_counts=True)[1])[3] == 5

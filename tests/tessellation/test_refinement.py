@@ -201,26 +201,6 @@ def test_a_flat_patch_with_curved_sides_is_covered(inner, tolerance):
         assert largest_distance(shape, mesh) > tolerance  # of the cells in whose parameters the points lie
 
 
-def test_points_per_edge_do_not_depend_on_scale_or_place():
-    counts = {len(tessellate(bicubic(scale), tolerance=2e-3 * scale).faces) for scale in (1e-9, 1.0, 1e9)}
-    assert len(counts) == 1
-    assert {len(tessellate(bicubic(1.0, 1e7), tolerance=2e-3).faces)} == counts
-
-
-@long
-def test_an_eighth_of_example_4_4_beats_any_uniform_mesh():
-    shape = HARD["weights times 600^λ"]
-    mesh = tessellate(shape, tolerance=2e-3 * diagonal(shape))
-    reached = largest_distance(shape, mesh)
-    # Chord errors fall with the square of the number of segments at best: 31 segments would be a third as many.
-    n = math.isqrt(3 * len(mesh.faces) // 5)
-    for parametrization in ("linear", "toric"):
-        uniform = tessellate(shape, n, parametrization=parametrization)
-        assert len(uniform.faces) > 2.8 * len(mesh.faces)
-        if parametrization == "linear":
-            assert largest_distance(shape, uniform) > reached
-
-
 @pytest.mark.parametrize("part", mostly_long([1e-2, 3e-3, 1e-3]))
 def test_a_gentle_surface_takes_no_more_than_the_best_uniform_mesh(part):
     shape = bicubic()
@@ -253,21 +233,6 @@ def test_curves_are_refined_where_they_bend():
         assert sorted(map(tuple, mesh.edges.tolist())) == sorted(
             zip(order[:-1].tolist(), order[1:].tolist(), strict=True)
         )
-
-
-def test_same_input_same_mesh():
-    one, two = (tessellate(near_edge(), tolerance=0.05) for _ in range(2))
-    assert one.vertices.tobytes() == two.vertices.tobytes()
-    assert one.cells.tobytes() == two.cells.tobytes()
-
-
-def test_triangles_are_well_shaped_where_the_surface_is_gentle():
-    """Shape: 4√3 area / (sum of squared sides), 1 for an equilateral triangle, √3/2 for half a square."""
-    mesh = tessellate(bicubic(), tolerance=2e-3)
-    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    shape = 4 * math.sqrt(3) * area / sum(((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a)))
-    assert shape.min() > 0.5
 
 
 def nearest_distance(shape: Patch, mesh: Mesh, samples: int = 4000) -> float:

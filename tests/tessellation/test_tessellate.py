@@ -150,18 +150,13 @@ def test_projective_scalings_of_an_edge_leave_it_the_same_curve():
 
 def test_a_moebius_band_is_reported_as_one_sided():
     """Three square patches in a ring, the last joined with a twist."""
-    angle = np.arange(4) * np.pi / 3
-    radius, half = 2.0, 0.5
     rails = []
-    for turn in angle:
-        middle = radius * np.array([math.cos(2 * turn), math.sin(2 * turn), 0])
-        across = half * (math.cos(turn) * middle / radius + math.sin(turn) * np.array([0, 0, 1]))
-        rails.append((middle - across, middle + across))
-    patches = []
-    for i in range(3):
-        (a, b), (c, d) = rails[i], rails[i + 1]
-        patches.append(Patch([[0, 0], [0, 1], [1, 0], [1, 1]], [a, b, c, d]))
-    joints = find_joints(patches)
+    for turn in np.arange(4) * np.pi / 3:
+        out = np.array([math.cos(2 * turn), math.sin(2 * turn), 0])
+        across = (math.cos(turn) * out + math.sin(turn) * np.array([0, 0, 1])) / 2
+        rails.append((2 * out - across, 2 * out + across))
+    corners = [(*rails[i], *rails[i + 1]) for i in range(3)]
+    joints = find_joints([Patch([[0, 0], [0, 1], [1, 0], [1, 1]], points) for points in corners])
     assert len(joints.shared) == 3
     assert len(joints.one_sided) == 1
     assert not joints.closed
@@ -172,18 +167,6 @@ def test_a_curve_model_joins_at_its_ends():
     mesh = tessellate(Model(patches), 4)
     assert len(mesh.vertices) == 13
     assert [group[1:] for group in mesh.groups] == [(0, 4), (4, 8), (8, 12)]
-
-
-def test_groups_name_the_patches():
-    model = ball()
-    named = Model((*model.patches[:1], *model.patches[1:]), name="ball")
-    mesh = tessellate(named, 3)
-    assert [name for name, _, _ in mesh.groups] == [f"patch{i}" for i in range(8)]
-    assert mesh.groups[-1][2] == len(mesh.faces)
-    assert mesh.origin is not None
-    for index, patch in enumerate(model.patches):
-        rows = mesh.origin.patch == index
-        assert (patch.domain.heights_of_columns(mesh.parameters[rows]) >= 0).all()
 
 
 @pytest.mark.parametrize("shape", [octant(1, 1, 1), ball()], ids=["patch", "model"])

@@ -63,29 +63,9 @@ LIBRARIES = (
         },
     ),
     Reader("Blender", "bpy", "bpy", "obj ply stl glb"),
-    Reader(
-        "COMPAS",
-        "compas",
-        "compas",
-        "obj ply stl glb",
-        limits=NO_EDGES
-        | dict.fromkeys(("PLY", "PLY normals uv", "PLY attributes", "PLY uv and u", "PLY model"), "text only"),
-    ),
-    Reader("MeshLib", "meshlib", "meshlib", "obj ply stl glb", limits=NO_LINES | NO_GLB_LINES),
-    Reader("Lagrange", "lagrange", "adobe-lagrange", "obj ply stl glb", limits=NO_EDGES | NO_GLB_LINES),
-    Reader("tinyobjloader", "tinyobjloader", "tinyobjloader numpy", "obj"),
-    Reader(
-        "Mitsuba",
-        "mitsuba",
-        "mitsuba numpy",
-        "obj ply",
-        limits={**NO_LINES, **NO_EDGES, "PLY uv and u": "takes s and t for u and v"},
-    ),
-    Reader("potpourri3d", "potpourri3d", "potpourri3d", "obj ply stl", limits=NO_LINES | REFUSES_EDGES),
 )
 
 PROGRAMS = (
-    Reader("ADMesh", "admesh", "admesh", "stl", SIX_DIGITS, limits={"STL 2 facets": "refuses fewer than 4 facets"}),
     Reader("Assimp", "assimp", "assimp", "obj ply stl glb", SIX_DIGITS, limits=REFUSES_EDGES),
     Reader(
         "PrusaSlicer",
@@ -96,16 +76,6 @@ PROGRAMS = (
         limits=NO_LINES | {"STL 2 facets": "refuses so few"},
     ),
     Reader("OpenSCAD", "openscad", "openscad", "stl", SIX_DIGITS),
-    Reader(
-        "OpenCTM",
-        "ctmconv",
-        "ctmconv",
-        "obj ply stl",
-        SIX_DIGITS,
-        limits={**NO_LINES, **REFUSES_EDGES, "STL ascii": "binary only"},
-    ),
-    Reader("PCL", "pcl", "pcl_ply2ply", "ply", SIX_DIGITS),
-    Reader("gltfpack", "gltfpack", "gltfpack", "obj glb", limits=NO_LINES | {"GLB curve": "counts lines as triangles"}),
     Reader("F3D", "f3d", "f3d", "obj ply stl glb", limits=NO_EDGES),
 )
 
