@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
@@ -49,6 +48,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
     assert list(record) == ["name", "meshes"]
     assert record["name"] == "example-4.4"
     assert [entry["file"] for entry in record["meshes"]] == files
+    assert list(record["meshes"][0]) == ["file", "x", "vertices", "faces", "distance_to_limit", "distance_error"]
     assert [entry["x"] for entry in record["meshes"]] == [5, 100, 600, 10**6, 1e30, "inf"]
     distances = [entry["distance_to_limit"] for entry in record["meshes"]]
     assert distances == sorted(distances, reverse=True)
@@ -95,40 +95,16 @@ def test_the_spec_of_one_x(tmp_path):
 
 def test_a_sweep_has_short_numbers(tmp_path):
     """Rounded to the digits that names have, so that these tell all."""
-    assert (
-        gtb(
-            "degenerate", LINE, "--from", "1", "--to", "1e-5", "--count", "20", "-n1", "--no-distance", "-o", tmp_path
-        ).status
-        == 0
-    )
+    sweep = "--from", "1", "--to", "1e-5", "--count", "20"
+    assert gtb("degenerate", LINE, *sweep, "-n1", "--no-distance", "-o", tmp_path).status == 0
     record = json.loads((tmp_path / "sequence.json").read_text())
     values = [entry["x"] for entry in record["meshes"]]
     assert values[0] == 1
     assert values[-2:] == [1e-5, 0]
     ratios = np.array(values[1:-1]) / values[:-2]
     np.testing.assert_allclose(ratios, 1e-5 ** (1 / 19), rtol=1e-5)
-    assert [entry["file"] for entry in record["meshes"][1:-1]] == [f"example-3.4-x{x:g}.obj" for x in values[1:-1]] or (
-        record["meshes"][-2]["file"] == "example-3.4-x1e-5.obj"
-    )
-
-
-def test_the_lower_hull(tmp_path):
-    assert gtb("degenerate", LINE, "-x", "0.5", "-x", "0", "-n", "2", "-o", tmp_path).status == 0
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    assert [entry["x"] for entry in record["meshes"]] == [0.5, 0]
-    # The lower hull of (2, 1, 5, 9 − 4√2, 1) has the corners 0, 1 and 4.
-    points = np.array([line.split()[1:] for line in lines(tmp_path / "example-3.4-limit.obj", "v")], dtype=float)
-    expected = [[0, 0, 0], [0.2, 0.65, 0], [0.4, 1.3, 0], [2.2, 0.65, 0], [4, 0, 0]]
-    np.testing.assert_allclose(points, expected, atol=1e-8)
-
-
-@pytest.mark.parametrize("format", mostly_long(["ply", "stl", "glb"]))
-def test_formats(tmp_path, format):
-    assert gtb("degenerate", SURFACE, "-x9", "-n2", "-f", format, "--normals", "-o", tmp_path).status == 0
-    files = [f"example-4.4-x9.{format}", f"example-4.4-limit.{format}"]
-    assert listing(tmp_path) == sorted([*files, "sequence.json"])
-    counts = {len(trimesh.load_mesh(tmp_path / name, process=False).faces) for name in files}
-    assert counts == {28}
+    named = [float(entry["file"].removeprefix("example-3.4-x")[:-4]) for entry in record["meshes"][:-1]]
+    assert named == values[:-1]
 
 
 def test_a_tolerance_in_percent(tmp_path):
@@ -212,21 +188,6 @@ def test_the_sequence_of_example_42(tmp_path):
     warning = [line for line in result.err.splitlines() if line.startswith("gtb: warning: ")]
     assert len(warning) == 1
     assert "knot 3 comes to the corner (1, 2), where the limit is pointwise only" in warning[0]
-    default = gtb("knot-limit", MOVING, "--merge", "3:1", "-n4", "--no-distance", "-o", tmp_path / "default", "-q")
-    assert default.err == ""
-    assert listing(tmp_path / "default") == listing(tmp_path)[1:] or "default" in listing(tmp_path)
-
-
-def test_where_the_limit_is_uniform_nothing_is_said(tmp_path):
-    merges = ["--merge", "1:2", "--merge", "3:2"]
-    result = gtb("knot-limit", PLAIN, *merges, "--emit-spec", "--steps", "0.5", "-o", tmp_path)
-    assert "warning" not in result.err
-    record = json.loads((tmp_path / "sequence.json").read_text())
-    keys = ["file", "step", "vertices", "faces", "distance_to_limit", "distance_error"]
-    assert list(record["meshes"][0]) == keys
-    merged = parse(result.out)
-    assert merged.weights.tolist() == [1, 36, 5]
-    np.testing.assert_allclose(merged.control_points[1], [66.2 / 36, 62 / 36, 0])
 
 
 def test_the_merged_spec_goes_on_through_a_pipe():
