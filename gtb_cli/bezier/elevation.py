@@ -1,9 +1,8 @@
 """Degree elevation: the same curve or surface with more knots and control points."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, finite, one_for_each, positive
+from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain, domain
 from gtb_cli.knots.hull import knot_tolerance
@@ -57,15 +56,12 @@ def elevate(patch: Patch, by: int = 1) -> Patch:
 
 
 def multiplier(patch: Patch) -> FloatArray:
-    """Return the knots by which one elevation multiplies a patch.
+    """Return the (m, d) knots by which one elevation multiplies a patch.
 
-    Returns
-    -------
-    (m, d) float
-        For the lattices of Bézier curves, triangles and tensor product patches, one step in each direction. For other
-        curves, 0 and the largest gap between knots. For other surfaces, the corners of Δ relative to the first: only
-        these are sure not to add edges. A k-th of that if all edges of Δ have k equal steps, so that edges shared with
-        Bézier patches stay shared.
+    For the lattices of Bézier curves, triangles and tensor product patches, these are one step in each direction. For
+    other curves, they are 0 and the largest gap between knots. For other surfaces, they are the corners of Δ relative
+    to the first: only these are sure not to add edges. They are a k-th of that if all edges of Δ have k equal steps, so
+    that edges shared with Bézier patches stay shared.
     """
     shape = patch.domain
     lattice = lattice_of(shape)
@@ -87,62 +83,33 @@ def _common_steps(shape: Domain) -> int:
     return counts.pop() if len(counts) == 1 else 1
 
 
-def product(patch: Patch, knots: ArrayLike, weights: ArrayLike | None = None) -> Patch:
-    """Multiply numerator and denominator of a patch by ``Σ_k g_k e^{<d_k, s>}``.
+def product(patch: Patch, knots: FloatArray) -> Patch:
+    """Multiply numerator and denominator of a patch by ``Σ_k e^{<d_k, s>}``, for (m, d) knots d_k: the same image.
 
-    The knots become all distinct sums e = a_i + d_k, with ``W_e = Σ c_i ω_i g_k`` and control points
-    ``Σ c_i ω_i g_k b_i / W_e``, summed over a_i + d_k = e.
-
-    Parameters
-    ----------
-    patch : Patch
-    knots : (m, d) float, or (m,) for a curve
-        d_k.
-    weights : (m,) float, optional
-        g_k > 0, default 1.
-
-    Returns
-    -------
-    Patch
-        A patch with the same image. Its knots are ascending, by rows from below for a surface; its coefficients are 1,
-        and it has no lifting.
-
-    Raises
-    ------
-    DomainError
-        Shapes do not fit, or the result would have more than `MAX_ELEVATED_KNOTS` knots.
-
-    Notes
-    -----
-    If an edge of the hull of d_k is not parallel to any edge of Δ, it becomes a collapsed edge of the result.
+    The knots become all distinct sums e = a_i + d_k, ascending by rows from below, with ``W_e = Σ c_i ω_i`` and control
+    points ``Σ c_i ω_i b_i / W_e``, summed over a_i + d_k = e; the coefficients become 1. If an edge of the hull of d_k
+    is not parallel to any edge of Δ, it becomes a collapsed edge of the result.
     """
     max_sums = 2_000_000  # before equal ones are merged: their arrays need 100 MB
-    places = finite("knots", knots)
-    if places.ndim == 1 and patch.dimension == 1:
-        places = places[:, None]
-    if places.ndim != 2 or places.shape[1] != patch.dimension or not len(places):
-        raise DomainError(f"knots: expected shape (m, {patch.dimension}), got {places.shape}")
-    factors = positive("weights", np.ones(len(places)) if weights is None else weights)
-    one_for_each("weights", factors, len(places), "knot")
-    if len(patch.knots) * len(places) > max_sums:
-        raise DomainError(f"knots: {len(patch.knots)} times {len(places)} sums, at most {max_sums} are allowed")
-    sums = (patch.knots[:, None] + places).reshape(-1, patch.dimension)
+    if len(patch.knots) * len(knots) > max_sums:
+        raise DomainError(f"knots: {len(patch.knots)} times {len(knots)} sums, at most {max_sums} are allowed")
+    sums = (patch.knots[:, None] + knots).reshape(-1, patch.dimension)
     first, group = _equal(sums)
     if len(first) > MAX_ELEVATED_KNOTS:
         raise DomainError(
             f"knots: the elevated patch would have {len(first)}, at most {MAX_ELEVATED_KNOTS} are allowed"
         )
-    logs = (patch.log_products[:, None] + np.log(factors)).ravel()
+    logs = np.repeat(patch.log_products, len(knots))
     top = np.full(len(first), -np.inf)
     np.maximum.at(top, group, logs)
     terms = np.exp(logs - top[group])
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        plain = ((patch.coefficients * patch.weights)[:, None] * factors).ravel()
-    ordinary = bool(np.isfinite(plain).all() and plain.min() > 1 / MAX_PLAIN_WEIGHT and plain.max() < MAX_PLAIN_WEIGHT)
+    with np.errstate(over="ignore", under="ignore"):
+        plain = np.repeat(patch.coefficients * patch.weights, len(knots))
+    ordinary = bool(plain.min() > 1 / MAX_PLAIN_WEIGHT and plain.max() < MAX_PLAIN_WEIGHT)
     if ordinary:
         terms = plain  # so that whole numbers stay whole
     totals = np.bincount(group, terms)
-    points = np.repeat(patch.control_points, len(places), axis=0)
+    points = np.repeat(patch.control_points, len(knots), axis=0)
     control_points = np.stack([np.bincount(group, terms * axis) / totals for axis in points.T], axis=1)
     single = np.bincount(group) == 1
     control_points[single] = points[first[single]]

@@ -24,30 +24,15 @@ MAX_SEARCHED_DEGREE = 2000  # so that a message can name a degree above the allo
 
 
 def bezier_pieces(spec: Patch | Model, max_degree: int = MAX_DEGREE) -> Model:
-    """Return the exact rational Bézier pieces of a patch, or of all patches of a model.
+    """Return the exact rational Bézier pieces, up to a highest degree, of a patch or of all patches of a model.
 
-    Parameters
-    ----------
-    spec : Patch or Model
-    max_degree : int
-        Highest degree of a piece.
+    For each corner of each Δ, a piece is the part (s, t) ∈ [0, 1]² of the patch about it, with the knots 0 … D_1 ×
+    0 … D_2, by rows in ascending t, and binomial coefficients: its parameter (D_1 s, D_2 t) gives the point with
+    coordinates (s, t). The pieces of a curve are its two halves, in its direction. All weights are positive.
 
-    Returns
-    -------
-    Model
-        For each corner of each Δ, the part (s, t) ∈ [0, 1]² of the patch about it, with the knots 0 … D_1 × 0 … D_2,
-        by rows in ascending t, and binomial coefficients: its parameter (D_1 s, D_2 t) gives the point with coordinates
-        (s, t). For each curve its two halves, in its direction. All weights are positive.
-
-    Raises
-    ------
-    DomainError
-        There are no such pieces, or only pieces of a higher degree; the message gives the reason and an alternative.
-
-    Notes
-    -----
     Each edge is divided where the knots on it have shares proportional to c ω. This point depends only on the data of
-    the edge: pieces of patches that share it are joined like the patches.
+    the edge: pieces of patches that share it are joined like the patches. `DomainError` is raised if there are no
+    pieces, or only of a higher degree; its message gives the reason and an alternative.
     """
     if isinstance(spec, Patch):
         return Model(_pieces_of(spec, max_degree), spec.name)
@@ -69,26 +54,10 @@ def _pieces_of(patch: Patch, max_degree: int) -> tuple[Patch, ...]:
 
 
 def split_curve(curve: Patch, at: float, max_degree: int = MAX_DEGREE) -> Model:
-    """Split a curve exactly at a parameter, into two rational Bézier curves with positive weights.
+    """Split a curve exactly at a parameter between its ends, into two rational Bézier curves with positive weights.
 
-    Parameters
-    ----------
-    curve : Patch
-    at : float
-        A parameter between the ends.
-    max_degree : int
-
-    Returns
-    -------
-    Model
-        The result of de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier form, with
-        zeros for missing knots.
-
-    Raises
-    ------
-    DomainError
-        The patch is a surface, the parameter is an end or lies outside, or there is no Bézier form (see
-        `bezier_pieces`).
+    This is de Casteljau's algorithm on the homogeneous control points of the whole curve's Bézier form, with zeros for
+    missing knots. `DomainError` is raised for a surface, for another parameter, and without a Bézier form.
     """
     if curve.dimension != 1:
         raise DomainError("split: is for curves, and this is a surface")
@@ -178,12 +147,10 @@ def _bezier(patch: Patch, knots: FloatArray, logs: FloatArray, points: FloatArra
 
 
 def _bernstein(patch: Patch, powers: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Log weights and control points of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l.
+    """Log weights and control points of Σ c ω b s^k t^l in Bernstein form, for (n, 2) powers k, l, or (n, 1).
 
-    Returns
-    -------
-    (D_1 + 1, D_2 + 1) float, (D_1 + 1, D_2 + 1, 3) float
-        All sums have positive terms, among them that of the corner's knot. D_2 is 0 for a single power.
+    They are (D_1 + 1, D_2 + 1) and (D_1 + 1, D_2 + 1, 3), with D_2 = 0 for a single power. All sums have positive
+    terms, among them that of the corner's knot.
     """
     first, *others = (_conversion(column) for column in powers.T)
     second = others[0] if others else np.zeros((1, len(powers)))

@@ -40,7 +40,7 @@ def isocurve(patch: Patch, axis: int, value: float) -> Patch:
     Section 4, property (d), which holds only for rectangles along the axes.
     """
     curve, _ = unmerged_isocurve(patch, axis, value)
-    merged = product(curve, [0.0])
+    merged = product(curve, np.zeros((1, 1)))
     return merged if len(merged.knots) < len(curve.knots) else curve
 
 

@@ -58,27 +58,10 @@ def face_knots(domain: Domain, face: Face) -> FloatArray:
 
 
 def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> FloatArray:
-    """Evaluate the GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, with 0⁰ = 1.
+    """(m, n) GT-Bernstein basis ``β_i(u) = c_i ∏_j h_j(u)^{h_j(a_i)}``, with 0⁰ = 1 (eq. 201, eq. 204).
 
-    Parameters
-    ----------
-    domain : Domain
-    coefficients : (n,) float
-        Positive c_i.
-    u : (m, d) float, or (m,) for a curve
-
-    Returns
-    -------
-    (m, n) float
-
-    Notes
-    -----
     Unlike the rational basis, β depends on the scale of the edge functions and can exceed the range of floats
     (exponents in the hundreds); its entries are then 0 or inf.
-
-    References
-    ----------
-    Def. 2.1 (eq. 201), Def. 2.2 (eq. 204).
     """
     heights = domain.edge_functions(u)
     zero = heights == 0
@@ -90,32 +73,12 @@ def gt_bernstein(domain: Domain, coefficients: ArrayLike, u: ArrayLike) -> Float
 
 
 def partition_of_unity_coefficients(domain: Domain, u: ArrayLike | None = None) -> FloatArray:
-    """Solve ``Σ_j β_j(u_i) = 1`` at n + 1 parameters for the coefficients c.
+    """Solve ``Σ_j β_j(u_i) = 1`` at n distinct parameters for the (n,) coefficients c (eq. 8, Thm 2.2).
 
-    Parameters
-    ----------
-    domain : Domain
-    u : (n, d) float, optional
-        Distinct parameters, one per knot. The default is the inner Chebyshev points of Δ for curves, and the knots
-        moved by 10 % towards the middle of Δ for surfaces.
-
-    Returns
-    -------
-    (n,) float
-
-    Raises
-    ------
-    DomainError
-        Knots are repeated, so that the system is singular, or the solution is not positive, hence not a basis. The
-        message has the values, with 0 for those that are 0 to rounding.
-
-    Notes
-    -----
-    The paper does not guarantee a positive solution; knots {0, 1, 3} with t = (1.5, 2, 2.25) do not have one.
-
-    References
-    ----------
-    Eq. (8) of the paper; Thm 2.2.
+    The default parameters are the inner Chebyshev points of Δ for curves, and the knots moved by 10 % towards the
+    middle of Δ for surfaces. `DomainError` is raised if knots are repeated, so that the system is singular, or the
+    solution is not positive, hence not a basis. The paper does not guarantee a positive one; knots {0, 1, 3} with
+    t = (1.5, 2, 2.25) do not have one.
     """
     n = len(domain.knots)
     if u is None and domain.dimension == 1:

@@ -25,15 +25,10 @@ from gtb_cli.theory.patch import Patch
 
 
 class Curvature(NamedTuple):
-    """Curvatures of a surface at points; NaN without a finite limit.
+    """(m,) curvatures of a surface at points; NaN without a finite limit.
 
-    Attributes
-    ----------
-    gaussian : (m,) float
-        K = κ₁ κ₂, in units of 1 / length².
-    mean : (m,) float
-        H = (κ₁ + κ₂) / 2, in units of 1 / length; positive if the surface bends away from its normal: 1 / R for a
-        sphere with outward normals.
+    K = κ₁ κ₂ is in units of 1 / length², H = (κ₁ + κ₂) / 2 in units of 1 / length. H is positive if the surface bends
+    away from its normal: 1 / R for a sphere with outward normals.
     """
 
     gaussian: FloatArray
@@ -41,36 +36,15 @@ class Curvature(NamedTuple):
 
 
 def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "toric") -> Curvature:
-    """Gaussian and mean curvature of a surface at parameters of either parametrisation.
+    """Gaussian and mean curvature of a surface at (m, 2) parameters, with respect to the normals of `Patch.normals`.
 
-    Parameters
-    ----------
-    patch : Patch
-        A surface.
-    u : (m, 2) float
-        Parameters in Δ.
-    parametrization : {"toric", "linear"}
-        The parametrisation of u. The curvature at a point of the surface does not depend on it.
-
-    Returns
-    -------
-    Curvature
-        Curvatures with respect to the normals of `Patch.normals`.
-
-    Raises
-    ------
-    DomainError
-        The patch is a curve, or a parameter lies outside Δ.
-
-    Notes
-    -----
     Values on edges and at corners are limits, computed by formula. Let δ < δ' be the distances of the two layers of
     knots next to an edge. The curvature across the edge has a limit if δ' ≥ 2δ. If δ' < 2δ, it generally grows like
     h^(δ'/δ − 2), where h is the distance in the linear parametrisation. At a corner the condition must hold for both
     edges, and no knot inside may be nearer to either than the first layer. Without a limit or a normal, values are NaN.
 
     The relative error inside is a few roundings divided by the sine of the angle between the derivatives, however near
-    the boundary is.
+    the boundary is. `DomainError` is raised for a curve, and for a parameter outside Δ.
     """
     columns = patch.domain.columns(u)
     return curvature_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
@@ -219,16 +193,10 @@ class _CurvatureField:
 
 
 class _Triangle(NamedTuple):
-    """Coordinates that are 0 and 1 at the three knots with most of T, for each column.
+    """(n, m) coordinates ξ, η of the knots for each column, both 0 at the knot with the largest T.
 
-    Attributes
-    ----------
-    xi, eta : (n, m) float
-        Both are 0 at the leading knot; ξ is 1 at the second knot and 0 at the third, and η vice versa.
-    e_one, e_other : (m,) float
-        Logarithms of T at the second and the third knot.
-    turn : (m,) float
-        1 if the three knots are counter-clockwise, otherwise −1.
+    ξ is 1 at the second knot and 0 at the third, and η vice versa; (m,) `e_one` and `e_other` are the logarithms of T
+    there. `turn` is 1 if the three knots are counter-clockwise, otherwise −1.
     """
 
     xi: FloatArray

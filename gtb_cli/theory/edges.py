@@ -7,10 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, FloatArray, IntArray, dot
+from gtb_cli.arrays import EPS, FloatArray, dot
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import exponentials
-from gtb_cli.theory.parametrization import RationalBasis
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
@@ -51,17 +50,15 @@ class Curve:
 
     def same_as(self, other: Curve, tolerance: float) -> bool:
         """Return whether the data are equal, with points within a distance, and knots within a part of their gaps."""
-        return (
-            len(self.knots) == len(other.knots)
-            and bool(np.abs(self.points - other.points).max() <= tolerance)
-            and bool(np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * self._regularity)
-            and bool(np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE)
+        count = len(self.knots)
+        if count != len(other.knots) or np.abs(self.points - other.points).max() > tolerance:
+            return False
+        # Where knots crowd, so do features of the curve.
+        regularity = np.diff(self.knots).min() * (count - 1) if count > 1 else 1.0
+        return bool(
+            np.abs(self.knots - other.knots).max() <= CURVE_TOLERANCE * regularity
+            and np.abs(self.log_weights - other.log_weights).max() <= CURVE_TOLERANCE
         )
-
-    @cached_property
-    def _regularity(self) -> float:
-        """Least gap of knots over their mean gap, at most 1: where knots crowd, so do features of the curve."""
-        return float(np.diff(self.knots).min() * (len(self.knots) - 1)) if len(self.knots) > 1 else 1.0
 
     def points_at(self, fractions: FloatArray) -> FloatArray:
         """(m, 3) points at (m,) fractions of the knots' hull, between its ends."""
@@ -111,58 +108,29 @@ class Curve:
 
 def edge_curve(patch: Patch, edge: int) -> Curve:
     """Return the data that determine the curve of an edge."""
-    return _EdgeBasis.of(patch.rational_basis, edge).curve(patch)
+    shape = patch.domain
+    members = shape.edge_knots(edge)
+    weights, points = patch.log_products[members], patch.control_points[members]
+    knots, length = np.zeros(len(members)), 1.0
+    if shape.dimension == 2:
+        knots = shape.along(edge, shape.knots[members])
+        length = float(knots[-1])
+        knots = knots / length
+    # Copies of a knot act as one (Thm 4.1).
+    first = np.flatnonzero(np.diff(knots, prepend=-1.0) > shape.tolerance / length)
+    if len(first) < len(knots):
+        copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
+        largest = np.maximum.reduceat(weights, first)
+        shares = np.exp(weights - largest[copies])
+        total = np.add.reduceat(shares, first)
+        points = np.add.reduceat((shares / total[copies])[:, None] * points, first)
+        knots, weights = knots[first], largest + np.log(total)
+    return Curve(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], points)
 
 
 def edge_curves(patches: Sequence[Patch], refs: Iterable[EdgeRef]) -> list[Curve]:
-    """Return the curves of edges; patches with the same basis share all but the points."""
-    bases: dict[tuple[RationalBasis, int], _EdgeBasis] = {}
-    curves = []
-    for index, edge in refs:
-        key = (patches[index].rational_basis, edge)
-        if key not in bases:
-            bases[key] = _EdgeBasis.of(*key)
-        curves.append(bases[key].curve(patches[index]))
-    return curves
-
-
-@frozen
-class _EdgeBasis:
-    """Knots and log weights of an edge's curve, and the control points with their shares in the curve's points."""
-
-    knots: FloatArray
-    log_weights: FloatArray
-    members: IntArray
-    first: IntArray
-    shares: FloatArray | None
-
-    @staticmethod
-    def of(basis: RationalBasis, edge: int) -> _EdgeBasis:
-        shape = basis.domain
-        members = shape.edge_knots(edge)
-        weights = basis.log_weights[members]
-        knots, length = np.zeros(len(members)), 1.0
-        if shape.dimension == 2:
-            knots = shape.along(edge, shape.knots[members])
-            length = float(knots[-1])
-            knots = knots / length
-        # Copies of a knot act as one (Thm 4.1).
-        tolerance = shape.tolerance / length
-        first, shares = np.flatnonzero(np.diff(knots, prepend=-1.0) > tolerance), None
-        if len(first) < len(knots):
-            copies = np.repeat(np.arange(len(first)), np.diff(first, append=len(knots)))
-            shares = np.exp(weights - np.maximum.reduceat(weights, first)[copies])
-            total = np.add.reduceat(shares, first)
-            shares, weights = shares / total[copies], np.maximum.reduceat(weights, first) + np.log(total)
-            knots = knots[first]
-        return _EdgeBasis(knots, weights - (1 - knots) * weights[0] - knots * weights[-1], members, first, shares)
-
-    def curve(self, patch: Patch) -> Curve:
-        """The curve of a patch with this basis."""
-        points = patch.control_points[self.members]
-        if self.shares is not None:
-            points = np.add.reduceat(self.shares[:, None] * points, self.first)
-        return Curve(self.knots, self.log_weights, points)
+    """Return the curves of edges."""
+    return [edge_curve(patches[index], edge) for index, edge in refs]
 
 
 def edge_points_at(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

@@ -62,23 +62,11 @@ class Joint:
 class Joints:
     """Joints, and other edges, of a model.
 
-    Attributes
-    ----------
-    shared : tuple of Joint
-        Pairs of an edge and the first edge with the same curve.
-    open : tuple of EdgeRef
-        Edges that do not share their curve.
-    collapsed : tuple of EdgeRef
-        Edges whose control points all coincide; they are not part of a boundary.
-    crowded : tuple of tuple of EdgeRef
-        Curves shared by more than two edges: there the model is not a manifold.
-    almost : tuple of (EdgeRef, EdgeRef, float)
-        Open edges nearer than a hundredth of the smaller one's size, each with those nearest to it, and the largest
-        distance of their curves that was measured, in model units.
-    flipped : tuple of bool
-        True for patches whose orientation must be reversed to agree with their neighbours'.
-    one_sided : tuple of Joint
-        Joints at which orientations disagree for every choice of `flipped`.
+    `shared` are pairs of an edge and the first edge with the same curve, `open` edges do not share their curve, all
+    control points of `collapsed` edges coincide, and `crowded` are curves of more than two edges, where the model is no
+    manifold. `almost` are open edges nearer than a hundredth of the smaller one's size, each with those nearest to it,
+    and the largest distance of their curves that was measured, in model units. `flipped` says of which patches the
+    orientation must be reversed to agree with their neighbours'; at `one_sided` joints it disagrees for every choice.
     """
 
     shared: tuple[Joint, ...]
@@ -96,24 +84,15 @@ class Joints:
 
 
 def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
-    """Find the edges of patches that carry the same curve.
+    """Find the edges of patches, all curves (joined at their ends) or all surfaces, that carry the same curve.
 
     Two boundary curves have the same points at the same fractions of the linear parametrisation, in either direction,
     if their control points agree, an affine map takes the knots of one edge to those of the other, and the weights c ω
     differ only by factors κ e^{σ a}, which change nothing. Edges with the same ends but different data, such as a
     higher degree, are the same curve if this is proved: see `gtb_cli.theory.matching.equal`.
 
-    Parameters
-    ----------
-    patches : sequence of Patch
-        All curves (whose ends are joined if they coincide) or all surfaces.
-    weld : float, optional
-        Edges of surfaces that are measured to be within this distance of each other, in model units, are joined as
-        well, the nearest first: all edges that become one were within it. Edges up to this size count as points.
-
-    Notes
-    -----
-    O(n log n) for n edges, unless more than a few have the same ends.
+    Edges of surfaces that are measured to be within the distance `weld` of each other, in model units, are joined as
+    well, the nearest first: all edges that become one were within it. Edges up to this size count as points.
     """
     dimensions = {patch.dimension for patch in patches}
     if len(dimensions) != 1:
@@ -238,7 +217,7 @@ def _compared(one: Curve, other: Curve, tolerance: float, weld: float) -> _Compa
     """Compare two curves in the directions in which their ends are near."""
     most, nearest = (
         max(ALMOST * min(one.size, other.size), tolerance, weld),
-        _Comparison(Match(np.inf, False, True, np.empty((2, 0))), False),
+        _Comparison(Match(np.inf, False, True), False),
     )
     for turned, curve in ((False, other), (True, other.reversed())):
         if np.abs(one.ends - curve.ends).max() > most:

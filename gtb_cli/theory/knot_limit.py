@@ -142,19 +142,9 @@ class Film:
     coordinates s + τ/ε outwards tend to those of the knots on F with the weights ``c_i ω_i ∏_j z_j^{η_ij}``. Here z_j =
     e^{−τ_j} runs from 1, the merged patch's boundary, to 0, the fixed boundary.
 
-    Attributes
-    ----------
-    face : Face
-        F.
-    members : (k,) int
-        The knots that end on F.
-    speeds : (k, g) float
-        η for the g facets that meet in F, in units of the smallest positive speed of each facet.
-    along : (k,) or None
-        Coordinates along the edge of the ends of the paths; None if F is a corner, or an end of a curve.
-    log_products : (k,) float
-        log(c_i ω_i).
-    control_points : (k, 3) float
+    F is `face`, and `members` are the (k,) knots that end on it. `speeds` are (k, g), η for the g facets that meet in
+    F, in units of the smallest positive speed of each. `along` are (k,) coordinates along the edge of the ends of the
+    paths, or None if F is a corner, or an end of a curve.
     """
 
     face: Face
@@ -166,16 +156,13 @@ class Film:
 
     def section(self, z: float) -> Patch:
         """The curve at level z of the film of an edge."""
-        if self.along is None:
-            raise DomainError("the film of a corner has no sections")
+        assert self.along is not None, "the film of a corner has no sections"
         log_weights = self.log_weights(np.array([[z]]))[0]
         here = np.isfinite(log_weights)
         return Patch(self.along[here], self.control_points[here], log_weights=log_weights[here])
 
     def points(self, z: ArrayLike) -> FloatArray:
         """(m, 3) points at (m, g) levels z of the film of a corner or end."""
-        if self.along is not None:
-            raise DomainError("the film of an edge consists of sections")
         logs = self.log_weights(np.asarray(z, dtype=np.float64))
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         return np.asarray(weights @ self.control_points / weights.sum(axis=1, keepdims=True))
@@ -189,15 +176,7 @@ class Film:
 
 @frozen
 class KnotLimit:
-    """The limit of patches whose knots move to others. Made by `knot_limit`.
-
-    Attributes
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-    targets : (n,) int
-        The knot at whose place each knot ends.
-    """
+    """The limit of patches whose knots move to others, each to the place of its one of (n,) `targets`."""
 
     patch: Patch
     moves: Mapping[int, int]
@@ -234,29 +213,12 @@ class KnotLimit:
 
 
 def knot_limit(patch: Patch, moves: Mapping[int, int]) -> KnotLimit:
-    """Find the limit of a patch as knots move to the places of others, along lines and all at once.
+    """Find the limit of a patch as knots move to the places of others, along lines and all at once; see `merge_knots`.
 
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        See `merge_knots`.
-
-    Raises
-    ------
-    DomainError
-        See `merge_knots`.
-
-    Notes
-    -----
     A knot that moves to the boundary from inside does not count there until it arrives: the boundary stays the same,
     while the patches tend, inside, to a patch with another boundary. The Hausdorff limit is the merged patch together
     with a film between the two boundaries: a segment at the end of a curve (a curve if several knots arrive there), a
-    membrane at an edge.
-
-    References
-    ----------
-    Thm 3.1, Thm 4.1, which state only the merged patch as the limit; Ex. 4.2.
+    membrane at an edge. Thm 3.1 and Thm 4.1 state only the merged patch as the limit; Ex. 4.2.
     """
     return KnotLimit(patch, dict(moves), ends_of_moves(patch, moves))
 

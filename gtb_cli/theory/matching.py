@@ -13,33 +13,23 @@ from gtb_cli.values import frozen
 class Match:
     """Points of one curve at those of another one, which runs in the same direction.
 
-    Attributes
-    ----------
-    distance : float
-        A bound of the distance between corresponding points if `proved`, otherwise the largest one that was measured.
-    proved : bool
-        True if the curves are equal: all their points are within the tolerance that was asked for.
-    even : bool
-        True if equal fractions correspond.
-    places : (2, k) float
-        Fractions of both curves, ascending from 0 to 1, that correspond.
-    torus : (2,) float, or None
-        (α, β) if torus coordinates s and α s + β correspond, so that other fractions need not be searched for.
+    If `proved`, the curves are equal, and `distance` is a bound of that between corresponding points; otherwise it is
+    the largest one that was measured. `even` says that equal fractions correspond. Other matches have (2, k) `places`,
+    ascending fractions of both curves from 0 to 1, or (α, β) if torus coordinates s and α s + β correspond.
     """
 
     distance: float
     proved: bool
     even: bool
-    places: FloatArray
+    places: FloatArray | None = None
     torus: FloatArray | None = None
 
     def carried(self, one: Curve, other: Curve, fractions: FloatArray, *, back: bool = False) -> FloatArray:
         """(m,) fractions of the second curve at (m,) fractions of the first one; `back`, the other way round."""
         if self.even:
             return fractions
-        ours, theirs = self.places
         if back:
-            one, other, ours, theirs = other, one, theirs, ours
+            one, other = other, one
         result, inside = np.clip(fractions, 0.0, 1.0), (fractions > 0) & (fractions < 1)
         t = fractions[inside]
         if self.torus is not None:
@@ -47,6 +37,8 @@ class Match:
             s = one.moments.inverse(t[:, None])
             result[inside] = other.moments((s - shift) / scale if back else s * scale + shift)[:, 0]
         else:
+            assert self.places is not None, "curves correspond evenly, by torus coordinates, or by places"
+            ours, theirs = self.places[::-1] if back else self.places
             after = np.searchsorted(ours, t, side="right")
             low, high = theirs[np.maximum(after - 2, 0)], theirs[np.minimum(after + 1, len(ours) - 1)]
             result[inside] = other.nearest(one.points_at(t), np.interp(t, ours, theirs), low, high)[0]
@@ -58,9 +50,6 @@ def equal(one: Curve, other: Curve, tolerance: float) -> Match | None:
 
     Curves P and Q with Q(α s + β) = P(s), as after a change of degree, of weights by κ e^{σ a} or of knots by an affine
     map, are recognised by the control points of their difference; parts of a line by control points on it.
-
-    Notes
-    -----
     ``P(s) − Q(α s + β)`` is itself a rational curve: its knots are a_i + α b_j, its weights w_i v_j e^{β b_j}, its
     control points p_i − q_j, and those of equal knots act as one (Thm 4.1). Exponentials are linearly independent, so
     that the difference is 0 if, and only if, these control points all are; and it is nowhere longer than the longest
@@ -76,13 +65,13 @@ def equal(one: Curve, other: Curve, tolerance: float) -> Match | None:
             distance, fractions, step = _difference(one, other, scale, shift)
             if distance <= tolerance:
                 even = bool(fractions <= CURVE_TOLERANCE * np.diff(one.knots).min())
-                return Match(distance, True, even, _torus_places(one, other, scale, shift), np.array([scale, shift]))
+                return Match(distance, True, even, torus=np.array([scale, shift]))
             if not distance < least / 2:
                 break
             least, shift = distance, shift - step
     uneven = [_unevenness(curve, one.ends, tolerance / 2) for curve in (one, other)]
     if sum(uneven) <= tolerance:
-        return Match(tolerance, True, True, np.tile([0.0, 1.0], (2, 1)))
+        return Match(tolerance, True, True)
     found = measured(one, other, tolerance) if sum(uneven) < np.inf else None
     return found and Match(tolerance, True, False, found.places)
 
@@ -152,13 +141,6 @@ def _longest(
     return bounds[0], bounds[1]
 
 
-def _torus_places(one: Curve, other: Curve, scale: float, shift: float) -> FloatArray:
-    places = _fractions(one)
-    s = one.moments.inverse(places[1:-1, None])
-    there = other.moments(s * scale + shift)[:, 0]
-    return np.array([places, np.concatenate([[0.0], there, [1.0]])])
-
-
 def _unevenness(curve: Curve, ends: FloatArray, tolerance: float) -> float:
     """Return how far control points of a straight curve are from their knots' fractions of it; infinite if it is none.
 
@@ -196,7 +178,7 @@ def beside(one: Curve, other: Curve, reach: float, most: float) -> Match:
     """
     places = distinct(np.concatenate([_fractions(one), _fractions(other)]))
     gaps = one.points_between(places) - other.points_between(places)
-    even = Match(float(np.linalg.norm(gaps, axis=1).max()), False, True, np.array([places, places]))
+    even = Match(float(np.linalg.norm(gaps, axis=1).max()), False, True)
     ends = float(np.linalg.norm(one.ends - other.ends, axis=1).max())  # no points can correspond at a lesser distance
     if even.distance <= max(reach, 1.001 * ends) or np.abs(one.ends - other.ends).max() > most:
         return even

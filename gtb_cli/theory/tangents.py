@@ -1,7 +1,5 @@
 """Unit tangents of a curve, with their limits at its ends."""
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -17,46 +15,22 @@ from gtb_cli.theory.patch import Patch
 
 
 def tangents(patch: Patch, t: ArrayLike, parametrization: Parametrization = "toric") -> FloatArray:
-    """Unit tangents of a curve, in the direction of increasing parameters.
+    """(…, 3) unit tangents of a curve at (…) or (…, 1) parameters, in the direction of increasing ones.
 
-    Parameters
-    ----------
-    patch : Patch
-        A curve.
-    t : (…) or (…, 1) float
-        Parameters of either parametrisation.
-
-    Returns
-    -------
-    (…, 3) float
-        Unit vectors; NaN where the derivative vanishes. At an end they are limits: the direction from its control point
-        to the nearest knot's different control point, where repeated knots count with their mean.
-
-    Raises
-    ------
-    DomainError
-        The patch is a surface, or a parameter lies outside Δ.
-
-    References
-    ----------
-    Property (c) of GT-Bézier curves, eq. 302; its lengths depend on k_0 and k_1, but the directions do not.
+    They are NaN where the derivative vanishes. At an end they are limits: the direction from its control point to the
+    nearest knot's different control point, where repeated knots count with their mean (property (c) of GT-Bézier
+    curves, eq. 302). `DomainError` is raised for a surface, and for a parameter outside Δ.
     """
-    columns, grid = patch.domain.grid(t)
-    found = tangents_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
-    return found.reshape(*grid, 3)
-
-
-def tangents_at(patch: Patch, where: Iterable[Location], count: int) -> FloatArray:
-    """(count, 3) unit tangents, like `tangents`, at locations found by any parametrisation."""
     if patch.dimension != 1:
         raise DomainError("tangents: a surface has many at a point, expected a curve")
-    result = np.empty((count, 3))
-    for location in where:
+    columns, grid = patch.domain.grid(t)
+    result = np.empty((len(columns), 3))
+    for location in patch.rational_basis.locations(columns, parametrization):
         if location.face.is_corner:
             result[location.rows] = _at_end(patch, location.face.index)
         else:
             result[location.rows] = _inside(patch, location)
-    return result
+    return result.reshape(*grid, 3)
 
 
 def _inside(patch: Patch, location: Location) -> FloatArray:

@@ -8,7 +8,6 @@ from scipy.special import softmax
 
 from gtb_cli.assembly.openings import meeting
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.knots.domain import Domain
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory import joints as room
 from gtb_cli.theory.edges import Curve
@@ -221,13 +220,3 @@ def test_curves_that_touch_and_meet_are_those_that_all_pairs_show(seed):
     met = [(i, j) for i, others in enumerate(meeting(curves, 0.01)) for j in others]
     assert [(i, j) for i, j in met if i < j] == [pair for pair, is_near in zip(pairs, near, strict=True) if is_near]
     assert sorted((j, i) for i, j in met) == met
-
-
-def test_patches_with_one_basis_share_their_edges_knots(monkeypatch):
-    made = []
-    edge_knots = Domain.edge_knots
-    monkeypatch.setattr(Domain, "edge_knots", lambda *args: made.append(args) or edge_knots(*args))
-    first = Patch(SQUARE, SQUARE)
-    row = [first.replace(control_points=first.control_points + np.array([k, 0.0, 0.0])) for k in range(20)]
-    assert len(find_joints(row).shared) == 19
-    assert len(made) == 4

@@ -430,15 +430,6 @@ def test_films_span_from_the_boundary_that_stays_to_the_merged_one(patch, moves)
                 np.testing.assert_allclose(*points, atol=1e-11)
 
 
-def test_sections_are_of_edges_only():
-    film = knot_limit(irrational_curve(), {1: 0}).films[0]
-    with pytest.raises(DomainError, match="no sections"):
-        film.section(0.5)
-    film = knot_limit(spec("example-4.2"), {3: 1}).films[0]
-    with pytest.raises(DomainError, match="consists of sections"):
-        film.points([[0.5]])
-
-
 def torus_points(patch: Patch, count: int, rng: np.random.Generator) -> np.ndarray:
     """Points of a patch at torus coordinates of all magnitudes and directions, straight from the definition."""
     d = patch.dimension
