@@ -17,7 +17,6 @@ from gtb_cli.knots.hull import depth_in
 from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.sequences.film import film_mesh
 from gtb_cli.sequences.sequence import degeneration_sequence
-from gtb_cli.tessellation import refinement
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.degeneration import degenerate, regular_control_surface
 from gtb_cli.theory.knot_limit import knot_limit, merge_knots, move_knots
@@ -457,15 +456,6 @@ def test_the_limit_as_a_set_is_the_merged_patch_with_its_films(patch, moves):
     assert farthest[0] > 2 * farthest[1]
     assert farthest[2] < 3e-3  # chords of the meshes
     assert farthest[3] > 5 * farthest[2]
-
-
-def test_cells_of_members_are_no_flatter_than_the_patch_they_belong_to(monkeypatch):
-    """A cell of three knots is a flat patch; the curved one, of which it only says where its points lie, is not."""
-    patch = spec("example-4.4")
-    asked = []
-    monkeypatch.setattr(refinement, "is_flat", lambda shape, tolerance: asked.append(len(shape.knots)) or False)
-    degeneration_sequence(patch, [5], tolerance=5)
-    assert asked.count(len(patch.knots)) in (5, 10, 15)  # the whole patch, in each pass once for each cell of the limit
 
 
 @pytest.mark.parametrize("name", ["example-4.4", "example-3.4", "pentagon"])
