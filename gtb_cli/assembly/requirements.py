@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from gtb_cli.errors import DomainError, RequirementError
@@ -13,32 +14,24 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-SMOOTH_PREFIX = "smooth:"  # prefix of a requirement that ends with an angle in degrees, as in ``smooth:1deg``
-
 
 def requirements(words: Sequence[str]) -> dict[str, float]:
     """Read requirements: the name of each, with the angle of "smooth" in degrees, and 0 for the others.
 
-    Raises
-    ------
-    DomainError
-        A word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
+    Raises `DomainError` if a word is none of "watertight", "solid", "unfolded" and "smooth:ANGLE".
     """
     found = {}
     for word in words:
-        angle = 0.0
-        name = word
-        if word.startswith(SMOOTH_PREFIX):
-            name = "smooth"
-            text = word.removeprefix(SMOOTH_PREFIX).removesuffix("deg").strip()
-            try:
-                angle = math.nan if "_" in text or not text.isascii() else float(text)
-            except ValueError:
-                angle = math.nan
-            if not 0 <= angle <= 180:
-                raise DomainError(f"require: expected an angle in degrees, as in smooth:1deg, got {word!r}")
-        elif word not in ("watertight", "solid", "unfolded"):
-            raise DomainError(f"require: expected watertight, solid, unfolded or smooth:1deg, got {word!r}")
+        name, _, text = word.partition(":")
+        angle = math.nan
+        if word in ("watertight", "solid", "unfolded"):
+            angle = 0.0
+        elif name == "smooth" and "_" not in text:
+            with suppress(ValueError):
+                angle = float(text.removesuffix("deg"))
+        if not 0 <= angle <= 180:
+            expected = "watertight, solid, unfolded, or an angle in degrees, as in smooth:1deg"
+            raise DomainError(f"require: expected {expected}, got {word!r}")
         found[name] = angle
     return found
 
@@ -46,24 +39,10 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
 def require(
     words: Sequence[str], spec: Patch | Model, mesh: Mesh, surface: Mesh | None = None, folds: Sequence[str] = ()
 ) -> None:
-    """Refuse a model or mesh without the required properties.
+    """Raise `RequirementError`, with a line for each edge or place, unless the required properties are there.
 
-    Parameters
-    ----------
-    words : sequence of str
-        See `requirements`.
-    spec : Patch or Model
-    mesh : Mesh
-        The mesh that must be watertight or solid.
-    surface : Mesh, optional
-        The mesh that must be unfolded: the one from which a tube or solid was made. Default: `mesh`.
-    folds : sequence of str
-        Known folds and crossings of the tube or solid, one line each.
-
-    Raises
-    ------
-    RequirementError
-        A requirement is not met; the message has a line for each edge or place.
+    `mesh` must be watertight or solid, `surface`, from which a tube or solid was made, unfolded (default: `mesh`), and
+    `folds` are known folds and crossings of the tube or solid, one line each.
     """
     asked = requirements(words)
     lines = []

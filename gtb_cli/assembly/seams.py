@@ -1,20 +1,21 @@
 """Seams of a model: how smoothly patches meet along the edges that they share."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, cross
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import Domain
+from gtb_cli.knots.face import Face
 from gtb_cli.moment.torus import block_length
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.edges import EdgeRef, edge_name
-from gtb_cli.theory.joints import Joint
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.normals import NormalField, on_edge
 from gtb_cli.theory.parametrization import LinearParametrization, RationalBasis
@@ -25,14 +26,12 @@ SEAM_PLACES = 49  # along each seam, denser near its ends, which are left out: c
 MAX_CREASE_DEGREES = 1.0  # angle up to which curvatures across a seam are compared; beyond it the seam is a crease
 
 
-@frozen
-class _Rim:
-    """The rim of one of two patches, at places along a seam."""
+class _Rim(NamedTuple):
+    """The rim of one of two patches at places along a seam, with −1 as sign of a flipped patch."""
 
     patch: Patch
-    edge: int
+    sign: float
     place: Location
-    is_flipped: bool
 
 
 @frozen
@@ -94,89 +93,69 @@ def joints(model: Model) -> tuple[Seam, ...]:
         return ()
     t = (1 - np.cos(np.pi * (np.arange(SEAM_PLACES) + 0.5) / SEAM_PLACES)) / 2
     shared = model.joints.shared
-    rims = _rims(model, [use for joint in shared for use in _uses(model, joint, t)])
-    normals = _normals(rims)
+    uses = [use for joint in shared for use in ((joint.first, t), (joint.second, joint.across(model.patches, t)))]
+    rims, normals = _rims(model, uses)
     ours, theirs = normals[::2], normals[1::2]
     sines = np.linalg.norm(cross(ours.reshape(-1, 3), theirs.reshape(-1, 3)), axis=1).reshape(ours.shape[:2])
     angles = np.degrees(np.arctan2(sines, (ours * theirs).sum(axis=2)))
     worst = np.where(np.isfinite(angles), angles, -1.0).argmax(axis=1)
     return tuple(
-        Seam(joint.first, joint.second, float(row[k]), int(k), row <= MAX_CREASE_DEGREES, (one, other))
-        for joint, row, k, one, other in zip(shared, angles, worst, rims[::2], rims[1::2], strict=True)
+        Seam(
+            joint.first, joint.second, float(row[k]), int(k), row <= MAX_CREASE_DEGREES, (rims[2 * i], rims[2 * i + 1])
+        )
+        for i, (joint, row, k) in enumerate(zip(shared, angles, worst, strict=True))
     )
 
 
-def _uses(model: Model, joint: Joint, t: FloatArray) -> list[tuple[EdgeRef, FloatArray]]:
-    """Return both edges of a joint with their fractions at the same points."""
-    return [(joint.first, t), (joint.second, joint.across(model.patches, t))]
-
-
 def bends(seams: Sequence[Seam]) -> list[float]:
-    """`Seam.bend` of each seam, sooner than one by one."""
-    sides = [rim for seam in seams if seam._smooth.any() for rim in seam._rims]
-    mean = _together(sides, lambda patches, places: curvatures_at(patches, places, SEAM_PLACES).mean)
+    """`Seam.bend` of each seam: rims at the same places of one basis are measured together."""
+    alike: dict[tuple[RationalBasis, Face, bytes], list[_Rim]] = {}
+    for rim in (rim for seam in seams if seam._smooth.any() for rim in seam._rims):
+        alike.setdefault((rim.patch.rational_basis, rim.place.face, rim.place.s.tobytes()), []).append(rim)
+    mean: dict[int, FloatArray] = {}
+    for rims in alike.values():
+        step = max(1, block_length(len(rims[0].patch.knots)) // SEAM_PLACES)
+        for begin in range(0, len(rims), step):
+            part = rims[begin : begin + step]
+            found = curvatures_at([rim.patch for rim in part], [part[0].place], SEAM_PLACES).mean
+            mean |= {id(rim): rim.sign * values for rim, values in zip(part, found, strict=True)}
 
     def bend(seam: Seam) -> float:
         if not seam._smooth.any():
             return math.nan
-        ours, theirs = (mean[rim] for rim in seam._rims)
+        ours, theirs = (mean[id(rim)] for rim in seam._rims)
         across = 2 * np.abs(ours - theirs)[seam._smooth]
         return float(across[np.isfinite(across)].max()) if np.isfinite(across).any() else math.nan
 
     return [bend(seam) for seam in seams]
 
 
-def _together(
-    sides: Sequence[_Rim], function: Callable[[Sequence[Patch], Sequence[Location]], FloatArray]
-) -> dict[_Rim, FloatArray]:
-    """Mean curvatures of sides: those at the same places of one basis are computed together."""
-    alike: dict[int, list[_Rim]] = {}
-    for side in dict.fromkeys(sides):
-        alike.setdefault(id(side.place), []).append(side)
-    result: dict[_Rim, FloatArray] = {}
-    for group in alike.values():
-        step = max(1, block_length(len(group[0].patch.knots)) // SEAM_PLACES)
-        for begin in range(0, len(group), step):
-            part = group[begin : begin + step]
-            found = function([side.patch for side in part], [part[0].place])
-            result |= {side: -values if side.is_flipped else values for side, values in zip(part, found, strict=True)}
-    return result
-
-
-def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> list[_Rim]:
-    """Locate the fractions of edges, all of those of one domain together; equal ones of one basis share a location."""
-    keys = [(model.patches[patch].rational_basis, edge, t.tobytes()) for (patch, edge), t in uses]
-    alike: dict[tuple[Domain, int], dict[tuple[RationalBasis, int, bytes], FloatArray]] = {}
-    for key, (_, t) in zip(keys, uses, strict=True):
-        alike.setdefault((key[0].domain, key[1]), {})[key] = t
-    places: dict[tuple[RationalBasis, int, bytes], Location] = {}
-    for (shape, edge), found in alike.items():
-        face, t = shape.faces.edge(edge), np.concatenate(list(found.values()))[:, None]
-        first, last = shape.vertices[edge], shape.vertices[(edge + 1) % len(shape.vertices)]
-        linear = LinearParametrization(shape, np.array([basis.log_weights for basis, _, _ in found]))
-        numbers = np.repeat(np.arange(len(found)), SEAM_PLACES)
-        (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=numbers)
-        for key, s in zip(found, np.split(whole.s, len(found), axis=1), strict=True):
-            places[key] = Location(slice(0, SEAM_PLACES), face, whole.knots, s)
-    flipped = model.joints.flipped
-    return [
-        _Rim(model.patches[patch], edge, places[key], flipped[patch])
-        for ((patch, edge), _), key in zip(uses, keys, strict=True)
-    ]
-
-
-def _normals(rims: Sequence[_Rim]) -> FloatArray:
-    """(q, m, 3) unit normals of rims, those on one edge of one domain together."""
+def _rims(model: Model, uses: Sequence[tuple[EdgeRef, FloatArray]]) -> tuple[dict[int, _Rim], FloatArray]:
+    """Rims at fractions of edges, and (q, m, 3) unit normals there, those on one edge of one domain together."""
     alike: dict[tuple[Domain, int], list[int]] = {}
-    for number, rim in enumerate(rims):
-        alike.setdefault((rim.patch.domain, rim.edge), []).append(number)
-    result = np.empty((len(rims), SEAM_PLACES, 3))
+    for number, ((index, edge), _) in enumerate(uses):
+        alike.setdefault((model.patches[index].domain, edge), []).append(number)
+    rims, normals = {}, np.empty((len(uses), SEAM_PLACES, 3))
     for (shape, edge), numbers in alike.items():
+        face, first, last = (
+            shape.faces.edge(edge),
+            shape.vertices[edge],
+            shape.vertices[(edge + 1) % len(shape.vertices)],
+        )
         step = max(1, block_length(len(shape.knots)) // SEAM_PLACES)
         for begin in range(0, len(numbers), step):
             some = numbers[begin : begin + step]
-            part = [rims[number] for number in some]
-            fields = [NormalField(shape, rim.patch.log_products, rim.patch.control_points) for rim in part]
-            signs = np.array([-1.0 if rim.is_flipped else 1.0 for rim in part])[:, None, None]
-            result[some] = signs * on_edge(fields, edge, np.concatenate([rim.place.s for rim in part]))
-    return result
+            indices = [uses[number][0][0] for number in some]
+            part = [model.patches[index] for index in indices]
+            t = np.concatenate([uses[number][1] for number in some])[:, None]
+            linear = LinearParametrization(shape, np.array([patch.log_products for patch in part]))
+            which = np.repeat(np.arange(len(part)), SEAM_PLACES)
+            (whole,) = linear.locations(first + t * (last - first), np.full(len(t), face.number), numbers=which)
+            s = whole.s.reshape(len(part), SEAM_PLACES)
+            fields = [NormalField(shape, patch.log_products, patch.control_points) for patch in part]
+            signs = np.array([-1.0 if model.joints.flipped[index] else 1.0 for index in indices])
+            normals[some] = signs[:, None, None] * on_edge(fields, edge, s)
+            for number, patch, sign, row in zip(some, part, signs.tolist(), s, strict=True):
+                place = Location(slice(0, SEAM_PLACES), face, whole.knots, row[None])
+                rims[number] = _Rim(patch, sign, place)
+    return rims, normals

@@ -116,7 +116,7 @@ def linear_precision(probe: Probe) -> Finding:
 
 def linear_precision_of_linear(probe: Probe) -> Finding:
     """Compare the patch with its knots as control points, in the linear parametrisation, with the identity."""
-    domain, p = probe.patch.domain, probe.u[:: -(-len(probe.u) // 300)]
+    domain, p = probe.patch.domain, probe.u[:: -(-len(probe.u) // 100)]
     knots, expected = (
         np.pad((places - domain.center) / domain.size, [(0, 0), (0, 3 - domain.dimension)])
         for places in (domain.knots, p)
