@@ -6,12 +6,12 @@ a sharp turn has several rings, like a fan.
 """
 
 import math
-from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, IntArray, cross, dot
+from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, dot
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.paths import MIN_SEGMENT_ROUNDINGS, MIN_TANGENT_COSINE, Path, paths
@@ -37,74 +37,48 @@ def tube(
     tangents: FloatArray | None = None,
     max_faces: int = MAX_FACES,
 ) -> Mesh:
-    """Sweep a circle along a polyline.
+    """Sweep a circle of a radius along a polyline, or along several.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        A polyline, or several.
-    radius : float
-        Radius of the circle, in model units.
-    sides : int, optional
-        Vertices of each ring, at least 3.
-    tolerance : float, optional
-        Largest distance between the circle and its polygon, instead of `sides`; and between the tube and points at
-        `radius` from the polyline, by tangents and mitres. Without either, a ring has `RING_SIDES` sides.
-    tangents : (k, 2, 3) float, optional
-        Unit tangents of the curve at both ends of each segment, as `curve_tangents` returns them; NaN where undefined.
-        Without them, the directions of the segments are used.
-    max_faces : int
-        A tube with more triangles is refused before it is made.
+    A ring has `sides` vertices, or so many that its polygon is within `tolerance` of the circle; else `RING_SIDES`. The
+    tube is then within the tolerance of the points at `radius` from the polyline, by tangents and mitres. Given
+    tangents are (k, 2, 3) unit vectors at both ends of each segment, as `curve_tangents` returns them, NaN where
+    undefined; without them, the directions of the segments are used.
 
-    Returns
-    -------
-    Mesh
-        Closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one group if
-        there are several. The tube is a ring if the ends of the polyline coincide; otherwise it has flat caps.
-        Attributes are those of the curve.
+    The mesh is closed, with outward unit normals. Each polyline between ends or branchings makes one tube, and one
+    group if there are several. The tube is a ring if the ends of the polyline coincide; otherwise it has flat caps,
+    with normals of their own. Attributes are those of the curve.
 
-    Raises
-    ------
-    DomainError
-        The mesh is not a polyline, a polyline is a single point, or a number is out of range.
-    ToleranceError
-        The tube would have too many triangles.
+    Raises `DomainError` if the mesh is not a polyline, a polyline is a single point, or the radius is below rounding,
+    and `ToleranceError` if the tube would have more than `max_faces` triangles.
 
     Notes
     -----
     A turn at a vertex is mitred, and a turn of more than 90° is mitred in two steps, so that no vertex is farther than
     √2 radii from the curve. With a tolerance, as many steps are taken as it needs, outside the bend; and the direction
     of a segment replaces a tangent at an angle φ to it if the tube, ``radius (1 − cos φ)`` thin there, would not hold
-    it. The frame comes from double reflection; its error is of fourth order in the length of
-    segments. The frame of a closed tube misses itself by an angle; this angle, less whole sides, is spread over the
-    length. If the curve bends more sharply than the radius, the tube meets itself: see `folded_segments`. Caps have
-    normals of their own.
-
-    References
-    ----------
-    W. Wang, B. Jüttler, D. Zheng, Y. Liu, Computation of rotation minimizing frames, ACM Trans. Graph. 27 (2008).
+    it. The frame comes from double reflection; its error is of fourth order in the length of segments (W. Wang et al.,
+    Computation of rotation minimizing frames, ACM Trans. Graph. 27, 2008). The frame of a closed tube misses itself by
+    an angle; this angle, less whole sides, is spread over the length. If the curve bends more sharply than the radius,
+    the tube meets itself: see `folded_segments`.
     """
-    _check(mesh, radius, tangents)
     count = ring_size(radius, tolerance) if sides is None else sides
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 3:
-        raise DomainError(f"sides: expected a whole number of at least 3, got {sides!r}")
-    _refuse_too_many(len(mesh.cells), int(count), max_faces)
-    planned = [
-        (path, _sections(path, radius, tolerance)) for path in paths(mesh, tangents, least_cosine(radius, tolerance))
-    ]
-    _refuse_too_many(sum(len(sections.at) - (not path.closed) for path, sections in planned), int(count), max_faces)
-    sweeps = [_sweep(path, sections, radius, int(count)) for path, sections in planned]
-    first = np.cumsum([0, *(len(sweep.vertices) for sweep in sweeps)]).tolist()
-    breaks = np.cumsum([0, *(len(sweep.cells) for sweep in sweeps)]).tolist()
-    names = [_name(mesh, path) for path, _ in planned]
-    owner = np.concatenate([sweep.owners for sweep in sweeps])
+    planned = _planned(mesh, radius, tolerance, tangents)
+    along = sum(len(sections.at) - (not path.closed) for path, sections in planned)
+    if 2 * count * along > max_faces:
+        raise ToleranceError(
+            f"the tube would have {2 * count * along} faces, {count} around and {along} along, more than {max_faces}"
+        )
+    sweeps = [_sweep(path, sections, radius, count) for path, sections in planned]
+    vertices, vectors, owner = (np.concatenate(parts) for parts in list(zip(*sweeps, strict=True))[:3])
+    first = np.cumsum([0, *(len(sweep[0]) for sweep in sweeps)]).tolist()
     cells, rows = (
-        np.concatenate([part + start for part, start in zip(parts, first, strict=False)])
-        for parts in ([sweep.cells for sweep in sweeps], [sweep.normal_of for sweep in sweeps])
+        np.concatenate([sweep[k] + start for sweep, start in zip(sweeps, first, strict=False)]) for k in (3, 4)
     )
-    vectors = np.concatenate([sweep.normals for sweep in sweeps])
+    breaks = np.cumsum([0, *(len(sweep[3]) for sweep in sweeps)]).tolist()
+    starts = [int(path.segments[0]) for path, _ in planned]
+    names = [next((name for name, low, high in mesh.groups if low <= k < high), mesh.name) for k in starts]
     return Mesh(
-        np.concatenate([sweep.vertices for sweep in sweeps]),
+        vertices,
         cells,
         normals=lambda: normals_of_corners(cells, len(owner), vectors, rows),  # type: ignore[arg-type]
         groups=tuple(zip(names, breaks[:-1], breaks[1:], strict=True)) if len(names) > 1 else (),
@@ -117,91 +91,42 @@ def ring_size(radius: float, tolerance: float | None = None) -> int:
     """The number of sides of a polygon within `tolerance` of its circumscribed circle; by default `RING_SIDES`."""
     if tolerance is None:
         return RING_SIDES
-    if not tolerance > 0:
-        raise DomainError(f"tolerance: must be positive, got {tolerance!r}")
     # radius (1 − cos(π/n)) ≤ tolerance, without cancellation.
     half = math.asin(min(1.0, math.sqrt(tolerance / radius / 2)))
     return max(3, math.ceil(math.pi / (2 * half) * (1 - 4 * EPS)))
 
 
-def least_cosine(radius: float, tolerance: float | None) -> float:
-    """Least cosine of the angle of tangents with segments, so that a tube is not thinner than the tolerance."""
-    return MIN_TANGENT_COSINE if tolerance is None else max(MIN_TANGENT_COSINE, 1 - tolerance / radius)
-
-
 def folded_segments(
     mesh: Mesh, radius: float, *, tolerance: float | None = None, tangents: FloatArray | None = None
 ) -> IntArray:
-    """Segments beside which a tube runs backwards, because the radius of curvature is less than `radius`.
+    """(f,) segments, ascending, beside which a tube runs backwards, as the radius of curvature is less than `radius`.
 
     Parameters are those of `tube`. Distant parts of a tube that meet are not found.
-
-    Returns
-    -------
-    (f,) int
-        Indices of cells, ascending.
     """
-    _check(mesh, radius, tangents)
     found = [np.empty(0, dtype=np.int64)]
-    for path in paths(mesh, tangents, least_cosine(radius, tolerance)):
-        found.append(path.segments[_sweep(path, _sections(path, radius, tolerance), radius, RING_SIDES).folded])
+    for path, sections in _planned(mesh, radius, tolerance, tangents):
+        rings, _, shift = _rings(sections, radius, RING_SIDES)
+        ahead = _ahead(rings, shift, path.closed)
+        start = sections.at[: len(ahead)]
+        end = np.append(sections.at, 0)[1 : len(ahead) + 1]
+        chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]
+        steps = ahead - rings[: len(ahead)]
+        backwards = ((steps * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (end != start)
+        found.append(path.segments[start[backwards]])
     return np.unique(np.concatenate(found))
 
 
-def _check(mesh: Mesh, radius: float, tangents: FloatArray | None) -> None:
+def _planned(
+    mesh: Mesh, radius: float, tolerance: float | None, tangents: FloatArray | None
+) -> list[tuple[Path, "_Sections"]]:
     if not mesh.is_curve:
         raise DomainError("radius: expected a curve; a surface takes a thickness instead")
-    if not len(mesh.cells):
-        raise DomainError("radius: the curve has no segments")
-    if not (math.isfinite(radius) and radius > 0):
-        raise DomainError(f"radius: must be positive, got {radius!r}")
-    rounding = EPS * float(np.abs(mesh.vertices).max())
-    if not radius > MIN_SEGMENT_ROUNDINGS * rounding:
-        raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {rounding / EPS:.3g}")
-    if tangents is not None and tangents.shape != (len(mesh.cells), 2, 3):
-        raise DomainError(f"tangents: expected shape ({len(mesh.cells)}, 2, 3), got {tangents.shape}")
-
-
-def _refuse_too_many(along: int, around: int, max_faces: int) -> None:
-    triangles = 2 * around * along
-    if triangles > max_faces:
-        raise ToleranceError(
-            f"the tube would have {triangles} faces, {around} around and {along} along, more than {max_faces}"
-        )
-
-
-def _name(mesh: Mesh, path: Path) -> str:
-    """The name of the group of a path's first segment."""
-    first = int(path.segments[0])
-    return next((name for name, start, stop in mesh.groups if start <= first < stop), mesh.name)
-
-
-@frozen
-class _Sweep:
-    """A tube around one path.
-
-    Attributes
-    ----------
-    vertices, normals : (m, 3) float
-    owners : (m,) int
-        The vertex of the curve to which each vertex belongs.
-    cells : (k, 3) int
-    folded : (s,) bool
-        Segments of the path beside which the tube runs backwards.
-    """
-
-    vertices: FloatArray
-    normals: FloatArray
-    owners: IntArray
-    cells: IntArray
-    folded: BoolArray
-    is_capped: bool = False
-
-    @property
-    def normal_of(self) -> IntArray:
-        """(k, 3) vertices whose normals the corners have: in a cap, its centre, one of the last two."""
-        is_cap = self.is_capped & (self.cells >= len(self.vertices) - 2).any(axis=1, keepdims=True)
-        return np.where(is_cap, self.cells.max(axis=1, keepdims=True), self.cells)
+    largest = float(np.abs(mesh.vertices).max())
+    if not radius > MIN_SEGMENT_ROUNDINGS * EPS * largest:
+        raise DomainError(f"radius: {radius:g} is below the rounding of coordinates of size {largest:.3g}")
+    # A tube is not thinner than the tolerance where tangents have at least this cosine with segments.
+    least_cosine = MIN_TANGENT_COSINE if tolerance is None else max(MIN_TANGENT_COSINE, 1 - tolerance / radius)
+    return [(path, _sections(path, radius, tolerance)) for path in paths(mesh, tangents, least_cosine)]
 
 
 @frozen
@@ -254,30 +179,55 @@ def _sections(path: Path, radius: float, tolerance: float | None) -> _Sections:
     return _Sections(at, path.points[at], before, after, path.closed, fans)
 
 
-def _sweep(path: Path, sections: _Sections, radius: float, sides: int) -> _Sweep:
-    """A ring at each section of a path, a band of triangles between rings, and caps at the ends of an open path."""
-    angle, shift = _frame(sections, sides)
-    rings, normals = _rings(sections, radius, angle, sides)
-    index = np.arange(len(rings) * sides).reshape(-1, sides)
-    # Each ring with the next one; in a closed tube the last is followed by the first, `shift` sides ahead.
-    ahead = np.concatenate([index[1:], np.roll(index[:1], -shift, axis=1)]) if path.closed else index[1:]
-    behind = index[: len(ahead)]
-    tube = _Sweep(
+def _sweep(
+    path: Path, sections: _Sections, radius: float, sides: int
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray, IntArray]:
+    """A ring at each section of a path, a band of triangles between rings, and caps at the ends of an open path.
+
+    Returns (m, 3) vertices and normals, (m,) vertices of the curve to which they belong, (k, 3) cells, and (k, 3)
+    vertices whose normals the corners have: in a cap, its centre.
+    """
+    rings, across, shift = _rings(sections, radius, sides)
+    vertices, normals, owners = (
         rings.reshape(-1, 3),
-        normals.reshape(-1, 3),
+        across.reshape(-1, 3),
         np.repeat(path.vertices[sections.at], sides),
-        _bands(behind, ahead),
-        _folded(path, sections, rings.reshape(-1, 3)[ahead] - rings.reshape(-1, 3)[behind]),
     )
+    index = np.arange(len(vertices)).reshape(-1, sides)
+    ahead = _ahead(index, shift, path.closed)
+    behind = index[: len(ahead)]
+    b, c = np.roll(behind, -1, axis=1), np.roll(ahead, -1, axis=1)
+    cells = np.stack([behind, b, c, behind, c, ahead], axis=2).reshape(-1, 3)
+    rows = cells
     if not path.closed:
-        tube = _capped(tube, path, sections, sides)
+        (first, last), count = index[[0, -1]], len(vertices)
+        caps = [(count, np.roll(first, -1), first), (count + 1, last, np.roll(last, -1))]
+        vertices = np.concatenate([vertices, sections.centers[[0, -1]]])
+        normals = np.concatenate([normals, -sections.before[:1], sections.after[-1:]])
+        owners = np.concatenate([owners, path.vertices[[0, -1]]])
+        cells = np.concatenate([cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)])
+        rows = np.concatenate([rows, np.repeat([count, count + 1], sides)[:, None].repeat(3, axis=1)])
+    # The rings of a sharp turn may share vertices; triangles between these vanish.
     twins = np.flatnonzero(np.diff(sections.at) == 0)
     met = np.linalg.norm(rings[twins + 1] - rings[twins], axis=2) <= ZERO_TOLERANCE * radius
-    return _joined(tube, np.stack([index[twins][met], index[twins + 1][met]], axis=1)) if len(twins) else tube
+    if met.any():
+        label = merged(len(vertices), np.stack([index[twins][met], index[twins + 1][met]], axis=1))
+        cells, rows = label[cells], label[rows]
+        proper = are_proper(cells)
+        used, cells = compacted(cells[proper])
+        rows = np.searchsorted(used, rows[proper])
+        vertices, normals, owners = vertices[used], normals[used], owners[used]
+    return vertices, normals, owners, cells, rows
 
 
-def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) -> tuple[FloatArray, FloatArray]:
-    """(m, sides, 3) vertices of the rings, and their normals."""
+def _ahead(rings: FloatArray | IntArray, shift: int, closed: bool) -> Any:
+    """Each ring's next one; in a closed tube the last is followed by the first, `shift` sides ahead."""
+    return np.concatenate([rings[1:], np.roll(rings[:1], -shift, axis=1)]) if closed else rings[1:]
+
+
+def _rings(sections: _Sections, radius: float, sides: int) -> tuple[FloatArray, FloatArray, int]:
+    """(m, sides, 3) vertices of the rings, and their normals; and by how many sides the last one is ahead."""
+    angle, shift = _frame(sections, sides)
     turn = angle[:, None] + 2 * np.pi / sides * np.arange(sides)
     start = _perpendicular(sections.before)
     other = cross(sections.before, start)
@@ -293,7 +243,7 @@ def _rings(sections: _Sections, radius: float, angle: FloatArray, sides: int) ->
     rings[fan], normals[fan] = (
         np.where(ahead > 0, new, old[fan]) for new, old in zip(mitre, (rings, normals), strict=True)
     )
-    return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    return rings, normals / np.linalg.norm(normals, axis=2, keepdims=True), shift
 
 
 def _mitred(
@@ -304,47 +254,6 @@ def _mitred(
     ahead = (radial * after).sum(axis=2, keepdims=True)
     beyond = ahead / (1 + (before * after).sum(axis=2, keepdims=True))
     return centers[:, None] + radius * (radial - beyond * before), 2 * radial - beyond * (before + after), ahead
-
-
-def _bands(behind: IntArray, ahead: IntArray) -> IntArray:
-    """Two triangles for each side of each ring, between it and the ring ahead."""
-    b, c = np.roll(behind, -1, axis=1), np.roll(ahead, -1, axis=1)
-    return np.stack([behind, b, c, behind, c, ahead], axis=2).reshape(-1, 3)
-
-
-def _folded(path: Path, sections: _Sections, steps: FloatArray) -> BoolArray:
-    """(s,) true where a (rings, sides, 3) step from ring to ring along each segment of the path leads backwards."""
-    start = sections.at[: len(steps)]
-    end = np.append(sections.at, 0)[1 : len(steps) + 1]
-    chords = np.roll(path.points, -1, axis=0)[start] - path.points[start]
-    backwards = ((steps * chords[:, None]).sum(axis=2) <= 0).any(axis=1) & (end != start)
-    folded = np.zeros(len(path.segments), dtype=bool)
-    folded[start[backwards]] = True
-    return folded
-
-
-def _capped(tube: _Sweep, path: Path, sections: _Sections, sides: int) -> _Sweep:
-    """The tube with a vertex at each end, and triangles around it."""
-    count = len(tube.vertices)
-    first, last = np.arange(sides), np.arange(count - sides, count)
-    caps = [(count, np.roll(first, -1), first), (count + 1, last, np.roll(last, -1))]
-    return replace(
-        tube,
-        vertices=np.concatenate([tube.vertices, sections.centers[[0, -1]]]),
-        normals=np.concatenate([tube.normals, -sections.before[:1], sections.after[-1:]]),
-        owners=np.concatenate([tube.owners, path.vertices[[0, -1]]]),
-        cells=np.concatenate([tube.cells, *(np.stack(np.broadcast_arrays(*cap), axis=1) for cap in caps)]),
-        is_capped=True,
-    )
-
-
-def _joined(tube: _Sweep, pairs: IntArray) -> _Sweep:
-    """The tube with (c, 2) pairs of vertices merged, without the triangles that vanish."""
-    cells = merged(len(tube.vertices), pairs)[tube.cells]
-    used, cells = compacted(cells[are_proper(cells)])
-    return replace(
-        tube, vertices=tube.vertices[used], normals=tube.normals[used], owners=tube.owners[used], cells=cells
-    )
 
 
 def _frame(sections: _Sections, sides: int) -> tuple[FloatArray, int]:
