@@ -1,6 +1,7 @@
 """Two things that are meshes, or become meshes, compared: files of meshes, specs, patches and models."""
 
 import os
+from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property
@@ -8,9 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, bounds_of
+from gtb_cli.arrays import bounds_of
 from gtb_cli.distances.shapes import shape_distance
-from gtb_cli.errors import DomainError, GtbError
+from gtb_cli.errors import GtbError
 from gtb_cli.formats.meshfiles import decode_mesh, format_of, size_limit
 from gtb_cli.language.document import MAX_BYTES as MAX_SPEC_BYTES
 from gtb_cli.language.document import spec_format_of
@@ -33,20 +34,11 @@ Comparable: TypeAlias = Mesh | Shape
 
 @frozen
 class Operand:
-    """One of the two things that are compared.
-
-    Attributes
-    ----------
-    origin : KnownMesh, Patch or Model
-    recipe : Recipe
-        How to mesh what is not a mesh.
-    name : str
-        That of its file, for errors.
-    """
+    """One of the two things that are compared."""
 
     origin: KnownMesh | Patch | Model
-    recipe: Recipe
-    name: str = ""
+    recipe: Recipe  # for what is not a mesh
+    name: str = ""  # of its file, for errors
 
     @property
     def spec(self) -> Patch | Model | None:
@@ -152,7 +144,7 @@ def compared(
     if kind != "surface" or a.spec is None or b.spec is None:
         return difference(a.known, b.known, tolerance, kind, ignore)
     found = shape_distance(a.spec, b.spec)
-    bounds = [_bounds(spec) for spec in (a.spec, b.spec)]
+    bounds = [bounds_of(np.concatenate([patch.control_points for patch in spec.patches])) for spec in (a.spec, b.spec)]
     resolution = float(np.linalg.norm(np.sum([rounding(largest_coordinates(each)) for each in bounds], axis=0)))
     diagonal = min(float(np.linalg.norm(np.ptp(each, axis=0))) for each in bounds)
     asked, allowed = allowed_for(tolerance, diagonal, resolution)
@@ -166,17 +158,8 @@ def compared(
         diagonal=diagonal,
         forward=found.forward,
         backward=found.backward,
-        same_kind=_dimension(a.spec) == _dimension(b.spec),
+        same_kind=a.spec.patches[0].dimension == b.spec.patches[0].dimension,
     )
-
-
-def _bounds(spec: Patch | Model) -> FloatArray:
-    """(2, 3) bounds of the control points."""
-    return np.asarray(bounds_of(np.concatenate([patch.control_points for patch in spec.patches])))
-
-
-def _dimension(spec: Patch | Model) -> int:
-    return spec.patches[0].dimension
 
 
 def _operand(what: Comparable, recipe: Recipe) -> Operand:
@@ -200,13 +183,7 @@ def bytes_at_most(name: str, start: bytes) -> int:
 
 
 def decoded(data: bytes, name: str, recipe: Recipe, spec_format: Format | None = None) -> Operand:
-    """Read a mesh or a spec: what the content says, else the suffix of the name.
-
-    Raises
-    ------
-    GtbError
-        It is neither, or is damaged; the message has the name.
-    """
+    """Read a mesh or a spec: what the content says, else the suffix of the name; `GtbError` if it is neither."""
     suffix = suffix_of(name)
     kind = None if suffix in SPEC_FORMATS else format_of(data) or (suffix if suffix in FORMATS else None)
     if kind is not None:
@@ -222,11 +199,6 @@ def made_with(a: Operand, b: Operand) -> int | None:
         return None
     spec, wanted = (a.spec, len(b.known.mesh.cells)) if a.spec is not None else (b.spec, len(a.known.mesh.cells))
     assert spec is not None
-    low, high = 1, 4096  # segments of an edge
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if Recipe(middle).faces(spec) >= wanted else (middle + 1, high)
-    try:
-        return low if Recipe(low).faces(spec) == wanted else None
-    except DomainError:
-        return None
+    resolutions = range(1, 4097)  # segments of an edge
+    found = bisect_left(resolutions, wanted, key=lambda resolution: Recipe(resolution).faces(spec))
+    return resolutions[found] if found < 4096 and Recipe(resolutions[found]).faces(spec) == wanted else None

@@ -11,24 +11,10 @@ ROUNDING = 1e-14  # distance, as a fraction of the size of the surfaces, below w
 def projected(
     strata: Strata, points: FloatArray, stratum: IntArray, s: FloatArray, accuracy: float, enough: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along strata to the points nearest to given ones.
+    """Move along strata to the points nearest to (m, 3) given ones, from (m,) strata and (m, 2) coordinates in them.
 
-    Parameters
-    ----------
-    strata : Strata
-    points : (m, 3) float
-    stratum, s : (m,) int, (m, 2) float
-        The stratum on which to look for each nearest point, and where to begin.
-    accuracy : float
-        Relative error of the distances.
-    enough : (m,) float
-        Distances at which it is near enough.
-
-    Returns
-    -------
-    distances : (m,) float
-        No shorter than the shortest one, whatever becomes of the method.
-    s : (m, 2) float
+    Returns (m,) distances, no shorter than the shortest ones, whatever becomes of the method, with a relative error of
+    `accuracy` or at most `enough` (m,); and (m, 2) coordinates.
     """
     block = 1 + 500_000 // len(strata.log_weights)
     distances, found = np.empty(len(points)), np.empty_like(s)

@@ -16,34 +16,20 @@ from gtb_cli.distances.surface import Places, Strata, Surface
 
 CLOSE_SHARE = 0.9  # fraction of the largest distance from which on a point of the start may lead to a farther one
 
+# Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all.
 FEW_STARTS, MANY_STARTS, MOST_STARTS = 4, 24, 400
-"""Nearest points from which the nearest one is searched for: usually, where it matters, and for the farthest of all."""
 
 NEAR_REGIONS = 2  # nearest regions, with a start in each
 
 
 class Candidates(NamedTuple):
-    """Points from which the search starts.
+    """Points from which the search starts."""
 
-    Attributes
-    ----------
-    way : (m,) int
-        Numbers of the ways from one surface to another.
-    point : (m,) int
-        Numbers of points among those of all surfaces.
-    distance : (m,) float
-        Upper bound of the distance from the other surface.
-    nearest : (m,) int
-        The nearest one of the other surface's points.
-    like : (m,) int
-        The one at the most similar place in its domain: the surfaces may be nearly the same one.
-    """
-
-    way: IntArray
-    point: IntArray
-    distance: FloatArray
-    nearest: IntArray
-    like: IntArray
+    way: IntArray  # (m,) numbers of the ways from one surface to another
+    point: IntArray  # (m,) numbers of points among those of all surfaces
+    distance: FloatArray  # (m,) upper bound of the distance from the other surface
+    nearest: IntArray  # (m,) the nearest one of the other surface's points
+    like: IntArray  # (m,) the one at the most similar place in its domain: the surfaces may be nearly the same one
 
 
 class Peaks(NamedTuple):
@@ -56,17 +42,10 @@ class Peaks(NamedTuple):
 
 
 class Search:
-    """The search among some surfaces of about size 1.
+    """The search among some surfaces of about size 1, for the points farthest on some ways (from, to), by numbers.
 
-    Parameters
-    ----------
-    surfaces : sequence of Surface
-    ways : sequence of (int, int)
-        From which surface to which distances are looked for.
-    count : int
-        Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for.
-    accuracy : float
-        Relative error of the distances.
+    Ways w and w + `count` are both ways between two surfaces: only the larger distance is looked for. The accuracy is
+    the relative error of the distances.
     """
 
     def __init__(

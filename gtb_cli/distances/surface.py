@@ -16,23 +16,15 @@ from gtb_cli.arrays import FloatArray, IntArray, bounds_of, groups
 from gtb_cli.knots.face import INTERIOR
 from gtb_cli.moment.torus import scaled_exponentials
 from gtb_cli.tessellation.complex import Complex
-from gtb_cli.theory.parametrization import LinearParametrization
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 
 class Places(NamedTuple):
-    """Points given by their strata and torus coordinates.
+    """Points given by their strata and torus coordinates."""
 
-    Attributes
-    ----------
-    stratum : (m,) int
-    s : (m, 2) float
-        Along an edge the second coordinate does not count, at a corner none does.
-    """
-
-    stratum: IntArray
-    s: FloatArray
+    stratum: IntArray  # (m,)
+    s: FloatArray  # (m, 2) along an edge the second coordinate does not count, at a corner none does
 
 
 class Derivatives(NamedTuple):
@@ -45,20 +37,11 @@ class Derivatives(NamedTuple):
 
 @frozen
 class Strata:
-    """Faces of one or many patches, in columns that are filled up to one number of knots.
+    """Faces of one or many patches, in columns that are filled up to one number of knots."""
 
-    Attributes
-    ----------
-    knots : (2, n, k) float
-        About their middle, in units of their extents; 0 where a face has fewer dimensions.
-    log_weights : (n, k) float
-        log(c_i ω_i).
-    control_points : (3, n, k) float
-    """
-
-    knots: FloatArray
-    log_weights: FloatArray
-    control_points: FloatArray
+    knots: FloatArray  # (2, n, k) about their middle, in units of their extents; 0 where a face has fewer dimensions
+    log_weights: FloatArray  # (n, k) log(c_i ω_i)
+    control_points: FloatArray  # (3, n, k)
 
     @staticmethod
     def joined(parts: Sequence[Strata]) -> Strata:
@@ -108,29 +91,14 @@ def _sums(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 @frozen
 class Surface:
-    """The strata of a patch, a model or a curve, and points all over it.
-
-    Attributes
-    ----------
-    strata : Strata
-    places : Places
-        Of (v,) points.
-    points : (v, 3) float
-        These points.
-    relative : (v, 3) float
-        Where in the domains they are, in units of all domains' extent, and a hundredth of the number of their patch.
-    region : (v,) int
-        Parts of the domain, by number, for points inside it; -1 on edges and at corners.
-    cells : (k, c) int
-        Points that are near each other.
-    """
+    """The strata of a patch, a model or a curve, and (v,) points all over it."""
 
     strata: Strata
-    places: Places
-    points: FloatArray
-    relative: FloatArray
-    region: IntArray
-    cells: IntArray
+    places: Places  # of the points
+    points: FloatArray  # (v, 3)
+    relative: FloatArray  # (v, 3) where in the domains, in units of all domains' extent, and 0.01 × the patch's number
+    region: IntArray  # (v,) parts of the domain, by number, for points inside it; -1 on edges and at corners
+    cells: IntArray  # (k, c) points that are near each other
 
     def moved(self, origin: FloatArray, exponent: int) -> Surface:
         """The surface about another origin, in units of 2^`exponent`."""
@@ -141,38 +109,16 @@ class Surface:
 
 def surface_of(patches: Sequence[Patch], mosaic: Complex) -> Surface:
     """Take the vertices of a complex over the domains of some patches, the middles of its cells, and inner knots."""
-    knots = [_inner_knots(patch) for patch in patches]
+    knots = [patch.knots[~patch.domain.incidence.any(axis=1)] for patch in patches]
     own = np.repeat(np.arange(len(patches)), [len(each) for each in knots])
     parameters = np.concatenate([mosaic.parameters, mosaic.corners.mean(axis=1), *knots])
     face = np.full(len(parameters), INTERIOR)
     face[: len(mosaic.face)] = mosaic.face
     patch = np.concatenate([mosaic.patch, mosaic.cell_patch, own])
     strata, places = _located(patches, patch, parameters, face)
-    return _surface(strata, places, _relative(parameters, patch), _regions(patches, patch, parameters, face), mosaic)
-
-
-def surfaces_of(patches: Sequence[Patch], mosaic: Complex) -> list[Surface]:
-    """Take the same complex for each of some patches with one domain, and solve for all places at once."""
-    if not patches:
-        return []
-    inner = _inner_knots(patches[0])
-    parameters = np.concatenate([mosaic.parameters, mosaic.corners.mean(axis=1), inner])
-    face = np.full(len(parameters), INTERIOR)
-    face[: len(mosaic.face)] = mosaic.face
-    region = _regions(patches, np.zeros(len(face), dtype=np.int64), parameters, face)
-    relative = _relative(parameters, np.zeros(len(face), dtype=np.int64))
-    number = np.repeat(np.arange(len(patches)), len(face))
-    strata, places = _located(patches, number, np.tile(parameters, (len(patches), 1)), np.tile(face, len(patches)))
-    result = []
-    for rows in np.split(np.arange(len(number)), len(patches)):
-        used, stratum = np.unique(places.stratum[rows], return_inverse=True)
-        result.append(_surface(strata.chosen(used), Places(stratum, places.s[rows]), relative, region, mosaic))
-    return result
-
-
-def _surface(strata: Strata, places: Places, relative: FloatArray, region: IntArray, mosaic: Complex) -> Surface:
-    middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
     points = strata.chosen(places.stratum).points(places.s.T).T
+    region, relative = _regions(patches, patch, parameters, face), _relative(parameters, patch)
+    middles = len(mosaic.patch) + np.arange(len(mosaic.cells))
     return Surface(strata, places, points, relative, region, np.column_stack([mosaic.cells, middles]))
 
 
@@ -182,10 +128,6 @@ def _relative(parameters: FloatArray, patch: IntArray) -> FloatArray:
     relative[:, : parameters.shape[1]] = (parameters - low) / (high - low).max()
     relative[:, 2] = 0.01 * patch
     return relative
-
-
-def _inner_knots(patch: Patch) -> FloatArray:
-    return patch.knots[~patch.domain.incidence.any(axis=1)]
 
 
 def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray) -> IntArray:
@@ -203,29 +145,19 @@ def _regions(patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, 
 def _located(
     patches: Sequence[Patch], patch: IntArray, parameters: FloatArray, face: IntArray
 ) -> tuple[Strata, Places]:
-    """Solve for (m, d) parameters of some patches; those with the same knots at once."""
+    """Solve for (m, d) parameters of some patches."""
     sufficient = 1e-6  # accuracy of the parameters: whatever they are, the points lie on the surface
-    alike: dict[bytes, list[int]] = {}
-    for index, each in enumerate(patches):
-        alike.setdefault(each.knots.tobytes() + each.domain.vertices.tobytes(), []).append(index)
     parts: list[Strata] = []
-    count, stratum, s = 0, np.zeros(len(patch), dtype=np.int64), np.zeros((len(patch), 2))
-    for members in alike.values():
-        place = np.full(len(patches), -1)
-        place[members] = np.arange(len(members))
-        rows = np.flatnonzero(place[patch] >= 0)
-        number = place[patch[rows]]
-        logs = np.stack([patches[index].log_products for index in members])
-        points = np.stack([patches[index].control_points for index in members], axis=-1)
-        linear = LinearParametrization(patches[members[0]].domain, logs if len(members) > 1 else logs[0])
-        numbers = number if len(members) > 1 else None
-        for location in linear.locations(parameters[rows], face[rows], sufficient, numbers=numbers):
+    stratum, s = np.zeros(len(patch), dtype=np.int64), np.zeros((len(patch), 2))
+    for index, rows in groups(patch):
+        each = patches[index]
+        for location in each.rational_basis.linear.locations(parameters[rows], face[rows], sufficient):
             there, on = rows[location.rows], location.face.knots
             extents = np.ptp(location.knots, axis=0)
-            knots = np.zeros((2, int(on.sum()), len(members)))
+            knots = np.zeros((2, int(on.sum()), 1))
             knots[: len(extents)] = ((location.knots - location.knots.min(axis=0)) / extents - 0.5).T[..., None]
-            parts.append(Strata(knots, logs[:, on].T - logs[:, on].max(axis=1), np.moveaxis(points[on], 1, 0)))
-            stratum[there], s[there] = count + number[location.rows], 0.0
+            logs = each.log_products[on]
+            parts.append(Strata(knots, (logs - logs.max())[:, None], each.control_points[on].T[..., None]))
+            stratum[there] = len(parts) - 1
             s[there, : len(extents)] = (location.s * extents[:, None]).T
-            count += len(members)
     return Strata.joined(parts), Places(stratum, s)

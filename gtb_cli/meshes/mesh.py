@@ -204,14 +204,20 @@ class Mesh:
         return Mesh(
             self.vertices[vertex],
             self.normal_of,
-            None if self.parameters is None else self.parameters[vertex],
-            self.normals,
+            normals=self.normals,
             exact_normals=self.exact_normals,
             groups=self.groups,
-            attributes={name: values[vertex] for name, values in self.attributes.items()},
-            name=self.name,
-            origin=None if self.origin is None else Origin(self.origin.patch[vertex], self.origin.turned),
+            **self.carried(vertex),
         )
+
+    def carried(self, rows: IntArray) -> dict[str, Any]:
+        """Arguments of a mesh with these (m,) vertices: their parameters, attributes and origin, and the name."""
+        return {
+            "parameters": None if self.parameters is None else self.parameters[rows],
+            "attributes": {name: values[rows] for name, values in self.attributes.items()},
+            "name": self.name,
+            "origin": None if self.origin is None else replace(self.origin, patch=self.origin.patch[rows]),
+        }
 
     @property
     def largest_split(self) -> float:

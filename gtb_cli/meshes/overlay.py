@@ -11,26 +11,13 @@ from gtb_cli.meshes.nearest import NearestCells, middles
 
 
 class CellParts(NamedTuple):
-    """Segments or triangles, and how far their points can be from another mesh.
+    """Segments or triangles, and how far their points can be from another mesh."""
 
-    Attributes
-    ----------
-    corners : (m, 2, 3) or (m, 3, 3) float
-    bounds : (m,) float
-        No point of the part is farther than this from the other mesh.
-    likely : (m,) int
-        A nearby cell of the other mesh.
-    worst : (m,) int
-        The corner at which the bound may be attained.
-    samples : (m,) float
-        Distance of one point of the part, or an upper bound of it.
-    """
-
-    corners: FloatArray
-    bounds: FloatArray
-    likely: IntArray
-    worst: IntArray
-    samples: FloatArray
+    corners: FloatArray  # (m, 2, 3) or (m, 3, 3)
+    bounds: FloatArray  # (m,) no point of the part is farther than this from the other mesh
+    likely: IntArray  # (m,) a nearby cell of the other mesh
+    worst: IntArray  # (m,) the corner at which the bound may be attained
+    samples: FloatArray  # (m,) distance of one point of the part, or an upper bound of it
 
     @staticmethod
     def of(corners: FloatArray, distances: FloatArray, nearest: IntArray, tree: NearestCells) -> CellParts:

@@ -1,14 +1,12 @@
 """Solids: a surface mesh and its offset, joined along the rim, so that an open surface can be printed."""
 
 import math
-from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
 from gtb_cli.arrays import EPS, FloatArray, IntArray, cross, distinct, dot, paired, shifted, unit
 from gtb_cli.errors import DomainError
-from gtb_cli.meshes.mesh import Mesh, Origin
+from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals, facet_normals, normals_of_corners
 from gtb_cli.meshes.topology import are_proper, compacted, sides_of
 from gtb_cli.meshes.welding import merged
@@ -22,29 +20,18 @@ MAX_MITRE = 2.0  # largest offset at a sharp edge or corner, in units of the thi
 
 
 def thicken(mesh: Mesh, thickness: float) -> Mesh:
-    """Close a surface with its offset, to a solid between the two.
+    """Close a surface, an oriented manifold with unit normals, with its offset, to a solid between the two.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Triangles, with unit normals; an oriented manifold, with or without boundary. If the normals are not exact,
-        those of patches at an edge are estimated from the facets.
-    thickness : float
-        Distance of the offset, in model units: along the normals if positive, against them if negative. The surface
-        itself remains one side of the solid.
+    The thickness is the distance of the offset, in model units: along the normals if positive, against them if
+    negative. The surface itself remains one side of the solid. If the normals are not exact, those of patches at an
+    edge are estimated from the facets.
 
-    Returns
-    -------
-    Mesh
-        Closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its part of
-        the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
-        offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
+    The solid is closed, its faces and normals outwards: for each group the faces of one side, of the other, and of its
+    part of the rim. A closed mesh gets a second shell and no rim. Vertices are those of the surface, then those of the
+    offset; the rim has normals of its own. Parameters and attributes are the surface's on both.
 
-    Raises
-    ------
-    DomainError
-        The mesh is a curve or has no normals, the thickness is zero or not finite, or an edge has more than two faces
-        or two of opposite orientations.
+    Raises `DomainError` if the mesh is a curve, the thickness is below rounding, or an edge has more than two faces or
+    two of opposite orientations.
 
     Notes
     -----
@@ -68,44 +55,32 @@ def thicken(mesh: Mesh, thickness: float) -> Mesh:
     order = np.argsort(parts, kind="stable")
     breaks = np.searchsorted(parts[order], np.arange(len(mesh.groups) + 1)).tolist()
 
+    own = mesh.normals
+
     def normals() -> Normals:
         """Those of the surface on both sides, and the facets' on the rim."""
-        assert mesh.normals is not None
-        rim = facet_normals(vertices, sides)
-        rows = np.concatenate([mesh.normal_of, len(mesh.normals) + mesh.normal_of[:, ::-1]])
-        assert rim.corners is not None
-        rows = np.concatenate([rows, 2 * len(mesh.normals) + rim.corners])
-        vectors = np.concatenate([mesh.normals, -mesh.normals, rim.vectors])
-        return normals_of_corners(cells[order], len(vertices), vectors, rows[order])
+        around = facet_normals(vertices, sides)
+        assert own is not None
+        assert around.corners is not None
+        corners = (mesh.normal_of, len(own) + mesh.normal_of[:, ::-1], 2 * len(own) + around.corners)
+        vectors = np.concatenate([own, -own, around.vectors])
+        return normals_of_corners(cells[order], len(vertices), vectors, np.concatenate(corners)[order])
 
     return Mesh(
         vertices,
         cells[order],
-        parameters=None if mesh.parameters is None else np.concatenate([mesh.parameters, mesh.parameters]),
         normals=normals,  # type: ignore[arg-type]
         groups=tuple(zip((name for name, _, _ in mesh.groups), breaks, breaks[1:], strict=False)),
-        attributes=MappingProxyType(
-            {name: np.concatenate([values, values]) for name, values in mesh.attributes.items()}
-        ),
-        name=mesh.name,
-        origin=None if mesh.origin is None else Origin(np.tile(mesh.origin.patch, 2), mesh.origin.turned),
+        **mesh.carried(np.tile(np.arange(count), 2)),
     )
 
 
 def folded_faces(mesh: Mesh, thickness: float) -> IntArray:
-    """Triangles whose offset is turned over, because a principal radius of curvature is less than the thickness.
+    """(f,) triangles, ascending, whose offset is turned over: a principal radius of curvature is below the thickness.
 
-    Parameters are those of `thicken`.
-
-    Returns
-    -------
-    (f,) int
-        Indices of cells, ascending, without cells of zero area.
-
-    Notes
-    -----
     The offset of a triangle, seen along its normal, is a linear image of it. The eigenvalues 1 − D κ of this map are
     positive if it is not folded; past one centre of curvature the determinant is negative, past both the trace is.
+    Triangles without area do not count.
     """
     return _turned_over(mesh, _offset(_checked(mesh, thickness), thickness))
 
@@ -142,10 +117,6 @@ def thinnest_wall(solid: Mesh, thickness: float) -> tuple[float, FloatArray]:
 def _checked(mesh: Mesh, thickness: float) -> Mesh:
     if mesh.is_curve:
         raise DomainError("thickness: expected a surface; a curve takes a radius instead")
-    if mesh.normals is None:
-        raise DomainError("thickness: the mesh has no normals")
-    if not (math.isfinite(thickness) and thickness != 0):
-        raise DomainError(f"thickness: must be a number other than zero, got {thickness!r}")
     largest = float(np.abs(mesh.vertices).max())
     if not abs(thickness) > MIN_THICKNESS_ROUNDINGS * EPS * largest:
         raise DomainError(f"thickness: {thickness:g} is below the rounding of coordinates of size {largest:.3g}")
@@ -184,12 +155,9 @@ def _welded(mesh: Mesh) -> Mesh:
     return Mesh(
         mesh.vertices[used],
         cells,
-        None if mesh.parameters is None else mesh.parameters[used],
-        lambda: normals._replace(are_exact=mesh.exact_normals),  # type: ignore[arg-type]
-        tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
-        MappingProxyType({name: values[used] for name, values in mesh.attributes.items()}),
-        mesh.name,
-        None if mesh.origin is None else replace(mesh.origin, patch=mesh.origin.patch[used]),
+        normals=lambda: normals._replace(are_exact=mesh.exact_normals),  # type: ignore[arg-type]
+        groups=tuple((name, int(before[start]), int(before[stop])) for name, start, stop in mesh.groups),
+        **mesh.carried(used),
     )
 
 

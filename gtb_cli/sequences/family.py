@@ -29,35 +29,19 @@ from gtb_cli.values import frozen
 
 @frozen
 class Family:
-    """Patches with the same Δ in their linear parametrisations, and their limit.
+    """Patches with the same Δ in their linear parametrisations, and their limit."""
 
-    Attributes
-    ----------
-    samplers : tuple of Sampler
-        One for each patch, the limit last. All take parameters with the patch of the limit in which they lie, and the
-        face of that patch's domain.
-    members : tuple of Patch
-        The patches without the limit.
-    is_limit : tuple of bool
-        For each of them whether it is the limit, to rounding.
-    joints : Joints or None
-        How the patches of the limit are joined; None for a single one.
-    faces : (c, f) int or None
-        Numbers of the faces of Δ that hold each face of each patch of the limit; None if that is a single one.
-    thickness : tuple of float
-        For each sampler the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
-        from what it is inside; empty if there is none.
-    knot_limit : KnotLimit or None
-        None for a degeneration.
-    """
-
+    # One for each patch, the limit last. All take parameters with the patch of the limit in which they lie, and the
+    # face of that patch's domain.
     samplers: tuple[Sampler, ...]
-    members: tuple[Patch, ...]
-    is_limit: tuple[bool, ...]
-    joints: Joints | None = None
-    faces: IntArray | None = None
+    members: tuple[Patch, ...]  # without the limit
+    is_limit: tuple[bool, ...]  # for each of them whether it is the limit, to rounding
+    joints: Joints | None = None  # of the patches of the limit; None for a single one
+    faces: IntArray | None = None  # (c, f) faces of Δ that hold each face of each patch of the limit; None for one
+    # For each sampler the thickness, as a fraction of Δ's size, of the layer along the boundary in which it differs
+    # from what it is inside; empty if there is none.
     thickness: tuple[float, ...] = ()
-    knot_limit: KnotLimit | None = None
+    knot_limit: KnotLimit | None = None  # None for a degeneration
 
     @property
     def limit(self) -> Sampler:
@@ -107,13 +91,7 @@ class Family:
         )
 
     def refined(self, tolerance: float, max_cells: int) -> Complex:
-        """Refine the coarsest complex until it is within a tolerance of every member.
-
-        Raises
-        ------
-        ToleranceError
-            More than `max_cells` cells would be needed.
-        """
+        """Refine the coarsest complex until it is within a tolerance of every member; `ToleranceError` if too large."""
         for resolution in FIRST_RESOLUTIONS:
             mosaic = self.uniform(resolution)
             if mosaic.is_simplicial:
@@ -142,10 +120,7 @@ def approaching(limit: KnotLimit, steps: Sequence[float]) -> Family:
 def degenerating(patch: Patch, logarithms: Sequence[float], decomposition: RegularDecomposition) -> Family:
     """Patches with the weights e^{l λ} ω for some l ≥ 0, and the regular control surface of the decomposition by λ.
 
-    Raises
-    ------
-    DomainError
-        The decomposition has a corner that is straight to rounding.
+    Raises `DomainError` if the decomposition has a corner that is straight to rounding.
     """
     least_exponent = 40.0  # by which knots outside a cell are below it on a member that is the limit to rounding
     order = _left_to_right(decomposition)
@@ -224,13 +199,7 @@ def _outer_faces(shape: Domain, decomposition: RegularDecomposition, order: Sequ
 def graded_complex(shape: Domain, resolution: int, finest: float) -> Complex:
     """Cut Δ around its centre into cells that become smaller towards its edges and corners.
 
-    Parameters
-    ----------
-    shape : Domain
-    resolution : int
-        Cells along each edge.
-    finest : float
-        Width of the outermost cells, as a fraction of Δ's size; less than 1 / `resolution`.
+    Along each edge there are `resolution` cells; the outermost have the width `finest`, as a fraction of Δ's size.
     """
     part = triangulation(shape, resolution) if shape.dimension == 1 else central_triangulation(shape, resolution)
     v = shape.vertices

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtb_cli.arrays import shifted
 from gtb_cli.distances.shapes import RELATIVE_ERROR, cells_along_edges, farthest, layered
-from gtb_cli.distances.surface import Surface, surface_of, surfaces_of
+from gtb_cli.distances.surface import Surface, surface_of
 from gtb_cli.errors import ToleranceError
 from gtb_cli.meshes.hausdorff import mesh_distance
 from gtb_cli.meshes.mesh import Mesh
@@ -24,24 +24,12 @@ LEAST_RESOLUTION = 4  # segments along each edge of what is measured
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How finely distances from a limit are measured.
+    """How finely distances from a limit are measured."""
 
-    Attributes
-    ----------
-    chord_error : float
-        That of the meshes between which distances from films are measured, as a fraction of the limit's diagonal.
-    cells : int
-        Rough number of cells from which those meshes are refined.
-    points_in_all : int
-        See `refine`.
-    relative : float
-        Relative error of a distance between the surfaces themselves.
-    """
-
-    chord_error: float
-    cells: int
-    points_in_all: int = MIN_SAMPLES
-    relative: float = RELATIVE_ERROR
+    chord_error: float  # of meshes between which distances from films are measured, as a fraction of the diagonal
+    cells: int  # rough number from which those meshes are refined
+    points_in_all: int = MIN_SAMPLES  # see `refine`
+    relative: float = RELATIVE_ERROR  # error of a distance between the surfaces themselves
 
 
 ACCURACY = {1: Accuracy(1e-5, 64), 2: Accuracy(1e-3, 4096)}  # the accuracy for curves and for surfaces
@@ -94,7 +82,8 @@ class Measurement:
     def surfaces(self, members: Sequence[Patch]) -> list[Surface]:
         """Members, with points all over them; while knots move, thin layers along edges need further ones."""
         if self.family.faces is not None:
-            return surfaces_of(members, self.family.over_whole(self.rough))
+            mosaic = self.family.over_whole(self.rough)
+            return [surface_of([member], mosaic) for member in members]
         return [surface_of([member], layered(self.rough, [member])) for member in members]
 
     def between_meshes(self, member: int) -> tuple[float, float, float | None, str]:

@@ -32,30 +32,16 @@ INF = math.inf
 
 @frozen
 class Member:
-    """One mesh of a sequence.
+    """One mesh of a sequence; distances are two-sided, in model units, and None where they are not measured."""
 
-    Attributes
-    ----------
-    value : float
-        Its x or step.
-    mesh : Mesh
-    distance : float or None
-        Two-sided distance of the surface from the limit, in model units; None where it is not measured.
-    film_distance : float or None
-        The same from the limit with its film, where it has one. That of the last mesh, which is the limit without
-        it, tells how far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
-    distance_error : float or None
-        Largest error of both distances, as far as samples tell; None where they are not measured, or doubtful.
-    doubt : str
-        Why the distances could not be measured as finely as they should be, or nothing.
-    """
-
-    value: float
+    value: float  # its x or step
     mesh: Mesh
-    distance: float | None
+    distance: float | None  # of the surface from the limit
+    # From the limit with its film, where it has one. That of the last mesh, which is the limit without it, tells how
+    # far the film reaches from it; the distances of the others from the limit tend to that, not to 0.
     film_distance: float | None
-    distance_error: float | None
-    doubt: str
+    distance_error: float | None  # of both distances, as far as samples tell; None where they are doubtful, too
+    doubt: str  # why the distances could not be measured as finely as they should be, or nothing
 
 
 @frozen
@@ -63,19 +49,11 @@ class MeshSequence:
     """Meshes of a family of patches and, last, of its limit, made one by one on request.
 
     Iterating keeps none of them, and the last digits may differ the next time; `members` makes and keeps all.
-
-    Attributes
-    ----------
-    name : str
-    key : str
-        The parameter that differs between meshes: "x" or "step".
-    values : tuple of float
-        Values of the parameter; the last is inf or 0 for a degeneration, and 1 for a knot limit.
     """
 
     name: str
-    key: str
-    values: tuple[float, ...]
+    key: str  # the parameter that differs between meshes: "x" or "step"
+    values: tuple[float, ...]  # of the parameter; the last is inf or 0 for a degeneration, and 1 for a knot limit
     _family: Family
     _mosaic: Complex
     _accuracy: Accuracy | None
@@ -94,17 +72,11 @@ class MeshSequence:
         measurement = None if self._accuracy is None else Measurement(self._family, self._accuracy)
         for first in range(0, len(self), together):
             members = range(first, min(first + together, len(self)))
-            yield from self._measured([self._mesh(self._family.samplers[k]) for k in members], members, measurement)
-
-    def _measured(self, meshes: list[Mesh], members: range, measurement: Measurement | None) -> Iterator[Member]:
-        """Yield members with their distances."""
-        if measurement is None:
-            yield from (
-                Member(self.values[k], mesh, None, None, None, "") for k, mesh in zip(members, meshes, strict=True)
-            )
-            return
-        for k, mesh, (plain, filmed, error, doubt) in zip(members, meshes, measurement.distances(members), strict=True):
-            yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
+            meshes = [self._mesh(self._family.samplers[k]) for k in members]
+            unknown = [(None, None, None, "")] * len(members)
+            found = unknown if measurement is None else measurement.distances(members)
+            for k, mesh, (plain, filmed, error, doubt) in zip(members, meshes, found, strict=True):
+                yield Member(self.values[k], mesh, plain, filmed if self._family.has_film else None, error, doubt)
 
     def _mesh(self, sampler: Sampler) -> Mesh:
         normals, cells, are_exact = None, self._mosaic.cells, False
@@ -181,48 +153,18 @@ def degeneration_sequence(
 ) -> MeshSequence:
     """Mesh the patches with weights x^λ ω, and their limit, the regular control curve or surface.
 
-    Parameters
-    ----------
-    patch : Patch
-    x : iterable of float
-        All from 1 to inf, or all from 0 to 1; inf or 0 is the limit itself. They are sorted, and repeated ones count
-        once. Without any, only the limit for x → ∞ is made.
-    lifting : (n,) float, optional
-        λ; default the patch's own.
-    resolution : int
-        Cells along each edge of each cell of the regular decomposition; not used with a tolerance.
-    tolerance : float, optional
-        Largest distance from each surface, the limit included, to its mesh: one triangulation is refined until it is
-        fine enough for all.
-    normals : bool
-        Give surfaces their unit normals.
-    max_faces : int
-        Largest number of faces of all meshes together.
-    accuracy : Accuracy, optional
-        That of the distances; default `ACCURACY`.
-    distances : bool
-        Measure how far each surface is from the limit, which takes longer than the meshes.
+    All x are from 1 to inf, or all from 0 to 1; inf or 0 is the limit itself. They are sorted, and repeated ones count
+    once; without any, only the limit for x → ∞ is made. λ is the (n,) lifting, by default the patch's own. There are
+    `resolution` cells along each edge of each cell of the regular decomposition; with a tolerance, one triangulation is
+    refined instead until it is fine enough for all surfaces, the limit included. All meshes together have at most
+    `max_faces`. Distances from the limit take longer than the meshes.
 
-    Returns
-    -------
-    MeshSequence
-        Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
-        vertices and edges of the meshes.
+    Vertex i has the same parameter, a point of Δ, in all meshes: corners and edges of the regular decomposition are
+    vertices and edges of the meshes. On the border of a cell, the limit depends only on the data of the border
+    (Thm 3.2, Thm 4.2, Ex. 3.4, Ex. 4.4).
 
-    Raises
-    ------
-    DomainError
-        x on both sides of 1, or not positive; no lifting.
-    ToleranceError
-        Too many faces.
-
-    Notes
-    -----
-    On the border of a cell, the limit depends only on the data of the border.
-
-    References
-    ----------
-    Thm 3.2, Thm 4.2, Ex. 3.4, Ex. 4.4.
+    Raises `DomainError` for x on both sides of 1, or not positive, or without a lifting, and `ToleranceError` for too
+    many faces.
     """
     values = sorted({float(value) for value in x})
     upward = _is_upward(values)
@@ -252,33 +194,14 @@ def knot_sequence(
     accuracy: Accuracy | None = None,
     distances: bool = True,
 ) -> MeshSequence:
-    """Mesh the patches whose knots are on the way to others, and the merged patch.
+    """Mesh the patches whose knots are on the way to others, as `merge_knots` takes the moves, and the merged patch.
 
-    Parameters
-    ----------
-    patch : Patch
-    moves : mapping of int to int
-        See `merge_knots`.
-    steps : iterable of float
-        From 0 to 1, which is the limit. They are sorted, and repeated ones count once.
-    resolution, tolerance, normals, max_faces, accuracy, distances
-        See `degeneration_sequence`.
+    Steps are from 0 to 1, which is the limit. They are sorted, and repeated ones count once. Other arguments are those
+    of `degeneration_sequence`. Vertex i of all meshes has the same parameter, a point of Δ. There are films where the
+    convergence is not uniform (Thm 3.1, Thm 4.1, Ex. 3.2, Ex. 3.3, Ex. 4.2).
 
-    Returns
-    -------
-    MeshSequence
-        Vertex i of all meshes has the same parameter, a point of Δ. With films where the convergence is not uniform.
-
-    Raises
-    ------
-    DomainError
-        Steps outside [0, 1], or moves that `merge_knots` refuses.
-    ToleranceError
-        Too many faces.
-
-    References
-    ----------
-    Thm 3.1, Thm 4.1, Ex. 3.2, Ex. 3.3, Ex. 4.2.
+    Raises `DomainError` for steps outside [0, 1], or moves that `merge_knots` refuses, and `ToleranceError` for too
+    many faces.
     """
     limit = knot_limit(patch, moves)
     values = sorted({float(step) for step in steps} - {1.0})
