@@ -13,13 +13,7 @@ def suffix_of(name: str) -> str:
 
 
 def percentage(text: str) -> float:
-    """Read a positive percentage.
-
-    Raises
-    ------
-    DomainError
-        It is something else.
-    """
+    """Read a positive percentage, or raise a `DomainError`."""
     number = text.strip().removesuffix("%")
     try:
         value = math.nan if number == text.strip() or "_" in text or not text.isascii() else float(number)
@@ -39,36 +33,27 @@ UP: tuple[Up, ...] = ("z", "y")
 
 
 class Format(NamedTuple):
-    """What a mesh format can hold; its name in `FORMATS` is also its suffix.
+    """What a mesh format can hold beside triangles; its name in `FORMATS` is also its suffix.
 
-    Attributes
-    ----------
-    curves, groups, normals, uv, attributes : bool
-        Whether the format has segments, named parts, and each of these values at vertices. All formats have triangles.
-    text : {"always", "on request", "never"}
-        Whether files are text.
-    digits : str
-        Digits of a coordinate in binary files, or in files that are always text. Text on request reads back exactly.
-    up : {"z", "y"}
-        The axis of files that stands for the spec's vertical z axis. glTF prescribes y; the others have the spec's
-        coordinates.
+    `up` is the axis of files that stands for the spec's vertical z axis: glTF prescribes y. Text on request reads back
+    exactly.
     """
 
     curves: bool
-    groups: bool
-    normals: bool
+    groups: bool  # named parts
+    normals: bool  # these and the next two at vertices
     uv: bool
     attributes: bool
     text: Literal["always", "on request", "never"]
-    digits: Literal["9 at the model's size", "32 bits"]
+    digits: Literal["9 at the model's size", "32 bits"]  # of coordinates in binary files, or those that are always text
     up: Up
 
     def is_text(self, ascii: bool) -> bool:
-        """Whether a file is text; `ascii` says whether text is requested."""
+        """Tell whether a file is text; `ascii` says whether text is requested."""
         return self.text == "always" or (ascii and self.text == "on request")
 
     def is_single(self, ascii: bool) -> bool:
-        """Whether a file holds 32-bit numbers."""
+        """Tell whether a file holds 32-bit numbers."""
         return self.digits == "32 bits" and not self.is_text(ascii)
 
 

@@ -14,17 +14,11 @@ from gtb_cli.theory.patch import Patch
 
 LINE_SEGMENTS = 96  # segments of a line along a surface
 
-CURVE_SEGMENTS, END_POINTS, END_DISTANCE = 240, 48, 1e-15
-"""Segments of a curve, further points near each end, and the distance of the first as a fraction of Δ: a curve leaves
-its ends like t^h, where h, the distance of the next knot, may be small."""
-
 
 def net_of(patch: Patch, lifting: ArrayLike | None = None) -> list[tuple[int, int]]:
     """Return the pairs of knots whose control points are joined by a line: by an (n,) lifting, or the patch's own.
 
-    Without either, the net is that of the Delaunay triangulation of the knots, in coordinates in which a triangle is
-    equilateral and a parallelogram is a square, so that the lattices of Bézier triangles and tensor products have their
-    usual nets.
+    Without either, by a `bowl`, so that the lattices of Bézier triangles and tensor products have their usual nets.
     """
     if lifting is None:
         lifting = patch.lifting if patch.lifting is not None else bowl(patch.domain)
@@ -45,21 +39,17 @@ def mesh_of_nets(
 
 
 def bowl(domain: Domain) -> FloatArray:
-    """Return the (n,) lifting whose regular decomposition is that of Delaunay."""
+    """Return the (n,) lifting whose regular decomposition is that of Delaunay, where shapes of Bézier patches are even.
+
+    A triangle counts as equilateral, and a parallelogram as a square.
+    """
     centred = (domain.knots - domain.center) / domain.size
-    if domain.dimension == 2:
-        centred = centred @ _straightening(domain)
-    return np.asarray(-(centred**2).sum(axis=1))
-
-
-def _straightening(domain: Domain) -> FloatArray:
-    """Return the (2, 2) map, applied from the right, that makes a triangle equilateral and a parallelogram a square."""
     corners = domain.vertices - domain.vertices[0]
-    if len(corners) == 3:
-        return np.asarray(np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size)
-    if len(corners) == 4:
-        return np.asarray(np.linalg.solve(corners[[1, 3]], np.eye(2)) * domain.size)
-    return np.eye(2)
+    if domain.dimension == 2 and len(corners) == 3:
+        centred = centred @ np.linalg.solve(corners[1:], [[1.0, 0.0], [0.5, np.sqrt(0.75)]]) * domain.size
+    elif domain.dimension == 2 and len(corners) == 4:
+        centred = centred @ np.linalg.solve(corners[[1, 3]], np.eye(2)) * domain.size
+    return np.asarray(-(centred**2).sum(axis=1))
 
 
 def boundary_paths(patch: Patch) -> list[FloatArray]:
@@ -81,8 +71,10 @@ def edge_path(patch: Patch, edge: int) -> FloatArray:
 def curve_path(curve: Patch) -> FloatArray:
     """Return (m, 3) points along a curve: evenly spread in its own parameter, and denser towards the ends."""
     low, high = curve.domain.vertices[:, 0].tolist()
-    even = np.linspace(0, 1, CURVE_SEGMENTS + 1)[1:-1]
-    near = np.geomspace(END_DISTANCE, 1 / CURVE_SEGMENTS, END_POINTS)[:-1]
+    # A curve leaves its ends like t^h, where h, the distance of the next knot, may be small.
+    segments, end_points, end_distance = 240, 48, 1e-15
+    even = np.linspace(0, 1, segments + 1)[1:-1]
+    near = np.geomspace(end_distance, 1 / segments, end_points)[:-1]
     share = np.concatenate([[0], near, even, 1 - near[::-1], [1]])
     return curve.evaluate((low * (1 - share) + high * share).clip(low, high))
 

@@ -109,8 +109,7 @@ def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str],
     while not wait([future], 5.0).done:  # seconds between two checks that there are workers
         if client.status != "running":
             raise GtbError(f"--cluster {address}: the scheduler has gone")
-        if not client.ncores():
-            _wait_for_workers(client, address, warn)
+        _wait_for_workers(client, address, warn)
     try:
         return future.result()
     except CancelledError:
@@ -119,15 +118,14 @@ def _awaited(future: Future[R], client: Any, address: str, warn: Callable[[str],
 
 def _wait_for_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
     """Wait until there is a worker: none has joined yet, or the last one has gone."""
-    silent_seconds, seconds = 10.0, 60.0
+    seconds = 60.0
+    if client.ncores():
+        return
+    warn(f"--cluster {address}: no workers yet; waiting for one up to {seconds:g} seconds")
     try:
-        client.wait_for_workers(1, timeout=silent_seconds)
+        client.wait_for_workers(1, timeout=seconds)
     except TimeoutError:
-        warn(f"--cluster {address}: no workers yet; waiting for one up to {seconds:g} seconds")
-        try:
-            client.wait_for_workers(1, timeout=seconds - silent_seconds)
-        except TimeoutError:
-            raise GtbError(f"--cluster {address}: no workers within {seconds:g} seconds") from None
+        raise GtbError(f"--cluster {address}: no workers within {seconds:g} seconds") from None
 
 
 def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> None:
@@ -150,8 +148,8 @@ def _check_workers(client: Any, address: str, warn: Callable[[str], None]) -> No
             if found.get(name) == expected:
                 continue
             if name in ("gtb", "sources", *PACKAGES):
-                theirs = f"has {name} {found.get(name)}" if found.get(name) else f"has no {name}"
-                raise GtbError(f"--cluster {address}: {worker} {theirs}, and this process has {expected}")
+                theirs = f"{name} {found[name]}" if found.get(name) else f"no {name}"
+                raise GtbError(f"--cluster {address}: {worker} has {theirs}, and this process has {expected}")
             unlike.setdefault(f"{name} {found.get(name)}, and this process has {expected}", []).append(worker)
     for difference, workers in unlike.items():
         have = f"{', '.join(workers)} {'have' if len(workers) > 1 else 'has'}"

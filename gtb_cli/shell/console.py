@@ -21,7 +21,6 @@ def complain(message: str) -> None:
 
 def lines_about(error: Exception) -> list[str]:
     """Return the lines of the message for any error; GTB_TRACEBACK=1 shows where an internal error comes from."""
-    # Messages for system errors that concern neither a file nor a stream
     system_limits = {
         errno.EMFILE: "too many open files: the system allows this process no more",
         errno.ENFILE: "too many open files: the system allows no more",
