@@ -132,11 +132,6 @@ def test_the_box_corner_is_open_only_where_the_box_goes_on():
     assert sum("hole" in (model.patches[j.first[0]].name, model.patches[j.second[0]].name) for j in joints.shared) == 6
     assert not any((joints.almost, joints.crowded, joints.one_sided, *joints.flipped))
     assert open_edges("box-corner") == {"rounding": 3, "face": 3}
-    hole = model.patches[0]
-    for edge in range(6):
-        x, y, z = edge_points(hole, edge, 30).T
-        sides = [np.hypot(y + 1, z + 1), np.hypot(x + 1, z + 1), np.hypot(x + 1, y + 1)]  # on a cylinder, or in a face
-        assert min(np.abs(side - 1).max() for side in (*sides, x + 1, y + 1, z + 1)) < 1e-14
 
 
 @pytest.mark.parametrize(("name", "degrees"), [("hebesphenorotunda", CREASE), ("box-corner", 1e-11)])
@@ -215,14 +210,8 @@ def test_files_of_the_closed_solid_are_solids_to_another_program():
 # The same model in other words
 
 
-def moved(model: Model, *, scale: float = 1.0, shift: float = 0.0, knot_scale: float = 1.0, knot_shift: float = 0.0):
-    return Model(
-        tuple(
-            p.replace(knots=knot_scale * p.knots + knot_shift, control_points=scale * p.control_points + shift)
-            for p in model.patches
-        ),
-        model.name,
-    )
+def moved(model: Model, scale: float, shift: float) -> Model:
+    return Model(tuple(p.replace(control_points=scale * p.control_points + shift) for p in model.patches), model.name)
 
 
 def in_other_words(model: Model, rng: np.random.Generator) -> Model:
@@ -272,7 +261,7 @@ def test_other_words_give_the_same_surface(name):
 @pytest.mark.parametrize(("scale", "shift"), [(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)])
 @pytest.mark.parametrize("name", mostly_long(reversed(NAMES)))
 def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
-    model, other = MODELS[name], moved(MODELS[name], scale=scale, shift=shift)
+    model, other = MODELS[name], moved(MODELS[name], scale, shift)
     rounding = DIGITS * scale * size(model) + 4e-16 * abs(shift)
     mesh, theirs = tessellate(model, 3), tessellate(other, 3)
     assert np.array_equal(mesh.cells, theirs.cells)
@@ -280,18 +269,6 @@ def test_models_may_be_tiny_huge_or_far_away(name, scale, shift):
     boundary(theirs)
     if name == "hebesphenorotunda":
         assert_closed(tessellate(other, tolerance=0.1 * scale))
-
-
-@pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1e9, 0.0), (1.0, 1e7)]))
-def test_knots_may_be_tiny_huge_or_far_away(scale, shift):
-    model = MODELS["box-corner"]
-    other = moved(model, knot_scale=scale, knot_shift=shift)
-    joints = find_joints(other.patches)
-    assert (len(joints.shared), len(joints.open), joints.almost) == (12, 6, ())
-    mesh, theirs = tessellate(model, 5), tessellate(other, 5)
-    assert np.array_equal(mesh.cells, theirs.cells)
-    # Parameters far away are rounded to 2e-9 of knots 24 apart.
-    assert np.abs(mesh.vertices - theirs.vertices).max() < (1e-7 if shift else DIGITS * size(model))
 
 
 # Random closed models of two patches
@@ -382,20 +359,18 @@ def test_a_hundred_random_closed_pairs_have_no_crack(seed):
 # Where two patches meet in more than one edge: bugs that were
 
 
-def pillow(knots: list[list[int]], inside: float, outside: float) -> Patch:
+def pillow(knots: list[list[int]], inside: float) -> Patch:
     """A flat patch of degree 3 with inner control points lifted."""
     points = np.array(knots, dtype=float)
-    on_edge = (points == 0).any(axis=1) | (points == 3).any(axis=1)
-    if len(knots) == 10:
-        on_edge |= points.sum(axis=1) == 3
-    return Patch(knots, np.column_stack([points, np.where(on_edge, outside, inside)]))
+    on_edge = (points == 0).any(axis=1) | (points == 3).any(axis=1) | ((points.sum(axis=1) == 3) & (len(knots) == 10))
+    return Patch(knots, np.column_stack([points, np.where(on_edge, 0.0, inside)]))
 
 
 @pytest.mark.parametrize("knots", [CUBIC, BICUBIC], ids=["triangles", "quadrilaterals"])
 @pytest.mark.parametrize("options", [*({"resolution": n} for n in (1, 4)), {"tolerance": 0.05}], ids=str)
 def test_patches_that_share_two_edges_at_a_corner_have_no_side_in_common(knots, options):
     """The corner cells of both patches had the same three vertices: a side with four faces, and no end to refining."""
-    model = Model((pillow(knots, 1.0, 0.0), pillow(knots, -1.0, 0.0)))
+    model = Model((pillow(knots, 1.0), pillow(knots, -1.0)))
     mesh = tessellate(model, **options)
     assert_closed(mesh)
     assert len(np.unique(np.sort(mesh.cells, axis=1), axis=0)) == len(mesh.cells)
@@ -518,16 +493,3 @@ def test_edges_that_almost_match_are_reported_with_their_distance_and_not_welded
     mesh = tessellate(Model(pair), 4)
     assert len(boundary(mesh)) == 32
     assert len(np.unique(components(mesh.edges, len(mesh.vertices)))) == 2
-
-
-def test_the_same_points_with_other_knots_are_another_curve():
-    pair = neighbours([0, 0, 0], knot=1.01)
-    pair = [
-        patch.replace(control_points=patch.control_points + (patch.control_points[:, 1:2] == 0.5) * [0, 0, 1])
-        for patch in pair
-    ]
-    joints = find_joints(pair)
-    assert not joints.shared
-    ((_, _, distance),) = joints.almost
-    one, other = edge_points(pair[0], 1, 2001), edge_points(pair[1], 3, 2001)[::-1]
-    assert distance == pytest.approx(cKDTree(one).query(other)[0].max(), rel=5e-2)

@@ -90,15 +90,6 @@ def test_tolerance_on_the_globe_is_the_distance_from_the_sphere():
         assert (1 - np.linalg.norm(points, axis=1)).max() <= tolerance
 
 
-def test_collapsed_edges_are_found_and_leave_no_flat_faces():
-    joints = find_joints(globe().patches)
-    assert len(joints.collapsed) == 8
-    assert joints.closed
-    mesh = tessellate(globe(), 6)
-    a, b, c = (mesh.vertices[column] for column in mesh.faces.T)
-    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).min() > 1e-3
-
-
 def test_halves_of_a_collapsed_edge_are_collapsed():
     """The pole became several vertices, cells came twice, and the whole refinement was done again, more finely."""
     shape = globe()
@@ -127,25 +118,6 @@ def test_order_direction_and_orientation_of_patches_do_not_matter():
     assert volume(turned) == pytest.approx(volume(straight), rel=1e-12)
     one, two = (np.unique(np.round(mesh.vertices, 9) + 0.0, axis=0) for mesh in (straight, turned))
     assert np.abs(one - two).max() < 2e-9
-
-
-def test_projective_scalings_of_an_edge_leave_it_the_same_curve():
-    """Weights times κ e^{σ a} along an edge change neither curve nor linear parametrisation."""
-    one = octant(1, 1, 1)
-    other = octant(1, 1, -1)
-    factor = 3.0 * np.exp(0.7 * other.knots[:, 0])
-    scaled = Patch(other.knots, other.control_points, other.weights * factor, other.coefficients)
-    joints = find_joints([one, scaled])
-    assert len(joints.shared) == 1
-    assert joints.shared[0].first == (0, 0)
-    assert not joints.almost
-    uneven = other.weights.copy()
-    uneven[1] *= 1.001
-    joints = find_joints([one, Patch(other.knots, other.control_points, uneven, other.coefficients)])
-    assert not joints.shared
-    ((first, second, distance),) = joints.almost
-    assert (first, second) == ((0, 0), (1, 0))
-    assert 0 < distance < 1e-3
 
 
 def test_a_moebius_band_is_reported_as_one_sided():

@@ -37,39 +37,42 @@ SECONDS = 1.0  # longest that a spec may take, in processor time
 MEGABYTES = 200  # memory that all specs together may need beyond what the program needs before the first
 
 
-def judge(text: bytes, suffix: str, folder: Path) -> str | None:
-    """Mesh one spec; say what is wrong with how that went."""
-    spec, target = folder / f"spec{suffix}", folder / "out.obj"
-    spec.write_bytes(text)
+def judge(spec: Path, options: Iterable[str], folder: Path, limit: float = SECONDS) -> tuple[str | None, int]:
+    """Mesh one spec into a folder; return what is wrong with how that went, and the status."""
     start = time.process_time()
-    result = gtb("mesh", spec, "-n", "2", "-o", target)
+    result = gtb("mesh", spec, "-o", f"{folder}/", *options)
     seconds = time.process_time() - start
-    made = target.exists()
-    target.unlink(missing_ok=True)
-    left = [name for name in os.listdir(folder) if name.startswith(".gtb-")]
-    if "Traceback" in result.err or "internal error" in result.err:
-        return f"not a message: {result.err}"
-    if result.status not in (0, 2):
-        return f"status {result.status}"
-    if made != (result.status == 0) or left:
-        return f"status {result.status}, file there: {made}, left over: {left}"
-    if result.status == 2 and not result.err.startswith("gtb: error: "):
-        return f"no message: {result.err!r}"
-    return f"{seconds:.2f} s" if seconds > SECONDS else None
+    made = os.listdir(folder) if folder.exists() else []
+    remove(folder)
+    required = "--require" in options
+    complaint = None
+    if "Traceback" in result.err or "internal error" in result.err or "Warning" in result.err:
+        complaint = f"not a message: {result.err}"
+    elif result.status not in (0, 2) and not required:
+        complaint = f"status {result.status}"
+    elif len(made) != (result.status == 0):
+        complaint = f"status {result.status}, made {made}"
+    elif result.status == 2 and not result.err.startswith("gtb: error: "):
+        complaint = f"no message: {result.err!r}"
+    elif seconds > limit:
+        complaint = f"{seconds:.2f} s"
+    return complaint, result.status
 
 
 def mutate(count: int, seed: int) -> str | None:
     """Judge mutated specs; the first complaint."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        judge((SPECS / "pentagon.toml").read_bytes(), ".toml", folder)
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        folder = Path(name) / "out"
+        judge(SPECS / "pentagon.toml", ["-n", "2"], folder)
+        before = memory()
         for number in range(count):
             text, suffix = mutation(random.Random(f"{seed}-{number}"))
-            complaint = judge(text, suffix, folder)
+            spec = Path(name) / f"spec{suffix}"
+            spec.write_bytes(text)
+            complaint, _ = judge(spec, ["-n", "2"], folder)
             if complaint:
                 return f"spec {number} of seed {seed}: {complaint}\n{text[:2000]!r}"
-        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+        grown = memory() - before
         if grown > MEGABYTES:
             return f"memory grew by {grown:.0f} MB"
     print(f"{count} mutated specs: no traceback, no partial file, none over {SECONDS:g} s, {grown:.0f} MB more")
@@ -80,26 +83,13 @@ def models(count: int, seed: int) -> str | None:
     """Mesh models made by rules; the first complaint. A refusal is an answer, too: thickness has limits."""
     model_seconds = 5.0  # longest that a model of up to six patches may take, in processor time
     with tempfile.TemporaryDirectory() as name:
-        spec, folder = Path(name) / "model.json", Path(name) / "out"
-        statuses = Counter()
+        spec = Path(name) / "model.json"
+        statuses = Counter[int]()
         for number in range(count):
             text, options = model(random.Random(f"{seed}-{number}"))
             spec.write_bytes(text)
-            start = time.process_time()
-            result = gtb("mesh", spec, "-o", f"{folder}/", *options)
-            seconds = time.process_time() - start
-            made = os.listdir(folder) if folder.exists() else []
-            remove(folder)
-            statuses[result.status] += 1
-            complaint = None
-            if "Traceback" in result.err or "internal error" in result.err or "Warning" in result.err:
-                complaint = f"not a message: {result.err}"
-            elif result.status not in (0, 2) and "--require" not in options:
-                complaint = f"status {result.status}"
-            elif len(made) != (result.status == 0):
-                complaint = f"status {result.status}, made {made}"
-            elif seconds > model_seconds:
-                complaint = f"{seconds:.2f} s"
+            complaint, status = judge(spec, options, Path(name) / "out", model_seconds)
+            statuses[status] += 1
             if complaint:
                 return f"model {number} of seed {seed}: {complaint}\n{' '.join(options)}\n{text.decode()}"
     print(f"{count} models with degenerate patches: {statuses[0]} meshes, {count - statuses[0]} refused in words")
@@ -253,7 +243,6 @@ def kill(trials: int, seed: int, victims: Iterable[str] = tuple(VICTIMS)) -> str
             whole = content(place)
             if failed or not before or whole == before:
                 return f"{name}: not as it should be without a kill"
-            counts = Counter()
             for trial in range(trials):
                 remove(place)
                 there = before if trial % 2 else {}
@@ -267,32 +256,22 @@ def kill(trials: int, seed: int, victims: Iterable[str] = tuple(VICTIMS)) -> str
                 process.send_signal(signal.SIGKILL)
                 process.wait()
                 found = content(place)
-                state = state_of(found, there, there | whole)
-                if state is None:
+                if is_torn(found, there, there | whole):
                     sizes = {key: len(value) for key, value in found.items()}
                     return f"{name}: torn in trial {trial} of seed {seed}: {sizes}"
-                counts[state] += 1
-                counts["rests"] += bool(hidden(place))
                 if trial % 10 == 9 and (started(new, place).wait() or content(place) != there | whole):
                     return f"{name}: trial {trial} of seed {seed}: the next run failed"
                 for rest in hidden(place):
                     remove(rest)
-        print(
-            f"{name}: {trials} processes killed: the old was there {counts['old']} times, the new {counts['new']}, "
-            f"files without a record {counts['unfinished']}; .gtb-* was left {counts['rests']} times",
-            flush=True,
-        )
+        print(f"{name}: {trials} processes killed, nothing torn", flush=True)
     return None
 
 
-def state_of(found: dict[str, bytes], old: dict[str, bytes], new: dict[str, bytes]) -> str | None:
-    """What a killed process left, or None where it is torn: files of two times, and a record that says otherwise."""
-    if found == old:
-        return "old"
-    if found == new:
-        return "new"
+def is_torn(found: dict[str, bytes], old: dict[str, bytes], new: dict[str, bytes]) -> bool:
+    """Whether a killed process left something else than the old, the new, or files of both without a record."""
     mixture = set(found.items()) <= {*old.items(), *new.items()}
-    return "unfinished" if mixture and SEQUENCE_RECORD in new and SEQUENCE_RECORD not in found else None
+    unfinished = mixture and SEQUENCE_RECORD in new and SEQUENCE_RECORD not in found
+    return found not in (old, new) and not unfinished
 
 
 def remove(place: Path) -> None:

@@ -138,8 +138,6 @@ def main() -> int:
                 if not limit:
                     bad += 1
                     notes.append(f"{reader.name}: {kind.name}: {' '.join(str(error).split())[:300]}")
-    for format in dict.fromkeys(kind.format for kind in KINDS):
-        _print_table([kind for kind in KINDS if kind.format == format], cells, versions)
     _print_summary(cells, versions)
     for kind in KINDS:
         count = sum(cells.get((name, kind.name), "").startswith("yes") for name in versions)
@@ -147,17 +145,6 @@ def main() -> int:
             notes.append(f"{kind.name} has {count} readers")
     print("\n".join(notes))
     return 1 if bad else 0
-
-
-def _print_table(kinds: Sequence[Kind], cells: dict[tuple[str, str], str], versions: dict[str, str]) -> None:
-    print("| |", " | ".join(kind.name for kind in kinds), "|")
-    print("|---|" + "---|" * len(kinds))
-    for name, version in versions.items():
-        row = [cells.get((name, kind.name), "") for kind in kinds]
-        if any(row):
-            print(f"| {name} {version}".rstrip(), "|", " | ".join(row), "|")
-    count = [sum(cells.get((name, kind.name), "").startswith("yes") for name in versions) for kind in kinds]
-    print("| read by |", " | ".join(map(str, count)), "|\n")
 
 
 def _print_summary(cells: dict[tuple[str, str], str], versions: dict[str, str]) -> None:

@@ -148,24 +148,12 @@ class Different(Exception):
 
 
 def agreement(kind: Kind, found: dict[str, Any], tolerance: float = SINGLE) -> list[str]:
-    """Return what else than vertices and cells a reader has found, and found right.
+    """Return what else than vertices and cells a reader has found, and found right; raise `Different` with what is not.
 
-    Parameters
-    ----------
-    kind : Kind
-        What the reader has read.
-    found : dict
-        `points` (m, 3) and `cells`, in any order; and, where the reader gives them, `normals`, `uv` and `attributes`
-        (by name) of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each
-        point, and the number of `animations`. A reader that only counts gives `vertices`, `cells` and `bounds`, each of
-        which may be None.
-    tolerance : float
-        Relative to the largest coordinate.
-
-    Raises
-    ------
-    Different
-        With what is.
+    It has `points` and `cells` in any order, and where the reader gives them `normals`, `uv` and `attributes` (by name)
+    of each point, `names` of groups or nodes, `targets` (by name), which are other positions of each point, and the
+    number of `animations`. A reader that only counts gives `vertices`, `cells` and `bounds`, each of which may be None.
+    The tolerance is relative to the largest coordinate.
     """
     unit = 1e-3  # error of a normal: Blender keeps them in 32 bits
     if "points" not in found:

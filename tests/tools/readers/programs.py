@@ -84,16 +84,8 @@ def read_f3d(path: str) -> Found:
 
 def version(name: str) -> str:
     """Return the first number with a point in it that a program says of itself."""
-    # What makes each say its version, if anything
-    versions = {
-        "assimp": ("assimp", "version"),
-        "prusa_slicer": ("prusa-slicer", "--help"),
-        "openscad": ("openscad", "--version"),
-        "f3d": ("f3d", "--version"),
-    }
-    if name not in versions:
-        return ""
-    done = subprocess.run(versions[name], capture_output=True, timeout=TIMEOUT, check=False)
+    asked = {"assimp": "version", "prusa_slicer": "--help"}.get(name, "--version")
+    done = subprocess.run([name.replace("_", "-"), asked], capture_output=True, timeout=TIMEOUT, check=False)
     match = re.search(r"(?<![\d:.])\d+\.\d+(\.\d+)?", (done.stdout + done.stderr).decode("utf-8", "replace"))
     return match[0] if match else ""
 

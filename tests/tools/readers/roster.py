@@ -7,30 +7,14 @@ from tests.tools.readers.kinds import SINGLE, SIX_DIGITS
 
 @dataclass(frozen=True)
 class Reader:
-    """A program or library that reads mesh files.
-
-    Parameters
-    ----------
-    name : str
-        Its common name.
-    key : str
-        Its function is `read_` and this, in `libraries`, `programs` or `node.mjs`.
-    source : str
-        Package of PyPI or npm, and what else it needs; or the command of a program.
-    formats : str
-        What it reads.
-    tolerance : float
-        Relative error of what it gives.
-    limits : dict of kind to reason
-        What it does not read, though it reads the format. What is here must fail.
-    """
+    """A program or library that reads mesh files of some formats."""
 
     name: str
-    key: str
-    source: str
+    key: str  # its function is `read_` and this, in `libraries`, `programs` or `node.mjs`
+    source: str  # package of PyPI or npm, and what else it needs; or the command of a program
     formats: str
-    tolerance: float = SINGLE
-    limits: dict[str, str] = field(default_factory=dict)
+    tolerance: float = SINGLE  # relative error of what it gives
+    limits: dict[str, str] = field(default_factory=dict)  # kinds that it does not read, and why: these must fail
 
 
 NO_LINES = {"OBJ curve": "leaves lines out"}
