@@ -7,7 +7,7 @@ import numpy as np
 from gtb_cli.arrays import EPS
 from gtb_cli.checks.probe import Probe, choice, largest, points_at_torus
 from gtb_cli.checks.report import Finding, not_applicable, within_rounding
-from gtb_cli.design.isocurve import unmerged_isocurve
+from gtb_cli.design.isocurve import isocurve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import binomial_coefficients, lattice_of
 from gtb_cli.theory.basis import torus_coordinates
@@ -37,7 +37,7 @@ def isoparametric_curves(probe: Probe) -> Finding:
     for axis, fraction in product((0, 1), (0.125, 0.6)):
         u = np.linspace(low, high, 17)
         u[:, axis] = low[axis] + fraction * (high[axis] - low[axis])
-        curve, _ = unmerged_isocurve(patch, axis, float(u[0, axis]))
+        curve = isocurve(patch, axis, float(u[0, axis]))
         worst = max(worst, probe.distance(patch.evaluate(u), curve.evaluate(u[:, 1 - axis])))
     reason = "largest distance of isolines from the GT-Bézier curves of their weights, of the extent"
     return within_rounding(worst, 4 * probe.distance_rounding, reason)

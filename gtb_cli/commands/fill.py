@@ -62,7 +62,6 @@ def fill(
     Along each side with a ribbon the tangent planes are exact up to rounding; the largest angle is printed. A patch
     that folds or is turned over is not written, and the exit status is 1.
     """
-    from gtb_cli.design.fill import Options
     from gtb_cli.design.filling import filled
     from gtb_cli.design.loops import read_loop
     from gtb_cli.language.writer import dump
@@ -72,7 +71,7 @@ def fill(
     found = read_loop(read_bytes(loop), source, spec_format)
     with about(source):
         name = None if isinstance(found, Model) else stem_of(loop)
-        filling = filled(found, hole, Options(inner, fullness or 1.0, raises), name)
+        filling = filled(found, hole, name, inner=inner, fullness=fullness or 1.0, raises=raises)
         if filling.fault:
             raise RequirementError(f"{filling.fault}; it is not written")
     write_text(output, dump(filling.model or filling.patch))

@@ -6,16 +6,14 @@ planes. So the edge's tangent and the direction to the row span these planes. Al
 null space of ``v ↦ <normal, v>``. One linear least-squares problem chooses a field and the inner control points.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.net import Net, net
+from gtb_cli.design.net import net
 from gtb_cli.design.planes import Field, nearest_field, row_fields
 from gtb_cli.design.sides import (
     HoleSide,
@@ -24,7 +22,6 @@ from gtb_cli.design.sides import (
     loop,
     points_and_tangents,
     side_normals,
-    size_of,
     stations,
 )
 from gtb_cli.errors import DomainError
@@ -35,38 +32,14 @@ from gtb_cli.knots.triangulation import central_triangulation
 from gtb_cli.meshes.solidity import folded_pairs
 from gtb_cli.moment.moment_map import MomentMap
 from gtb_cli.moment.torus import block_length, exponents, shares
-from gtb_cli.theory.edges import edge_points_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 
 @frozen
-class Options:
-    """Options of `fill_loop` and `gtb_cli.design.holes.fill_hole`: see `gtb_cli.design.filling.fill`.
-
-    Raises
-    ------
-    DomainError
-        An option has no such value.
-    """
-
-    inner: str = "fair"
-    fullness: float = 1.0
-    raises: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.inner not in ("fair", "flat"):
-            raise DomainError(f"inner: expected fair or flat, got {self.inner!r}")
-        if not 0 < self.fullness <= 1000:
-            raise DomainError(f"fullness: must be positive and at most 1000, got {self.fullness!r}")
-        if self.raises is not None and (isinstance(self.raises, bool) or self.raises < 0):
-            raise DomainError(f"raises: expected a whole number, at least 0, got {self.raises!r}")
-
-
-@frozen
 class Filling:
-    """A patch that fills a hole. Made by `fill_loop` and `gtb_cli.design.holes.fill_hole`.
+    """A patch that fills a hole. Made by `gtb_cli.fill`.
 
     Attributes
     ----------
@@ -121,115 +94,85 @@ class Filling:
         return f"<Filling: {len(self.sides)} sides, planes met within {self.angle:.2g} degrees, {self.folds} folds>"
 
 
-def fill_loop(sides: Sequence[HoleSide], options: Options | None = None, name: str | None = None) -> Filling:
-    """Fill a hole whose sides are given in any order, with ends that meet.
+def fill_loop(
+    sides: Sequence[HoleSide],
+    name: str | None = None,
+    *,
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+) -> Filling:
+    """Fill a hole whose sides are given in any order, with ends that meet; see `gtb_cli.fill` for the options.
 
-    By default the degrees of sides with ribbons are raised by 2 and those of others by 1, or one less if the patch
-    folds then; with 0 raises, edges stay as they are if an exact field is found.
-
-    Raises
-    ------
-    DomainError
-        The sides do not close, are too few or too many, or have no tangent planes.
+    Raises `DomainError`: an option has no such value, or the sides do not close, are too few or too many, or have no
+    tangent planes.
     """
+    if inner not in ("fair", "flat"):
+        raise DomainError(f"inner: expected fair or flat, got {inner!r}")
+    if not 0 < fullness <= 1000:
+        raise DomainError(f"fullness: must be positive and at most 1000, got {fullness!r}")
+    if raises is not None and (isinstance(raises, bool) or raises < 0):
+        raise DomainError(f"raises: expected a whole number, at least 0, got {raises!r}")
     max_sides = 24  # with more, there are too few inner knots for the corners
-    options = options or Options()
-    raises = options.raises
     ordered, remarks = loop(sides)
     if len(ordered) > max_sides:
         raise DomainError(f"loop: has {len(ordered)} sides, at most {max_sides} are filled with one patch")
-    middle, size = _frame(ordered)
-    unit = [_moved(side, middle, size) for side in ordered]
-    kind: Energy = "thin-plate" if options.inner == "fair" else "dirichlet"
+    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in ordered])
+    middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, float(np.ptp(points, axis=0).max())
+    unit = []  # the sides in units of the loop's size, from its middle
+    for side in ordered:
+        weights = side.curve[:, 3:]
+        unit.append(replace(side, curve=np.hstack([(side.curve[:, :3] - weights * middle) / size, weights])))
     normals = [None if side.across is None else side_normals(side) for side in unit]
+
+    def attempt(least: int, fewer: bool) -> tuple[int, Patch, float, list[int], int, int]:
+        """Fill with edges raised at least this often, with all fields or, for each side, that nearest to the given."""
+        edges, fields, times = row_fields(unit, normals, least)
+        if fewer:
+            fields = [nearest_field(field, side, n) for field, side, n in zip(fields, unit, normals, strict=True)]
+        patch, energy = _solved(edges, fields, "thin-plate" if inner == "fair" else "dirichlet", fullness)
+        turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
+        turns, folds = _turns(patch), _folds(patch)
+        return turns + 1000 * (folds + turned), patch, energy, times, turns, folds
+
     least = (2 if any(n is not None for n in normals) else 1) if raises is None else raises
-    best: _Attempt | None = None
-    plans = [(least, False), (least, True), (least + 1, False), (least + 2, True)]
+    plans = [(least, True), (least + 1, False), (least + 2, True)]
     if raises is None:
         # Some loops of twelve sides turn over if there are more fields to choose from, and do not if there are fewer.
-        plans.insert(1, (least - 1, False))
-    for count, fewer in plans:
-        attempt = _attempt(unit, normals, count, fewer, kind, options.fullness)
-        if best is None or attempt.faults < best.faults:
-            best = attempt
-        if not best.faults:
+        plans.insert(0, (least - 1, False))
+    best = attempt(least, False)
+    for plan in plans:
+        if not best[0]:
             break
-    assert best is not None
-    shape, patch = best.net, best.patch
-    patch = Patch(
-        shape.knots,
-        patch.control_points * size + middle,
-        log_weights=shape.log_weights - shape.log_weights[0],
-        name=name,
-    )
-    patch = _with_exact_corners(patch, ordered)
-    angle = max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan)
-    if any(best.raises):
-        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, best.raises))}")
-    if best.turns:
-        remarks += _turning_planes(ordered, normals)
+        best = min(best, attempt(*plan), key=lambda found: found[0])
+    _, patch, energy, times, turns, folds = best
+    points = patch.control_points * size + middle
+    points[: len(ordered)] = [side.ends[0] for side in ordered]
+    patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
+    if any(times):
+        remarks.append(f"degrees of the sides are raised by {', '.join(map(str, times))}")
+    for side, n in zip(ordered, normals, strict=True):
+        turn = 0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min()))
+        if turns and turn > 90:  # a patch that follows such planes faces the other way, and then back
+            remarks.append(
+                f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply "
+                "there"
+            )
     return Filling(
         patch,
         ordered,
-        best.energy * size**2,
-        angle,
-        _corner_angles(unit, normals),
-        best.raises,
-        best.folds,
-        0 if best.folds else best.turns,
+        energy * size**2,
+        max((_angle(patch, k, n) for k, n in enumerate(normals) if n is not None), default=math.nan),
+        _corner_angles(normals),
+        tuple(times),
+        folds,
+        0 if folds else turns,
         tuple(remarks),
     )
 
 
-class _Attempt(NamedTuple):
-    """A patch for the loop, in units of the loop's size, and its defects."""
-
-    net: Net
-    patch: Patch
-    energy: float
-    raises: tuple[int, ...]
-    turns: int
-    folds: int
-    turned: int
-
-    @property
-    def faults(self) -> int:
-        return self.turns + 1000 * (self.folds + self.turned)
-
-
-def _attempt(
-    sides: Sequence[HoleSide],
-    normals: Sequence[FloatArray | None],
-    least: int,
-    fewer: bool,
-    kind: Energy,
-    fullness: float,
-) -> _Attempt:
-    """Fill with edges raised at least this often, with all fields or, for each side, the one nearest to the given."""
-    edges, fields, times = row_fields(sides, normals, least)
-    if fewer:
-        fields = [nearest_field(field, side, n) for field, side, n in zip(fields, sides, normals, strict=True)]
-    shape, points, value = _solved(edges, fields, kind, fullness)
-    patch = Patch(shape.knots, points, log_weights=shape.log_weights)
-    turned = sum(_angle(patch, k, n) > 90 for k, n in enumerate(normals) if n is not None)
-    return _Attempt(shape, patch, value, tuple(times), _turns(patch), _folds(patch), turned)
-
-
-def _frame(sides: Sequence[HoleSide]) -> tuple[FloatArray, float]:
-    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
-    return (points.min(axis=0) + points.max(axis=0)) / 2, size_of(sides)
-
-
-def _moved(side: HoleSide, middle: FloatArray, size: float) -> HoleSide:
-    """Give a side's points in units of the loop's size, from its middle."""
-    weights = side.curve[:, 3:]
-    return HoleSide(side.name, np.column_stack([(side.curve[:, :3] - weights * middle) / size, weights]), side.across)
-
-
-def _solved(
-    edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, fullness: float
-) -> tuple[Net, FloatArray, float]:
-    """Return the net, its control points and their energy."""
+def _solved(edges: Sequence[FloatArray], fields: Sequence[Field], kind: Energy, fullness: float) -> tuple[Patch, float]:
+    """Return the patch in units of the loop's size, and its energy."""
     polars = [(edge[:-1] + edge[1:]) / 2 for edge in edges]
     shape = net(
         np.array([_length(edge) for edge in edges]),
@@ -263,7 +206,8 @@ def _solved(
         factors = np.linalg.lstsq(images @ flat.T, -images @ points[outer].ravel(), rcond=RIDGE_FRACTION)[0]
         points[outer] += fullness * np.einsum("f,fik->ik", factors, shifts)
     points[inner] = -weights @ points[outer]
-    return shape, points, float(np.einsum("ik,ij,jk->", points, matrix, points))
+    patch = Patch(shape.knots, points, log_weights=shape.log_weights)
+    return patch, float(np.einsum("ik,ij,jk->", points, matrix, points))
 
 
 def _length(curve: FloatArray) -> float:
@@ -271,25 +215,10 @@ def _length(curve: FloatArray) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def _with_exact_corners(patch: Patch, sides: Sequence[HoleSide]) -> Patch:
-    points = patch.control_points.copy()
-    points[: len(sides)] = [side.ends[0] for side in sides]
-    return patch.replace(control_points=points)
-
-
 def _turns(patch: Patch) -> int:
     """Count the triangle sides in a mesh of Δ at which the image turns by more than a right angle."""
     part = central_triangulation(patch.domain, FOLD_RINGS)
-    inside = np.ones(len(part.parameters), dtype=bool)
-    inside[part.boundary] = False
-    vertices = np.zeros((len(part.parameters), 3))
-    moment_map = MomentMap(patch.knots, patch.log_products)
-    for block in np.array_split(np.flatnonzero(inside), 1 + len(vertices) // block_length(len(patch.knots))):
-        t = shares(exponents(patch.knots, patch.log_products, moment_map.inverse(part.parameters[block], 1e-7)))
-        vertices[block] = t.T @ patch.control_points
-    for edge, boundary in enumerate(part.boundary):
-        vertices[boundary] = edge_points_at(patch, edge, np.arange(len(boundary)) / len(boundary))
-    return len(folded_pairs(vertices, part.cells))
+    return len(folded_pairs(patch.evaluate(part.parameters, "linear"), part.cells))
 
 
 def _folds(patch: Patch) -> int:
@@ -339,33 +268,15 @@ def _angle(patch: Patch, side: int, normals: FloatArray) -> float:
     return float(np.degrees(np.arctan2(sine, (found * normals[away]).sum(axis=1))).max())
 
 
-def _corner_angles(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> FloatArray:
-    """Return the angles between the planes of neighbouring sides at their common ends, to first order in stations."""
+def _corner_angles(normals: Sequence[FloatArray | None]) -> FloatArray:
+    """Return the angles in degrees between the planes of sides k − 1 and k at corner k, NaN without planes."""
+    t = stations()[:6]
+    ends = np.array([math.prod(b / (b - a) for b in t if b != a) for a in t])  # extrapolate from stations to a corner
     angles = []
-    for k in range(len(sides)):
-        before, after = normals[k - 1], normals[k]
+    for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True):
         if before is None or after is None:
             angles.append(math.nan)
-            continue
-        end, start = _extrapolated(before[::-1]), _extrapolated(after)
-        angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
+        else:
+            end, start = ends @ before[:-7:-1], ends @ after[:6]
+            angles.append(math.degrees(math.atan2(float(np.linalg.norm(np.cross(end, start))), float(end @ start))))
     return np.array(angles)
-
-
-def _turning_planes(sides: Sequence[HoleSide], normals: Sequence[FloatArray | None]) -> list[str]:
-    """Name the sides whose planes turn so far that the patch can hardly follow."""
-    max_turn = 90.0  # a patch that follows planes further faces the other way, and then back
-    turns = [0.0 if n is None else math.degrees(math.acos(np.clip(n @ n.T, -1, 1).min())) for n in normals]
-    return [
-        f"{side.name}: its tangent planes turn by {turn:.0f} degrees along it, so that the patch turns sharply there"
-        for side, turn in zip(sides, turns, strict=True)
-        if turn > max_turn
-    ]
-
-
-def _extrapolated(normals: FloatArray) -> FloatArray:
-    """Extrapolate the normal at parameter 0 from those at the first stations."""
-    t = stations()[:6]
-    factors = [math.prod(b / (b - a) for b in t if b != a) for a in t]
-    value = np.asarray(factors @ normals[:6])
-    return np.asarray(value / np.linalg.norm(value))

@@ -2,17 +2,19 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
 from gtb_cli.arrays import finite
-from gtb_cli.design.fill import Filling, Options, fill_loop
-from gtb_cli.design.holes import fill_hole
+from gtb_cli.design.fill import Filling, fill_loop
+from gtb_cli.design.holes import ring_of, ring_sides
 from gtb_cli.design.loops import read_loop
 from gtb_cli.design.sides import HoleSide, curve_side
 from gtb_cli.errors import DomainError
 from gtb_cli.files import read_file
 from gtb_cli.language.document import MAX_BYTES
+from gtb_cli.theory.edges import edge_name
 from gtb_cli.theory.model import Model
 
 
@@ -57,26 +59,42 @@ def fill(
     SpecError, DomainError
         A file, loop or option is not valid.
     """
-    options = Options(inner, fullness, raises)
+    found: Sequence[HoleSide] | Model
     if isinstance(loop, Model):
-        return filled(loop if loop.dimension == 2 else _sides(loop, ribbons), hole, options, name)
-    source = os.fspath(loop)
-    return filled(read_loop(read_file(source, MAX_BYTES + 1), source), hole, options, name)
+        found = loop if loop.dimension == 2 else _sides(loop, ribbons)
+    else:
+        source = os.fspath(loop)
+        found = read_loop(read_file(source, MAX_BYTES + 1), source)
+    return filled(found, hole, name, inner=inner, fullness=fullness, raises=raises)
 
 
-def filled(found: Sequence[HoleSide] | Model, hole: str | None, options: Options, name: str | None) -> Filling:
-    """Fill a loop of sides, or a hole of a model.
+def filled(
+    found: Sequence[HoleSide] | Model,
+    hole: str | None,
+    name: str | None,
+    *,
+    inner: str = "fair",
+    fullness: float = 1.0,
+    raises: int | None = None,
+) -> Filling:
+    """Fill a loop of sides, or an open ring of a model, with a patch that touches its neighbours' tangent planes.
 
-    Raises
-    ------
-    DomainError
-        The loop or the model cannot be filled, or a hole is named in a loop.
+    The `model` of the filling has the patch, under a name that no other has. Raises `DomainError` as `fill` does.
     """
-    if isinstance(found, Model):
-        return fill_hole(found, hole, options, name or "hole")
-    if hole is not None:
-        raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
-    return fill_loop(found, options, name)
+    if not isinstance(found, Model):
+        if hole is not None:
+            raise DomainError("hole: names an edge of a model of surfaces, and this is a loop of curves")
+        return fill_loop(found, name, inner=inner, fullness=fullness, raises=raises)
+    sides = ring_sides(found, ring_of(found, hole))
+    taken = {patch.name for patch in found}
+    names = (name or "hole", *(f"{name or 'hole'}-{k}" for k in range(1, len(taken) + 1)))
+    unique = next(candidate for candidate in names if candidate not in taken)
+    filling = fill_loop(sides, unique, inner=inner, fullness=fullness, raises=raises)
+    whole = found.replace(patches=(*found.patches, filling.patch))
+    remarks = filling.remarks
+    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(found)]:
+        remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
+    return replace(filling, remarks=remarks, model=whole)
 
 
 def _sides(loop: Model, ribbons: Sequence[ArrayLike | None] | None) -> list[HoleSide]:

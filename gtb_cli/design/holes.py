@@ -1,12 +1,10 @@
 """Open rings of a model: the edges around a hole, as sides with the tangent planes of the neighbouring patches."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from gtb_cli.arrays import FloatArray
-from gtb_cli.design.fill import Filling, Options, fill_loop
 from gtb_cli.design.sides import MAX_GAP, HoleSide, bezier_form, edge_normals, points_and_tangents, stations
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.edges import EdgeRef, edge_name
@@ -15,15 +13,7 @@ from gtb_cli.theory.patch import Patch
 
 
 def rings(model: Model) -> list[tuple[EdgeRef, ...]]:
-    """Find the closed rings of a model's open edges, which follow each other; edges that lead nowhere are left out.
-
-    Raises
-    ------
-    DomainError
-        The model consists of curves.
-    """
-    if model.dimension == 1:
-        raise DomainError("rings: curves have no holes")
+    """Find the closed rings of a surface model's open edges; edges that lead nowhere are left out."""
     joints = model.joints
     points = np.concatenate([patch.control_points for patch in model.patches])
     gap = MAX_GAP * float(np.ptp(points, axis=0).max())
@@ -47,25 +37,17 @@ def rings(model: Model) -> list[tuple[EdgeRef, ...]]:
 
 
 def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
-    """Return the ring that contains an edge, named such as ``wall-0 edge 2``; without a name, the only ring.
-
-    Raises
-    ------
-    DomainError
-        There is no such ring, or there are several and no edge is named.
-    """
+    """Return the ring that contains an edge, named such as ``wall-0 edge 2``; without a name, the only ring, if any."""
     found = rings(model)
-    names = [[edge_name(model.patches, ref) for ref in ring] for ring in found]
-    if edge is not None:
-        for ring, members in zip(found, names, strict=True):
-            if edge in members:
-                return ring
-        known = "; ".join(f"{members[0]} (of {len(members)})" for members in names) or "none"
-        raise DomainError(f"hole: no open ring has an edge {edge!r}; rings begin with: {known}")
     if not found:
         raise DomainError("hole: the model has no closed ring of open edges")
+    known = "; ".join(f"{edge_name(model.patches, ring[0])} (of {len(ring)} sides)" for ring in found)
+    if edge is not None:
+        for ring in found:
+            if edge in [edge_name(model.patches, ref) for ref in ring]:
+                return ring
+        raise DomainError(f"hole: no open ring has an edge {edge!r}; rings begin with: {known}")
     if len(found) > 1:
-        known = "; ".join(f"{members[0]} (of {len(members)} sides)" for members in names)
         raise DomainError(f"hole: the model has {len(found)}, `edge` names one of: {known}")
     return found[0]
 
@@ -73,10 +55,7 @@ def ring_of(model: Model, edge: str | None) -> tuple[EdgeRef, ...]:
 def ring_sides(model: Model, ring: Sequence[EdgeRef]) -> list[HoleSide]:
     """Return the sides of a hole, in the direction that gives its patch the orientation of its neighbours.
 
-    Raises
-    ------
-    DomainError
-        An edge is not a rational Bézier curve.
+    Raises `DomainError` if an edge is not a rational Bézier curve.
     """
     sides = []
     for patch_index, edge in ring:
@@ -105,25 +84,3 @@ def _outwards(patch: Patch, edge: int, curve: FloatArray) -> FloatArray | None:
         return None
     _, tangents = points_and_tangents(curve, t)
     return np.asarray(np.cross(tangents, normals))
-
-
-def fill_hole(model: Model, hole: str | None = None, options: Options | None = None, name: str = "hole") -> Filling:
-    """Fill an open ring of a model with one patch that touches its neighbours' tangent planes.
-
-    The `model` of the filling has the patch; the others stay as they are.
-
-    Raises
-    ------
-    DomainError
-        There is no such ring, or it cannot be filled.
-    """
-    sides = ring_sides(model, ring_of(model, hole))
-    taken = {patch.name for patch in model.patches}
-    names = (name, *(f"{name}-{k}" for k in range(1, len(taken) + 1)))
-    unique = next(candidate for candidate in names if candidate not in taken)
-    filling = fill_loop(sides, options, unique)
-    whole = model.replace(patches=(*model.patches, filling.patch))
-    remarks = filling.remarks
-    if loose := [edge_name(whole.patches, ref) for ref in whole.joints.open if ref[0] == len(model)]:
-        remarks += (f"{', '.join(loose)}: the neighbour's curve at other parameters, so that they are not joined",)
-    return replace(filling, remarks=remarks, model=whole)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray
+from gtb_cli.arrays import FloatArray
 from gtb_cli.bezier.elevation import product
 from gtb_cli.errors import DomainError
 from gtb_cli.theory.basis import torus_coordinates
@@ -12,49 +12,20 @@ AXES = ("u", "v")
 
 
 def isocurve(patch: Patch, axis: int, value: float) -> Patch:
-    """Return the curve of a surface on which one parameter keeps its value.
+    """Return the curve of a surface on which one parameter, u (axis 0) or v (axis 1), keeps its value.
 
     On a rectangle along the axes, ``P(u*, v)`` is the GT-Bézier curve of the knots' other coordinates, with equal
-    knots merged and the weights ``c_i ω_i exp(u_i θ(u*))``. It has the same points at the same v.
-
-    Parameters
-    ----------
-    patch : Patch
-    axis : {0, 1}
-        The parameter that keeps its value: u or v.
-    value : float
-
-    Returns
-    -------
-    Patch
-        A curve whose coefficients are 1; on an edge, the boundary curve.
-
-    Raises
-    ------
-    DomainError
-        The patch is a curve, its domain is not such a rectangle, so that isoparametric curves are not GT-Bézier curves,
-        or the value is not in the domain.
-
-    References
-    ----------
-    Section 4, property (d), which holds only for rectangles along the axes.
+    knots merged and the weights ``c_i ω_i exp(u_i θ(u*))`` (Section 4, property (d), which holds only there). It has
+    the same points at the same v; on an edge it is the boundary curve. Raises `DomainError` for a curve, another
+    domain, or a value beyond it.
     """
-    curve, _ = unmerged_isocurve(patch, axis, value)
-    merged = product(curve, np.zeros((1, 1)))
-    return merged if len(merged.knots) < len(curve.knots) else curve
-
-
-def unmerged_isocurve(patch: Patch, axis: int, value: float) -> tuple[Patch, IntArray]:
-    """Return the curve of `isocurve` before equal knots are merged, and the indices of its knots in the patch."""
+    low, high = span(patch, axis, value)
     shape = patch.domain
-    if patch.dimension == 1:
-        raise DomainError("is a curve, and has no isoparametric curves")
     if len(shape.vertices) != 4 or ((shape.normals != 0).sum(axis=1) != 1).any():
         raise DomainError(
             "the domain is not a rectangle along the axes: isoparametric curves are not GT-Bézier curves there. What "
             "can be had is a polyline (`isoparametric_points`)"
         )
-    low, high = span(patch, axis, value)
     name = f"{patch.name or 'patch'}-{AXES[axis]}{value:g}"
     other = 1 - axis
     # Edges 0 … 3 are bottom, right, top, left.
@@ -72,19 +43,15 @@ def unmerged_isocurve(patch: Patch, axis: int, value: float) -> tuple[Patch, Int
     curve = Patch(
         patch.knots[members, other], patch.control_points[members], log_weights=logs, edge_scale=scale, name=name
     )
-    return curve, members
+    merged = product(curve, np.zeros((1, 1)))
+    return merged if len(merged.knots) < len(curve.knots) else curve
 
 
 def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> tuple[FloatArray, FloatArray]:
     """Return (count, 2) evenly spread parameters with one coordinate fixed, and (count, 3) points of a surface there.
 
-    Raises
-    ------
-    DomainError
-        The patch is a curve, or the value is not in the domain.
+    Raises `DomainError` for a curve, or a value beyond the domain.
     """
-    if patch.dimension == 1:
-        raise DomainError("is a curve, and has no isoparametric curves")
     low, high = span(patch, axis, value)
     parameters = low + np.linspace(0.0, 1.0, count)[:, None] * (high - low)
     parameters[-1] = high
@@ -92,13 +59,12 @@ def isoparametric_points(patch: Patch, axis: int, value: float, count: int) -> t
 
 
 def span(patch: Patch, axis: int, value: float) -> tuple[FloatArray, FloatArray]:
-    """Return the ends of the segment of the domain on which a parameter has a value.
+    """Return the ends of the segment of a surface's domain on which a parameter has a value.
 
-    Raises
-    ------
-    DomainError
-        There is no such segment, or it is only a corner.
+    Raises `DomainError` if there is no such segment, or it is only a corner.
     """
+    if patch.dimension == 1:
+        raise DomainError("is a curve, and has no isoparametric curves")
     v = patch.domain.vertices
     low, high = float(v[:, axis].min()), float(v[:, axis].max())
     if not low <= value <= high:

@@ -15,23 +15,28 @@ from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
 SUFFIXES = (".gbp", ".lop")
-
 MAX_CURVES = 100  # that are read; a loop with too many sides to fill is refused later
 
 
 def read_loop(data: bytes, source: str, format: Format | None = None) -> list[HoleSide] | Model:
     """Read a `.gbp` or `.lop` file, by its suffix, or a spec: curves are the sides of a loop, surfaces are a model.
 
-    Raises
-    ------
-    SpecError
-        The file is too large, has words that are not numbers, or has too few or too many numbers; with file and line.
-        Of specs see `gtb_cli.language.loading.parse`; or a ribbon is not valid.
+    Raises `SpecError`, with file and line: the file is too large, has words that are not numbers, or too few or too
+    many numbers; of specs see `gtb_cli.load`; or a ribbon is not valid.
     """
-    suffix = os.path.splitext(source)[1].lower()
-    if format is not None or suffix not in SUFFIXES:
-        return _loop_or_model(data, source, format or spec_format_of(source))
-    return loop_from_text(data, source)
+    if format is None and os.path.splitext(source)[1].lower() in SUFFIXES:
+        return loop_from_text(data, source)
+    spec, rows = parse_loop(data, source, format or spec_format_of(source))
+    if isinstance(spec, Patch):
+        what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
+        raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
+    if spec.dimension == 2:
+        return spec
+    names = [patch.name or f"patches[{i}]" for i, patch in enumerate(spec.patches)]
+    try:
+        return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
+    except DomainError as error:
+        raise SpecError(f"{source}: {error}") from None
 
 
 def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
@@ -40,7 +45,7 @@ def loop_from_text(data: bytes, source: str) -> list[HoleSide]:
     if len(data) > max_bytes:
         raise SpecError(f"{source}: is too large, a loop has at most {max_bytes // 10**6} MB")
     words = Words(data, source)
-    sides = _gbp(words) if os.path.splitext(source)[1].lower() == ".gbp" else _lop(words)
+    sides = _gbp(words) if source.lower().endswith(".gbp") else _lop(words)
     words.end()
     return sides
 
@@ -54,9 +59,7 @@ def _gbp(words: Words) -> list[HoleSide]:
     degree = words.whole("the degree", 3, MAX_DEGREE)
     words.rows(1, 3, "the centre")
     first = words.rows(n * degree, 3, "the boundary").reshape(n, degree, 3)
-    second = np.zeros((n, degree - 2, 3))
-    if (degree + 1) // 2 > 1:
-        second = words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)
+    second = words.rows(n * (degree - 2), 3, "the second layer").reshape(n, degree - 2, 3)
     for layer in range(2, (degree + 1) // 2):
         words.rows(n * (degree - 2 * layer), 3, f"layer {layer}")
     sides = []
@@ -90,17 +93,3 @@ def _lop(words: Words) -> list[HoleSide]:
             piece = matrix @ points[first : first + degree + 1]
             sides.append(HoleSide(name, np.column_stack([piece, np.ones(len(piece))])))
     return sides
-
-
-def _loop_or_model(data: bytes, source: str, format: Format | None) -> list[HoleSide] | Model:
-    spec, rows = parse_loop(data, source, format)
-    if isinstance(spec, Patch):
-        what = "a single patch has no hole" if spec.dimension == 2 else "one curve is not a loop"
-        raise SpecError(f"{source}: {what}: a loop is a model of curves, [[patches]], at least 3 of them")
-    if spec.dimension == 2:
-        return spec
-    names = [patch.name or f"patches[{i}]" for i, patch in enumerate(spec.patches)]
-    try:
-        return [curve_side(patch, row, name) for patch, row, name in zip(spec.patches, rows, names, strict=True)]
-    except DomainError as error:
-        raise SpecError(f"{source}: {error}") from None

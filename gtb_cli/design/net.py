@@ -19,16 +19,9 @@ SECOND_LAYER = 2.0  # distance from an edge, relative to the row's: curvature wo
 
 @frozen
 class Net:
-    """Knots and log weights; on edges the weights are given, in each row up to a common factor.
+    """(n, 2) knots and (n,) log weights, given on edges, and in each row up to a common factor.
 
-    Attributes
-    ----------
-    knots : (n, 2) float
-    log_weights : (n,) float
-    edges : tuple of (m + 1,) int
-        Knots of each edge, from corner to corner.
-    rows : tuple of (m,) int
-    inner : (k,) int
+    `edges` have the m + 1 knots of each edge, from corner to corner, `rows` the m of each row.
     """
 
     knots: FloatArray
@@ -39,30 +32,21 @@ class Net:
 
 
 def net(lengths: FloatArray, edge_weights: Sequence[FloatArray], row_weights: Sequence[FloatArray]) -> Net:
-    """Lay out the knots of a patch, and choose its weights.
+    """Lay out the knots of a patch whose domain has sides like the (r,) lengths in space, and choose its weights.
 
-    Parameters
-    ----------
-    lengths : (r,) float
-        Lengths of the sides in space; the sides of the domain are similar.
-    edge_weights : sequence of (m + 1,) float
-        Products c ω of each edge's knots, 1 at the corners.
-    row_weights : sequence of (m,) float
-        Products of the knots of each edge's row, up to a factor.
+    Products c ω of the knots are given: (m + 1,) of each edge, 1 at the corners, and (m,) of its row, up to a factor.
     """
     corners = polygon(lengths)
     degrees = np.array([len(weights) - 1 for weights in edge_weights])
-    edges, rows, knots = _boundary(corners, degrees)
-    inner_knots = _rings(corners, degrees, _row_distance(corners, degrees))
+    distance = _row_distance(corners, degrees)
+    edges, rows, knots = _boundary(corners, degrees, distance)
+    inner_knots = _rings(corners, degrees, distance)
     inner = np.arange(len(knots), len(knots) + len(inner_knots))
     knots = np.concatenate([knots, inner_knots])
     logs = np.full(len(knots), np.log(4.0))
     for members, weights in zip((*edges, *rows), (*edge_weights, *row_weights), strict=True):
         logs[members] = np.log(weights)
-    group = np.full(len(knots), -1)
-    for side, members in enumerate(rows):
-        group[members] = side
-    return Net(knots, _even_weights(knots, logs, group, inner), edges, rows, inner)
+    return Net(knots, _even_weights(knots, logs, rows, inner), edges, rows, inner)
 
 
 def polygon(lengths: FloatArray) -> FloatArray:
@@ -119,21 +103,21 @@ def _row_distance(corners: FloatArray, degrees: IntArray) -> float:
     return float(row_spacing * (step / 2 * sine / (SECOND_LAYER + cosine)).min())
 
 
-def _boundary(corners: FloatArray, degrees: IntArray) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
+def _boundary(
+    corners: FloatArray, degrees: IntArray, distance: float
+) -> tuple[tuple[IntArray, ...], tuple[IntArray, ...], FloatArray]:
     """Return the knots of edges, m + 1 each, and of rows, m each and shifted by half a step."""
     lengths, along, inward = _frames(corners)
-    distance, r = _row_distance(corners, degrees), len(corners)
+    r = len(corners)
+    steps = lengths / degrees
     knots, edges, rows = [*corners], [], []
     for side in range(r):
-        step = lengths[side] / degrees[side]
-        inner = [corners[side] + j * step * along[side] for j in range(1, degrees[side])]
-        edges.append(np.array([side, *range(len(knots), len(knots) + len(inner)), (side + 1) % r]))
-        knots += inner
+        edges.append(np.array([side, *range(len(knots), len(knots) + degrees[side] - 1), (side + 1) % r]))
+        knots += [corners[side] + j * steps[side] * along[side] for j in range(1, degrees[side])]
     for side in range(r):
-        step = lengths[side] / degrees[side]
-        start = corners[side] + distance * inward[side]
         rows.append(np.arange(len(knots), len(knots) + degrees[side]))
-        knots += [start + (j + 0.5) * step * along[side] for j in range(degrees[side])]
+        start = corners[side] + distance * inward[side]
+        knots += [start + (j + 0.5) * steps[side] * along[side] for j in range(degrees[side])]
     return tuple(edges), tuple(rows), np.array(knots)
 
 
@@ -172,12 +156,13 @@ def _rings(corners: FloatArray, degrees: IntArray, distance: float) -> FloatArra
     return np.concatenate([*knots, centre[None]])
 
 
-def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: IntArray) -> FloatArray:
+def _even_weights(knots: FloatArray, logs: FloatArray, rows: Sequence[IntArray], inner: IntArray) -> FloatArray:
     """Return log weights with which inner knots, and rows on average, have a share of 0.15 at their own places."""
     share = 0.15  # most of the rest belongs to its neighbours, whose bumps overlap so much that no ripple is left
     rounds, damping = 15, 0.6  # towards weights right if the others stayed; a few per cent of a share remain
     logs = logs.copy()
-    free = np.concatenate([np.flatnonzero(group >= 0), inner])
+    free = np.concatenate([*rows, inner])
+    ends = np.cumsum([len(row) for row in rows])
     columns = np.arange(len(free))
     s = None
     wanted = np.log(share / (1 - share))
@@ -186,8 +171,7 @@ def _even_weights(knots: FloatArray, logs: FloatArray, group: IntArray, inner: I
         t = shares(exponents(knots, logs, s))[free, columns]
         with np.errstate(divide="ignore"):
             change = wanted - np.log(t) + np.log1p(-np.minimum(t, 1 - 1e-9))
-        for side in range(int(group.max()) + 1):
-            here = group[free] == side
-            change[here] = change[here].mean()
+        for row in np.split(change, ends)[:-1]:
+            row[:] = row.mean()
         logs[free] += damping * np.clip(change, -3, 3)
     return logs

@@ -23,24 +23,19 @@ def row_fields(
     fields: list[Field] = []
     times: list[int] = []
     for side, normal in zip(sides, normals, strict=True):
+        step = len(side.multiplier) - 1
         if normal is None:
             # A rational side stays as it is: its row is free, and many knots would make it no fairer.
-            count = _multiplications(side, least if len(side.multiplier) == 2 else 0).start
-            edge, field = raised(side.curve, count, side.multiplier), None
+            wanted = max(least if step == 1 else 0, 2 - side.degree)
+            edge, field = raised(side.curve, -(-wanted // step), side.multiplier), None
         else:
-            edge, field = _touching(side, normal, _multiplications(side, least))
+            first = -(-max(least, 2 - side.degree) // step)
+            most = (least + 6) // step  # to find a field that crosses the edge and is exact
+            edge, field = _touching(side, normal, range(first, max(first, most) + 1))
         edges.append(edge)
         fields.append(field)
         times.append(len(edge) - len(side.curve))
     return edges, fields, times
-
-
-def _multiplications(side: HoleSide, least: int) -> range:
-    """Return how often a side may be multiplied, so that its degree is raised by at least `least`."""
-    max_raises = 6  # to find a field that crosses the edge and is exact
-    step = len(side.multiplier) - 1
-    first = -(-max(least, 2 - side.degree) // step)
-    return range(first, max(first, (least + max_raises) // step) + 1)
 
 
 def _touching(side: HoleSide, normals: FloatArray, counts: range) -> tuple[FloatArray, list[FloatArray]]:

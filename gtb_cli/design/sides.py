@@ -1,7 +1,5 @@
 """Sides of a hole: rational Bézier curves in homogeneous coordinates, the field across each, and their loop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,28 +14,17 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 
 MAX_DEGREE = 20  # of a side after gaps between its knots are filled: its coefficients span six digits
-
 STEP_TOLERANCE = 1e-9  # of a curve's length: knots typed or computed rounded are off equal steps
-
 MAX_GAP = 1e-5  # between neighbouring sides, of the loop's size: files with six decimals count as closed
-
-
 POINT_SIZE = 1e-9  # of the loop's size: a side as small is a point
 
 
 @frozen
 class HoleSide:
-    """One side of a hole.
+    """One side of a hole: (m + 1, 4) Bézier points (ω x, ω y, ω z, ω), with ω positive and 1 at both ends.
 
-    Attributes
-    ----------
-    name : str
-        For messages.
-    curve : (m + 1, 4) float
-        Bézier points in homogeneous coordinates (ω x, ω y, ω z, ω), all ω positive, 1 at both ends.
-    across : (96, 3) float or None
-        Directions across the side into the hole, at the parameters `stations`; they and the tangent span the planes
-        that the patch is to touch. None: it only has to meet the curve.
+    `across` has (96, 3) directions into the hole at the parameters `stations`; they and the tangent span the planes
+    that the patch is to touch. None: it only has to meet the curve.
     """
 
     name: str
@@ -65,7 +52,7 @@ class HoleSide:
         weights = self.curve[:, 3]
         return weights if np.ptp(weights) > polynomial_spread * weights.max() else np.ones(2)
 
-    def reversed(self) -> HoleSide:
+    def reversed(self) -> "HoleSide":
         """Run through the side from its other end; the hole stays on the same side of it."""
         return replace(self, curve=self.curve[::-1], across=None if self.across is None else self.across[::-1])
 
@@ -114,16 +101,12 @@ def points_and_tangents(curve: FloatArray, t: FloatArray) -> tuple[FloatArray, F
 
 
 def side_normals(side: HoleSide) -> FloatArray:
-    """Return (96, 3) unit normals tangent × across.
+    """Return (96, 3) unit normals tangent × across of a side with a field across.
 
-    Raises
-    ------
-    DomainError
-        The side has no normals: its tangent vanishes, or the field across is parallel to it.
+    Raises `DomainError` if the tangent vanishes, or the field across is parallel to it.
     """
     parallel_sine = 1e-10  # tangent and field do not span a plane below this
-    if side.across is None:
-        raise DomainError(f"{side.name}: has no ribbon, and no normals")
+    assert side.across is not None
     _, tangents = points_and_tangents(side.curve, stations())
     lengths = [np.linalg.norm(v, axis=1, keepdims=True) for v in (tangents, side.across)]
     for what, length in zip(("the tangent", "the ribbon's distance from the curve"), lengths, strict=True):
@@ -138,28 +121,11 @@ def side_normals(side: HoleSide) -> FloatArray:
 
 
 def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curve") -> tuple[FloatArray, ...]:
-    """Write a curve patch, and rows of further points with its weights, as rational Bézier points.
+    """Write a curve patch, and (n, 3) rows of further points with its weights, as rational Bézier points.
 
-    If the knots are whole multiples of a step with some left out, a higher degree fills the gaps.
-
-    Parameters
-    ----------
-    curve : Patch
-        A curve, d = 1.
-    rows : sequence of (n, 3) float
-        Further points, such as those of a ribbon.
-    name : str
-        For messages.
-
-    Returns
-    -------
-    tuple of (m + 1, 4) float
-        Homogeneous points of the curve, then of each row.
-
-    Raises
-    ------
-    DomainError
-        The knots have no common step, or the degree would be beyond `MAX_DEGREE`.
+    Return (m + 1, 4) homogeneous points of the curve, then of each row. If the knots are whole multiples of a step with
+    some left out, a higher degree fills the gaps. Raises `DomainError`, with the name, if the knots have no common
+    step, or the degree would be beyond `MAX_DEGREE`.
     """
     knots = curve.knots[:, 0]
     order = np.argsort(knots, kind="stable")
@@ -215,18 +181,12 @@ def _end_log(logs: FloatArray, members: FloatArray | IntArray) -> float:
 def curve_side(curve: Patch, ribbon: FloatArray | None, name: str) -> HoleSide:
     """Make a side from a curve patch and, if there is one, the second row of control points.
 
-    Raises
-    ------
-    DomainError
-        The patch is not a curve, or not a rational Bézier curve.
+    Raises `DomainError` if the patch is not a curve, or not a rational Bézier curve.
     """
     if curve.dimension != 1:
         raise DomainError(f"{name}: is a surface, and the sides of a loop are curves")
-    if ribbon is None:
-        (points,) = bezier_form(curve, (), name)
-        return HoleSide(name, points)
-    points, second = bezier_form(curve, (ribbon,), name)
-    return HoleSide(name, points, ribbon_field(points, second))
+    points, *rows = bezier_form(curve, () if ribbon is None else (ribbon,), name)
+    return HoleSide(name, points, ribbon_field(points, rows[0]) if rows else None)
 
 
 def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
@@ -236,63 +196,37 @@ def ribbon_field(curve: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray(other[:, :3] * first[:, 3:] - first[:, :3] * other[:, 3:])
 
 
-def size_of(sides: Sequence[HoleSide]) -> float:
-    """Return the largest extent of the sides' control points."""
-    points = np.concatenate([side.curve[:, :3] / side.curve[:, 3:] for side in sides])
-    return float(np.ptp(points, axis=0).max())
-
-
 def loop(sides: Sequence[HoleSide]) -> tuple[tuple[HoleSide, ...], list[str]]:
     """Put sides in order, so that each begins where the one before ends, and close gaps due to rounding.
 
-    Returns
-    -------
-    tuple of (sides, remarks)
-        Sides without those that are points; remarks that say what was done.
-
-    Raises
-    ------
-    DomainError
-        The sides do not close, or are fewer than three.
+    Return them without those that are points, and remarks that say so. Raises `DomainError` if they do not close, or
+    are fewer than three.
     """
-    size = size_of(sides) if sides else 0.0
+    points = [side.curve[:, :3] / side.curve[:, 3:] for side in sides]
+    size = float(np.ptp(np.concatenate(points), axis=0).max()) if points else 0.0
     if not size > 0:
         raise DomainError("loop: has no extent")
     remarks, left = [], []
-    for side in sides:
-        if np.ptp(side.curve[:, :3] / side.curve[:, 3:], axis=0).max() <= POINT_SIZE * size:
+    for side, places in zip(sides, points, strict=True):
+        if np.ptp(places, axis=0).max() <= POINT_SIZE * size:
             remarks.append(f"{side.name} is a point and is left out")
         else:
             left.append(side)
     if len(left) < 3:
         count = f"{len(left)} sides that are not points" if remarks else f"{len(left)} sides"
         raise DomainError(f"loop: has {count}, at least 3 are needed (a side may be cut in two)")
-    chain = [left.pop(0)]
-    turned = []
+    chain, turned = [left.pop(0)], []
     while left:
-        end = chain[-1].ends[1]
-        gaps = np.array([np.linalg.norm(side.ends - end, axis=1) for side in left])
-        k, flip = divmod(int(gaps.argmin()), 2)
-        if gaps[0, 0] <= MAX_GAP * size:
-            k, flip = 0, 0
-        if gaps[k, flip] > MAX_GAP * size:
-            raise DomainError(
-                f"loop: is not closed, {chain[-1].name} ends {gaps[k, flip]:.3g} from the nearest end, {left[k].name}'s"
-            )
+        gaps = np.array([np.linalg.norm(side.ends - chain[-1].ends[1], axis=1) for side in left])
+        k, flip = (0, 0) if gaps[0, 0] <= MAX_GAP * size else divmod(int(gaps.argmin()), 2)
+        _check_gap(float(gaps[k, flip]), size, chain[-1], left[k])
         side = left.pop(k)
         if flip:
             turned.append(side.name)
         chain.append(side.reversed() if flip else side)
     if turned:
         remarks.append(f"{', '.join(turned)}: run through from the other end")
-    closing = float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1]))
-    if closing > MAX_GAP * size:
-        raise DomainError(f"loop: is not closed, {chain[-1].name} ends {closing:.3g} from where {chain[0].name} begins")
-    return _closed(tuple(chain), size, remarks), remarks
-
-
-def _closed(chain: tuple[HoleSide, ...], size: float, remarks: list[str]) -> tuple[HoleSide, ...]:
-    """Let each side begin exactly where the one before ends, halfway between the two ends."""
+    _check_gap(float(np.linalg.norm(chain[0].ends[0] - chain[-1].ends[1])), size, chain[-1], chain[0])
     curves = [side.curve.copy() for side in chain]
     worst = 0.0
     for i in range(len(curves)):
@@ -302,4 +236,9 @@ def _closed(chain: tuple[HoleSide, ...], size: float, remarks: list[str]) -> tup
         curves[i - 1][-1, :3] = curves[i][0, :3] = middle
     if worst > POINT_SIZE * size:
         remarks.append(f"ends of sides are moved by up to {worst / 2:.2g}, so that they meet")
-    return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True))
+    return tuple(replace(side, curve=curve) for side, curve in zip(chain, curves, strict=True)), remarks
+
+
+def _check_gap(gap: float, size: float, side: HoleSide, following: HoleSide) -> None:
+    if gap > MAX_GAP * size:
+        raise DomainError(f"loop: is not closed, {side.name} ends {gap:.3g} from the nearest end, {following.name}'s")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.checks.check import check_patch
-from gtb_cli.design.curve_fit import MAX_POINTS, RESIDUAL_TOLERANCE
-from gtb_cli.design.fit import fit
+from gtb_cli.design.fit import MAX_POINTS, RESIDUAL_TOLERANCE, fit
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.language.loading import from_dict, parse
 from gtb_cli.language.writer import to_dict
@@ -126,7 +125,7 @@ def test_what_has_no_curve(points, knots, message):
 
 
 def test_an_iteration_that_does_not_end_is_an_error(monkeypatch):
-    monkeypatch.setattr("gtb_cli.design.curve_fit.MAX_ROUNDS", 5)
+    monkeypatch.setattr("gtb_cli.design.fit.MAX_ROUNDS", 5)
     with pytest.raises(ToleranceError, match=r"still misses a point by .* after 5 rounds"):
         fit(helix(9))
 

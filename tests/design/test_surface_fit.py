@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gtb_cli.design.curve_fit import RESIDUAL_TOLERANCE
-from gtb_cli.design.fit import fit
-from gtb_cli.design.surface_fit import surface_near, surface_through
+from gtb_cli.design.fit import RESIDUAL_TOLERANCE, fit, surface_near, surface_through
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.language.loading import parse
 from tests.shell import BICUBIC, CURVE, PENTAGON, gtb
