@@ -1,25 +1,17 @@
 """`gtb boundary`: the curves along the edges of a surface."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.options import WholeNumber, spec_argument, spec_from_spec
-from gtb_cli.shell.streams import single
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
+from gtb_cli.shell.streams import Spec, single
 
 
 @click.command
 @spec_argument
 @click.argument("edge", metavar="[EDGE]", type=WholeNumber(), required=False)
 @spec_from_spec
-def boundary(spec: Patch | Model, edge: int | None) -> Patch | Model:
+def boundary(spec: Spec, edge: int | None) -> Spec:
     """\b
     Example: gtb boundary specs/pentagon.toml 0
 

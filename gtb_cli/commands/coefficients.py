@@ -1,18 +1,10 @@
 """`gtb coefficients`: a basis that adds up to 1."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.options import numbers_of, spec_argument, spec_from_spec
-from gtb_cli.shell.streams import single
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
+from gtb_cli.shell.streams import Spec, single
 
 
 @click.command
@@ -24,7 +16,7 @@ if TYPE_CHECKING:
     help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
 )
 @spec_from_spec
-def coefficients(spec: Patch | Model, at: tuple[float, ...] | None) -> Patch:
+def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
     """\b
     Example: gtb coefficients specs/bicubic.toml
 

@@ -1,16 +1,9 @@
 """`gtb elevate`: the same patch with a higher degree."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from gtb_cli.shell.options import WholeNumber, spec_argument, spec_from_spec
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
+from gtb_cli.shell.streams import Spec
 
 
 @click.command
@@ -23,7 +16,7 @@ if TYPE_CHECKING:
     help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",
 )
 @spec_from_spec
-def elevate(spec: Patch | Model, by: int) -> Patch | Model:
+def elevate(spec: Spec, by: int) -> Spec:
     """\b
     Example: gtb elevate specs/cubic-bezier.toml | gtb info -
 

@@ -1,22 +1,15 @@
 """`gtb expand`: a spec with everything carried out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
 from gtb_cli.shell.options import spec_argument, spec_from_spec
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
+from gtb_cli.shell.streams import Spec
 
 
 @click.command
 @spec_argument
 @spec_from_spec
-def expand(spec: Patch | Model) -> Patch | Model:
+def expand(spec: Spec) -> Spec:
     """\b
     Example: gtb expand specs/teapot.toml -o flat.toml
 

@@ -25,6 +25,7 @@ from gtb_cli.shell.options import (
 )
 from gtb_cli.shell.several import attempted, fault, inputs_of
 from gtb_cli.shell.streams import (
+    Spec,
     about,
     file_stem,
     is_device,
@@ -42,8 +43,6 @@ from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, FORMATS,
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
 
 Write: TypeAlias = Callable[[str, Iterable[bytes]], None]
 
@@ -207,7 +206,7 @@ class Task(NamedTuple):
 
     output: str
     path: str
-    spec: Patch | Model | None = None
+    spec: Spec | None = None
     sums: dict[str, str] | None = None
     kept: Mapping[str, Any] | None = None
 
@@ -277,7 +276,7 @@ def _check_targets(plan: Iterable[Task]) -> None:
 def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:
     """Make a mesh and the bytes of its file; these as one block, which a process can send to another, if `whole`."""
 
-    def made(spec: Patch | Model) -> Made:
+    def made(spec: Spec) -> Made:
         with about(shown_input(task.path)):
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from gtb_cli.errors import DomainError, ExportError
+from gtb_cli.errors import DomainError
 from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
-from gtb_cli.shell.streams import about, is_device, is_terminal, single, spec_of, write_blocks
-from gtb_cli.vocabulary import COLOUR_MAPS, suffix_of
+from gtb_cli.shell.streams import about, format_of, refuse_terminal, single, spec_of, write_blocks
+from gtb_cli.vocabulary import COLOUR_MAPS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,12 +23,8 @@ if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
-FIGURE_FORMATS = ("png", "svg", "pdf")
-
+FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
 PLOT_KINDS = ("curve", "surface", "basis", "domain", "decomposition", "sequence", "distance")
-
-# Smallest and largest width and height of a figure, and its largest number of pixels
-SIDE_INCHES, MAX_PIXELS = (0.5, 40.0), 60_000_000
 
 
 class Variation(NamedTuple):
@@ -54,10 +50,9 @@ def several_of(expected: str, *limits: tuple[float, float]) -> Callable[..., tup
 
 def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) -> Variation | None:
     """Read the number that varies, and its values."""
-    variation_pattern = re.compile(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", re.ASCII | re.DOTALL)
     if value is None:
         return None
-    match = variation_pattern.fullmatch(value)
+    match = re.fullmatch(r"\s*(knots|weights|coefficients)\[(\d{1,6})\]\s*=(.*)", value, re.ASCII | re.DOTALL)
     if match is None:
         raise click.BadParameter(f"{value!r}: expected KEY[I]=V,…, such as weights[2]=1,5,25", ctx, param)
     values = numbers_of(ctx, param, match[3]) or ()
@@ -86,7 +81,7 @@ def variation_of(ctx: click.Context, param: click.Parameter, value: str | None) 
 )
 @click.option(
     "--size",
-    callback=several_of("width,height in inches, such as 6,4.5", SIDE_INCHES, SIDE_INCHES),
+    callback=several_of("width,height in inches, such as 6,4.5", (0.5, 40), (0.5, 40)),
     default="6,4.5",
     show_default=True,
     metavar="W,H",
@@ -177,7 +172,9 @@ def plot(
     shading is an image.
     The same spec and options give the same bytes (with the same matplotlib). Needs matplotlib: gtb-cli[plot].
     """
-    kind = _format_for(output, format)
+    kind = format_of(output, format, FIGURE_FORMATS)
+    if kind != "svg":
+        refuse_terminal(output, kind, "-o FIG")
     look = _look(**looks)
     if os.path.isdir(spec) or os.path.basename(spec) == "sequence.json":
         refuse_limit(limit, spec)
@@ -194,17 +191,6 @@ def plot(
         console.note(f"{output}: {len(data) / 1000:.0f} kB")
 
 
-def _format_for(output: str, format: str | None) -> str:
-    suffix = suffix_of(output)
-    if format is None and output != STANDARD and not is_device(output) and suffix not in FIGURE_FORMATS:
-        known = ", ".join(f".{name}" for name in FIGURE_FORMATS)
-        raise ExportError(f"cannot tell the format of {output or repr(output)}: expected {known}, or -f FORMAT")
-    kind = format or (suffix if suffix in FIGURE_FORMATS else "png")
-    if is_terminal(output) and kind != "svg":
-        raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give -o FIG")
-    return kind
-
-
 def _look(
     camera: tuple[float, float],
     stretch: tuple[float, float, float],
@@ -212,10 +198,8 @@ def _look(
     dpi: int,
     **others: Any,
 ) -> Look:
-    if size[0] * size[1] * dpi * dpi > MAX_PIXELS:
-        raise click.UsageError(
-            f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than {MAX_PIXELS // 10**6}M pixels"
-        )
+    if size[0] * size[1] * dpi * dpi > 60e6:
+        raise click.UsageError(f"--size {size[0]:g},{size[1]:g} at {dpi} dpi is more than 60M pixels")
     from gtb_cli.pictures.look import Camera, Look, settings
 
     os.environ.pop("MPLBACKEND", None)  # it is for windows, and matplotlib is not imported where it names nothing

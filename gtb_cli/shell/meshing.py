@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from gtb_cli.errors import ExportError, ToleranceError
-from gtb_cli.shell.console import STANDARD, Console
-from gtb_cli.shell.streams import is_device, is_folder, is_terminal, write_blocks
+from gtb_cli.shell.console import Console
+from gtb_cli.shell.streams import Spec, format_of, refuse_terminal, write_blocks
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.values import frozen
-from gtb_cli.vocabulary import FORMATS, Up, suffix_of
+from gtb_cli.vocabulary import FORMATS, Up
 
 if TYPE_CHECKING:
     from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
 
 
 @frozen
@@ -51,13 +49,13 @@ class MeshOptions:
             "up": self.up or FORMATS[self.format or "obj"].up,
         }
 
-    def settings_for(self, spec: Patch | Model) -> dict[str, object]:
+    def settings_for(self, spec: Spec) -> dict[str, object]:
         """Return the settings that differ from spec to spec."""
         if self.recipe.tolerance is None:
             return {}
         return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
 
-    def made(self, spec: Patch | Model, kind: str) -> tuple[Mesh, list[str]]:
+    def made(self, spec: Spec, kind: str) -> tuple[Mesh, list[str]]:
         """Make a mesh for a format, and remarks: what is certified, is so of the numbers in the file.
 
         A `ToleranceError` says that these move vertices farther than a tolerance that is to be certified.
@@ -95,18 +93,9 @@ class MeshOptions:
 
         An `ExportError` refuses other suffixes, and names those in `more`, too; and binary formats on a terminal.
         """
-        kind = self.format
-        if kind is None:
-            kind = suffix_of(output)
-            if kind not in FORMATS:
-                if output != STANDARD and not is_folder(output) and not is_device(output):
-                    known = ", ".join(f".{name}" for name in (*FORMATS, *more))
-                    name = output or repr(output)
-                    raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")
-                kind = "obj"
-        if is_terminal(output) and (kind == "glb" or (kind in ("ply", "stl") and not self.ascii)):
-            way_out = "-o FILE" if kind == "glb" else "-o FILE or --ascii"
-            raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give {way_out}")
+        kind = format_of(output, self.format, FORMATS, more)
+        if not FORMATS[kind].is_text(self.ascii):
+            refuse_terminal(output, kind, "-o FILE" if kind == "glb" else "-o FILE or --ascii")
         return kind
 
     def write(self, output: str, kind: str, mesh: Mesh, console: Console) -> None:

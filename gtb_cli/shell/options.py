@@ -1,19 +1,17 @@
 """Options and arguments that several commands share."""
 
-from __future__ import annotations
-
 import functools
 import os
 from collections.abc import Callable, Sequence
 from inspect import signature
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.shell.console import STANDARD, Console, leads_out
 from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.streams import about, read_spec, refuse_overwriting, shown_input, write_text
+from gtb_cli.shell.streams import Spec, about, read_spec, refuse_overwriting, shown_input, write_text
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
@@ -26,10 +24,6 @@ from gtb_cli.vocabulary import (
     UP,
     percentage,
 )
-
-if TYPE_CHECKING:
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
 
 Function: TypeAlias = Callable[..., object]
 Option: TypeAlias = Callable[[Function], Function]
@@ -256,7 +250,7 @@ def text_options(function: Function) -> Function:
     return output_option(spec_format_option(console_option(function)))
 
 
-def spec_from_spec(function: Callable[..., Patch | Model]) -> Function:
+def spec_from_spec(function: Callable[..., Spec]) -> Function:
     """Turn a function of a patch or model, and of options, into a command that reads one spec and prints another."""
 
     @text_options

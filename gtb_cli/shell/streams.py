@@ -9,22 +9,24 @@ import sys
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, TypeAlias
 
 import click
 
 from gtb_cli.errors import ExportError, GtbError, SpecError
 from gtb_cli.shell.console import STANDARD, abandon
+from gtb_cli.vocabulary import suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.patch import Patch
 
+Spec: TypeAlias = "Patch | Model"
 STDIN = "<stdin>"  # name of standard input in messages
 MAX_STEM_BYTES = 200  # longest stem of a file name, in bytes: every file system allows it with a suffix
 
 
-def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
+def read_spec(path: str, spec_format: str | None = None) -> Spec:
     """Read a spec from a file, or from standard input; a `SpecError` has a line for each of its errors."""
     from gtb_cli.language.loading import load, parse
 
@@ -34,7 +36,7 @@ def read_spec(path: str, spec_format: str | None = None) -> Patch | Model:
 
 
 @contextmanager
-def spec_of(path: str, spec_format: str | None = None) -> Iterator[Patch | Model]:
+def spec_of(path: str, spec_format: str | None = None) -> Iterator[Spec]:
     """Read a spec as `read_spec` does, and name it in errors about the shape that it describes."""
     spec = read_spec(path, spec_format)
     with about(shown_input(path)):
@@ -47,7 +49,7 @@ def read_patch(path: str, spec_format: str | None = None) -> Patch:
         return single(spec)
 
 
-def single(spec: Patch | Model) -> Patch:
+def single(spec: Spec) -> Patch:
     """Return a patch, or refuse a model."""
     from gtb_cli.theory.patch import Patch
 
@@ -200,6 +202,27 @@ def is_folder(output: str) -> bool:
 def is_device(output: str) -> bool:
     """Tell whether an output exists and is neither file nor folder: a pipe, ``/dev/stdout``."""
     return os.path.exists(output) and not os.path.isfile(output) and not os.path.isdir(output)
+
+
+def format_of(output: str, given: str | None, formats: Collection[str], more: Iterable[str] = ()) -> str:
+    """Return the format given, or that of the suffix of a file; the first one for a folder or a stream.
+
+    An `ExportError` refuses other suffixes, and names those in `more`, too.
+    """
+    suffix = suffix_of(output)
+    if given is not None or suffix in formats:
+        return given or suffix
+    if output != STANDARD and not is_folder(output) and not is_device(output):
+        known = ", ".join(f".{name}" for name in (*formats, *more))
+        name = output or repr(output)
+        raise ExportError(f"cannot tell the format of {name}: it does not end in {known}; give -f FORMAT")
+    return next(iter(formats))
+
+
+def refuse_terminal(output: str, kind: str, way_out: str) -> None:
+    """Refuse to write a binary format to a terminal."""
+    if is_terminal(output):
+        raise ExportError(f"{kind.upper()} is binary, and standard output is a terminal: give {way_out}")
 
 
 def file_stem(name: str | None) -> str:

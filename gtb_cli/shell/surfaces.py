@@ -1,23 +1,17 @@
 """`gtb mesh` in formats of CAD or of curved cells, which hold surfaces instead of triangles."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from gtb_cli.errors import DomainError, RequirementError
 from gtb_cli.shell.console import Console
 from gtb_cli.shell.meshing import MeshOptions
-from gtb_cli.shell.streams import is_folder, spec_of, write_blocks
+from gtb_cli.shell.streams import Spec, is_folder, spec_of, write_blocks
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, suffix_of
-
-if TYPE_CHECKING:
-    from gtb_cli.tessellation.recipe import Recipe
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
 
 
 def surface_format(format: str | None, output: str) -> str | None:
@@ -54,20 +48,18 @@ def write_surfaces(
     console.report(output, size, warnings)
 
 
-def _with_y_up(spec: Patch | Model) -> Patch | Model:
+def _with_y_up(spec: Spec) -> Spec:
     """Turn surfaces as `Mesh.with_y_up` turns meshes: the point (x, y, z) becomes (x, z, −y)."""
     from gtb_cli.theory.model import Model
 
-    def turned(patch: Patch) -> Patch:
-        points = patch.control_points[:, [0, 2, 1]] * [1, 1, -1] + 0.0  # without -0
-        return patch.replace(control_points=points)
+    def turned(patch: Any) -> Any:
+        return patch.replace(control_points=patch.control_points[:, [0, 2, 1]] * [1, 1, -1] + 0.0)  # without -0
 
-    if isinstance(spec, Model):
-        return spec.replace(patches=tuple(map(turned, spec.patches)))
-    return turned(spec)
+    patches = tuple(map(turned, spec.patches))
+    return spec.replace(patches=patches) if isinstance(spec, Model) else patches[0]
 
 
-def _cells(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
+def _cells(spec: Spec) -> tuple[bytes, str, list[str]]:
     from gtb_cli.formats.vtu import encode_vtu
 
     try:
@@ -77,7 +69,7 @@ def _cells(spec: Patch | Model) -> tuple[bytes, str, list[str]]:
     return data, f"{cells} exact {'cell' if cells == 1 else 'cells'}", []
 
 
-def _bodies(spec: Patch | Model, kind: str, unit: str, recipe: Recipe) -> tuple[bytes, str, list[str]]:
+def _bodies(spec: Spec, kind: str, unit: str, recipe: Recipe) -> tuple[bytes, str, list[str]]:
     from gtb_cli.formats.cad import encode_cad
     from gtb_cli.formats.splines import spline_surfaces
     from gtb_cli.theory.model import Model

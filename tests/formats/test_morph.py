@@ -303,7 +303,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 def test_no_animation_on_a_terminal(monkeypatch):
-    monkeypatch.setattr("gtb_cli.shell.meshing.is_terminal", lambda output: output == console_room.STANDARD)
+    monkeypatch.setattr("gtb_cli.shell.streams.is_terminal", lambda output: output == console_room.STANDARD)
     result = gtb(*DEGENERATE_LINE, "-f", "glb")
     assert (result.status, result.out) == (2, b"")
     assert "GLB is binary, and standard output is a terminal: give -o FILE" in result.err
