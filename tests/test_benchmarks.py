@@ -20,7 +20,7 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        *(("evaluate", 8), ("export", 9), ("meshes", 10)),
+        *(("evaluate", 7), ("export", 9), ("meshes", 10)),
         *(
             pytest.param(*module, marks=long)
             for module in (("diff", 6), ("refinement", 11), ("sequences", 3), ("startup", 7))
@@ -28,7 +28,7 @@ POINTS = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
     ],
 )
 def test_every_line_has_a_ratio_or_a_peer_that_is_missing(name, count, capsys):
-    peers = {"splinepy", "geomdl", "splipy", "vtkmodules", "OCP"}  # they need not be installed
+    peers = {"splinepy", "splipy", "vtkmodules", "OCP"}  # they need not be installed
     with benchmarks.scaled(SCALE):
         main([f"bench_{name}"])
     machine, head, *lines = capsys.readouterr().out.splitlines()
@@ -54,19 +54,13 @@ def test_a_peer_that_does_something_else_is_not_timed():
         compared("a", lambda: POINTS, peer(POINTS + 1e-3), within=1e-6)
 
 
-def test_a_peer_may_do_a_share():
-    with benchmarks.scaled(SCALE):
-        row = compared("a", lambda: POINTS, peer(POINTS[:1] + 1e-9), within=1e-6, share=0.5)
-    assert row.apart == pytest.approx(1e-9)
-
-
 def test_times_are_for_the_same_work(monkeypatch):
-    """3 seconds, of which one is allowed, beside 2 for half of the points; the first pair does not count."""
+    """3 seconds, of which one is allowed, beside 2; the first pair does not count."""
     ticks = iter([0, 100, 100, 200, 200, 203, 203, 205])
     monkeypatch.setattr(benchmarks, "time", SimpleNamespace(perf_counter=ticks.__next__))
     with benchmarks.scaled(SCALE):
-        row = paired("a", lambda: None, lambda: None, share=0.5, allowance=1)
-    assert (row.measured, row.beside, row.ratio) == (3, 4, 0.5)
+        row = paired("a", lambda: None, lambda: None, allowance=1)
+    assert (row.measured, row.beside, row.ratio) == (3, 2, 1)
 
 
 def test_a_peer_that_is_not_installed_has_a_line():

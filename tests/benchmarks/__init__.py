@@ -18,25 +18,10 @@ _scale = 1.0
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
+    """One line of the table: medians of seconds, or numbers whose `unit` says of what, and the median of their ratios.
 
-    Parameters
-    ----------
-    what : str
-        What is measured, and beside what.
-    measured, beside : float
-        Seconds; medians. Or numbers, where `unit` says of what.
-    ratio : float
-        Median of `measured / beside` over the pairs of runs.
-    budget : float or None
-        What the ratio should not exceed; None where the line is for information.
-    apart : float or None
-        Largest difference between both results, in units of the model; None where they are compared exactly or not at
-        all.
-    unit : str
-        The unit of `measured` and `beside`: "s", or what is counted.
-    missing : str
-        Why there is no peer to measure; then all numbers are NaN.
+    `budget` is what the ratio should not exceed, `apart` the largest difference between both results in units of the
+    model, unless they are compared exactly or not at all. `missing` says why there is no peer; then numbers are NaN.
     """
 
     what: str
@@ -89,24 +74,12 @@ def paired(
     *,
     budget: float | None = None,
     runs: int = 7,
-    share: float = 1.0,
     allowance: float = 0.0,
     apart: float | None = None,
 ) -> Row:
     """Time two functions in turn, `runs` times each after a first time that is not counted.
 
-    Parameters
-    ----------
-    what : str
-    measured, beside : callable
-    budget : float, optional
-    runs : int
-    share : float
-        Part of the work that `beside` does; its times are divided by it.
-    allowance : float
-        Seconds of `measured` that the ratio leaves out.
-    apart : float, optional
-        See `Row`.
+    The ratio leaves out `allowance` seconds of `measured`.
     """
     pairs = []
     for _ in range(1 + (runs if _scale == 1 else 1)):
@@ -117,16 +90,10 @@ def paired(
             start = time.perf_counter()
             run()
             seconds.append(time.perf_counter() - start)
-        pairs.append((seconds[0], seconds[1] / share))
-    pairs = pairs[1:]
-    return Row(
-        what,
-        statistics.median(first for first, _ in pairs),
-        statistics.median(second for _, second in pairs),
-        statistics.median((first - allowance) / second for first, second in pairs),
-        budget,
-        apart,
-    )
+        pairs.append(seconds)
+    ours, theirs = (statistics.median(seconds) for seconds in zip(*pairs[1:], strict=True))
+    ratio = statistics.median((first - allowance) / second for first, second in pairs[1:])
+    return Row(what, ours, theirs, ratio, budget, apart)
 
 
 def compared(
@@ -136,31 +103,18 @@ def compared(
     *,
     within: float,
     budget: float | None = None,
-    runs: int = 7,
-    share: float = 1.0,
 ) -> Row:
-    """Compare the result with a peer's, and time both; a line that says so where the peer is not installed.
+    """Compare the result with a peer's, from which it may differ by `within`, and time both.
 
-    Parameters
-    ----------
-    what : str
-    ours : callable
-        Returns the points.
-    peer : callable
-        Imports the peer, and returns the function that is timed. Its result is the first `share` of the points.
-    within : float
-        Largest difference with which both do the same.
-    budget, runs, share
-        See `paired`.
+    `peer` imports the library, and returns the function that is timed; a line says so where it is not installed.
     """
     try:
         theirs = peer()
     except ImportError as error:
         return missing(what, error)
-    result = theirs()
-    apart = float(np.abs(ours()[: len(result)] - result).max())
+    apart = float(np.abs(ours() - theirs()).max())
     assert apart <= within, f"{what}: results are {apart:g} apart"
-    return paired(what, ours, theirs, budget=budget, runs=runs, share=share, apart=apart)
+    return paired(what, ours, theirs, budget=budget, apart=apart)
 
 
 def missing(what: str, error: ImportError) -> Row:

@@ -9,7 +9,7 @@ from gtb_cli.knots.triangulation import triangulation
 from gtb_cli.language.loading import load
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, compared, has_avx512, paired, segments, sized
-from tests.benchmarks.peers import by_geomdl, by_scipy, by_splinepy, by_splipy
+from tests.benchmarks.peers import by_scipy, by_splinepy, by_splipy
 
 SPECS = Path(__file__).parent.parent.parent / "specs"
 POINTS = 1_000_000
@@ -68,11 +68,9 @@ def rows() -> Iterator[Row]:
 
 def scattered_points() -> Iterator[Row]:
     """The rational bicubic, which other libraries can evaluate, too."""
-    slow_points = 2_000  # what is enough of a peer in plain Python
     ndbspline = 1 / 3 if has_avx512() else 1 / 1.5  # part of its time that is allowed: it computes no exponentials
     patch = spec("bicubic")
     u = scattered(patch, sized(POINTS))
-    few = u[: sized(slow_points)]
 
     def ours() -> np.ndarray:
         return patch.evaluate(u)
@@ -81,14 +79,6 @@ def scattered_points() -> Iterator[Row]:
     yield paired(f"{what}, beside their logs and exps", ours, floor(16, 4, len(u)), budget=3.0)
     yield compared(f"{what}, beside scipy's NdBSpline", ours, lambda: by_scipy(patch, u), within=SAME, budget=ndbspline)
     yield compared(f"{what}, beside splinepy", ours, lambda: by_splinepy(patch, u), within=SAME)
-    yield compared(
-        f"{what}, beside geomdl's time for {len(few):,}, scaled",
-        ours,
-        lambda: by_geomdl(patch, few),
-        within=SAME,
-        runs=3,
-        share=len(few) / len(u),
-    )
 
 
 def grid() -> Row:

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests.benchmarks import Row, paired
@@ -25,34 +25,18 @@ def process(*arguments: object, **variables: str) -> Callable[[], None]:
     return run
 
 
-def rows() -> list[Row]:
+def rows() -> Iterator[Row]:
     runs = 21
     with tempfile.TemporaryDirectory() as folder:
         spec = REPOSITORY / "specs" / "pentagon.toml"
         mesh = process("-m", "gtb_cli", "mesh", "-q", "-n", 8, spec, "-o", Path(folder) / "x.obj")
         floor = ("-c", "import numpy, click")
-        return [
-            paired(
-                "gtb mesh -n 8 of the pentagon to OBJ, whole, beside import numpy, click",
-                mesh,
-                process(*floor),
-                budget=1.3,
-                runs=runs,
-            ),
-            paired(
-                "the same, beside the same import with one thread, as gtb does it",
-                mesh,
-                process(*floor, OPENBLAS_NUM_THREADS="1"),
-                runs=runs,
-            ),
-            paired(
-                "gtb --help, whole, beside import click",
-                process("-m", "gtb_cli", "--help"),
-                process("-c", "import click"),
-                runs=runs,
-            ),
-            *(
-                paired(f"import {name}, whole, beside Python alone", process("-c", f"import {name}"), process("-c", ""))
-                for name in ("numpy", "click", "scipy.spatial", "trimesh")
-            ),
-        ]
+        alone, one_thread = process(*floor), process(*floor, OPENBLAS_NUM_THREADS="1")
+        what = "gtb mesh -n 8 of the pentagon to OBJ, whole, beside import numpy, click"
+        yield paired(what, mesh, alone, budget=1.3, runs=runs)
+        yield paired("the same, beside the same import with one thread, as gtb does it", mesh, one_thread, runs=runs)
+        help_, click = process("-m", "gtb_cli", "--help"), process("-c", "import click")
+        yield paired("gtb --help, whole, beside import click", help_, click, runs=runs)
+        for name in ("numpy", "click", "scipy.spatial", "trimesh"):
+            what = f"import {name}, whole, beside Python alone"
+            yield paired(what, process("-c", f"import {name}"), process("-c", ""))

@@ -51,19 +51,6 @@ def by_splinepy(patch: Patch, u: np.ndarray) -> Evaluation:
     return lambda: np.asarray(surface.evaluate(places, nthreads=1))
 
 
-def by_geomdl(patch: Patch, u: np.ndarray) -> Evaluation:
-    """A NURBS surface in plain Python."""
-    from geomdl.NURBS import Surface
-
-    surface = Surface()
-    surface.degree_u = surface.degree_v = DEGREE
-    net = homogeneous(patch).reshape(4, 4, 4).transpose(1, 0, 2)
-    surface.set_ctrlpts(net.reshape(-1, 4).tolist(), 4, 4)
-    surface.knotvector_u = surface.knotvector_v = [end / DEGREE for end in ENDS]
-    places = (u / DEGREE).tolist()
-    return lambda: np.array(surface.evaluate_list(places))
-
-
 def by_splipy(patch: Patch, line: np.ndarray) -> Evaluation:
     """The grid of all pairs of parameters: (m, m, 3) points by products of two tables."""
     from splipy import BSplineBasis, Surface

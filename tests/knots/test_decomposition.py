@@ -206,31 +206,6 @@ def test_polygons_and_control_nets(name):
     assert name not in POLYGONS or decomposition.polygons == POLYGONS[name]
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-@pytest.mark.parametrize("height", [1e-6, 1e6])
-@pytest.mark.parametrize("shift", [0.0, 1e7])  # in units of the knots
-@pytest.mark.parametrize("slope", [0.0, 1.0, 1e4])
-def test_example_4_4_scaled_shifted_and_tilted(scale, height, shift, slope):
-    affine = slope * (PENTAGON @ [0.3, -0.7] + 1.1)
-    decomposition = regular_decomposition((PENTAGON + shift) * scale, (PENTAGON_LIFTING + affine) * height)
-    assert decomposition.cells == PENTAGON_CELLS
-    assert_tiles(decomposition)
-    assert_planes(decomposition)
-
-
-@pytest.mark.parametrize("angle", [0.1, 1.0, 2.5])
-def test_rotated_knots_give_the_same_cells(angle):
-    rotation = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
-    assert regular_decomposition(PENTAGON @ rotation, PENTAGON_LIFTING / 3).cells == PENTAGON_CELLS
-
-
-@given(st.permutations(range(8)))
-def test_permuted_knots_give_permuted_cells(order):
-    decomposition = regular_decomposition(PENTAGON[list(order)], PENTAGON_LIFTING[list(order)])
-    assert sorted(tuple(sorted(order[i] for i in cell)) for cell in decomposition.cells) == list(PENTAGON_CELLS)
-    assert list(decomposition.cells) == sorted(decomposition.cells)
-
-
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("height", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("affine", [0.0, 1.0, 1e3])

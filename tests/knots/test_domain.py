@@ -11,6 +11,7 @@ from hypothesis import given
 
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
+from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.theory.patch import Patch
 from tests.patches import NAMES, SHIFT, any_patch, named, regular
@@ -48,20 +49,6 @@ def test_nearly_level_corners_are_told_apart_beyond_rounding(scale):
     assert corners(tilted)[0] == tilted[1].tolist()
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("seed", range(8))
-def test_corners_agree_with_qhull(seed, scale):
-    from scipy.spatial import ConvexHull
-
-    rng = np.random.default_rng(seed)
-    knots = scale * rng.normal(size=(int(rng.integers(3, 80)), 2))
-    expected = ConvexHull(knots).vertices.tolist()
-    found = convex_hull(knots).tolist()
-    start = expected.index(found[0])
-    assert found == expected[start:] + expected[:start]
-    assert found[0] == int(knots[:, 1].argmin())
-
-
 def exact_hull(knots):
     """Corners of integer points, by trying every line through two of them."""
     points = sorted(set(map(tuple, knots)))
@@ -93,24 +80,16 @@ def test_lattice_hulls_with_collinear_and_repeated_knots_are_exact(seed):
 
 
 @pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize("shift", [0.0, 1.0])
+@pytest.mark.parametrize("shift", [0.0, 1.0, SHIFT])
 def test_collinear_knots_stay_on_slanted_edges(scale, shift):
     hexagon = regular(6, 0.37)
     on_edges = [hexagon[j] * (1 - t) + hexagon[(j + 1) % 6] * t for j in range(6) for t in (1 / 3, 1 / math.pi, 0.999)]
-    knots = scale * (np.vstack([on_edges, hexagon]) + shift)
+    knots = scale * (np.vstack([on_edges, hexagon]) + np.array([shift, -shift]))
     shape = domain(knots)
     assert len(shape.vertices) == 6
     assert (shape.incidence[:18].sum(axis=1) == 1).all()
     assert (shape.incidence[18:].sum(axis=1) == 2).all()
     assert (shape.incidence.sum(axis=0) == 5).all()
-
-
-def test_collinear_knots_far_from_the_origin_stay_on_their_edges():
-    hexagon = regular(6, 0.37)
-    on_edges = [(hexagon[j] * 2 + hexagon[(j + 1) % 6]) / 3 for j in range(6)]
-    shape = domain(np.vstack([hexagon, on_edges]) + np.array([SHIFT, -SHIFT]))
-    assert len(shape.vertices) == 6
-    assert (shape.incidence[6:].sum(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -137,12 +116,6 @@ def test_flat_knots_are_refused(scale):
         domain(knots)
     with pytest.raises(DomainError, match="all 5 lie on one line"):
         domain(knots + np.array([SHIFT * scale, 0]))
-
-
-@pytest.mark.parametrize("knots", [[[1, 1]] * 4, [[0, 0], [1, 1]], [[0, 0], [1, 1], [0, 0]]])
-def test_too_few_different_knots_are_flat(knots):
-    with pytest.raises(DomainError, match="lie on one line"):
-        domain(knots)
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -235,16 +208,10 @@ def test_primitive_normals_have_no_common_factor():
     assert domain([[0, 0], [6, 3], [0, 9]], "primitive").normals.tolist() == [[-1, 2], [-1, -1], [1, 0]]
 
 
-def test_auto_is_unit_where_a_corner_is_not_an_integer_point():
-    shape = domain([[0, 0], [4, 0], [0, 3.5]])
-    assert np.hypot(*shape.normals.T) == pytest.approx(1, rel=2 * EPS)
-    assert shape.normals[1].tolist() == pytest.approx([-3.5 / math.hypot(3.5, 4), -4 / math.hypot(3.5, 4)])
-
-
-def test_unit_normals_can_be_asked_for():
-    shape = domain([[0, 0], [4, 0], [0, 3]], "unit")
+def test_normals_are_unit_if_asked_for_or_if_a_corner_is_not_an_integer_point():
+    for shape in (domain([[0, 0], [4, 0], [0, 3.5]]), domain([[0, 0], [4, 0], [0, 3]], "unit")):
+        assert shape.normal_lengths == pytest.approx(1, rel=2 * EPS)
     assert shape.normals[1] == pytest.approx([-0.6, -0.8], rel=2 * EPS)
-    assert shape.normal_lengths == pytest.approx(1, rel=2 * EPS)
 
 
 def test_edge_scales_multiply():
@@ -417,25 +384,48 @@ def test_no_parameters_give_no_values():
 # Faces
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_each_parameter_lies_on_one_face(name):
-    shape = named(name).domain
-    r = len(shape.vertices)
-    corner_faces = np.arange(r) + (1 + r if shape.dimension == 2 else 1)
-    heights = shape.heights_of_columns(shape.vertices)
-    assert shape.faces.at(heights).tolist() == corner_faces.tolist()
-    assert (heights.T == 0).tolist() == shape.faces.vanishing[corner_faces].tolist()
-    assert shape.faces.at(shape.heights_of_columns(shape.vertices.mean(axis=0)[None])).tolist() == [0]
-    if shape.dimension == 2:
-        middles = (shape.vertices + np.roll(shape.vertices, -1, axis=0)) / 2
-        assert shape.faces.at(shape.heights_of_columns(middles)).tolist() == list(range(1, r + 1))
+HOUSE = domain([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0], [0.5, 0.5]])
+SEGMENT = domain([0, 1, 3])
+
+
+def test_a_surface_has_its_interior_edges_and_corners():
+    kinds = [(face.dimension, face.index) for face in HOUSE.faces]
+    assert kinds == [(2, 0), *((1, j) for j in range(4)), *((0, k) for k in range(4))]
+    assert [face.number for face in HOUSE.faces] == list(range(9))
+    assert len(HOUSE.faces) == 9
+    assert HOUSE.faces[INTERIOR].is_interior
+    assert HOUSE.faces[INTERIOR].knots.all()
+    assert HOUSE.faces.edge(0).knots.tolist() == [True, True, False, False, True, False]
+    assert HOUSE.faces.corner(1).knots.tolist() == [False, True, False, False, False, False]
+    assert HOUSE.faces.corner(0).facets.tolist() == [0, 3]
+
+
+def test_the_ends_of_a_curve_are_corners():
+    assert [(face.dimension, face.index) for face in SEGMENT.faces] == [(1, 0), (0, 0), (0, 1)]
+    assert SEGMENT.faces.edge(1) is SEGMENT.faces.corner(1)
+    assert SEGMENT.faces.corner(1).is_corner
+
+
+def test_the_smallest_face_holds_all_of_some_knots():
+    faces = HOUSE.faces
+    assert faces.smallest([0, 4]) is faces.edge(0)
+    assert faces.smallest(4) is faces.edge(0)
+    assert faces.smallest(1) is faces.corner(1)
+    assert faces.smallest([0, 2]).is_interior
+    assert faces.smallest(np.array([5])).is_interior
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_knots_of_a_face_are_those_where_its_edge_functions_vanish(name):
+def test_each_parameter_lies_on_one_face_and_knots_on_those_where_edge_functions_vanish(name):
     shape = named(name).domain
-    for face, vanishing in zip(shape.faces.knots, shape.faces.vanishing, strict=True):
-        assert face.tolist() == (shape.heights[:, vanishing] == 0).all(axis=1).tolist()
+    v, middle = shape.vertices, shape.vertices.mean(axis=0)
+    edges = (v + np.roll(v, -1, axis=0)) / 2 if shape.dimension == 2 else v[:0]
+    numbers = shape.faces.at(shape.heights_of_columns(np.vstack([middle, edges, v])))
+    assert numbers.tolist() == [face.number for face in shape.faces] == list(range(len(shape.faces)))
+    assert (shape.heights_of_columns(v).T == 0).tolist() == shape.faces.vanishing[numbers[-len(v) :]].tolist()
+    for face, vanishing in zip(shape.faces, shape.faces.vanishing, strict=True):
+        assert face.facets.tolist() == np.flatnonzero(vanishing).tolist()
+        assert face.knots.tolist() == (shape.heights[:, vanishing] == 0).all(axis=1).tolist()
 
 
 def test_knots_are_measured_along_an_edge():

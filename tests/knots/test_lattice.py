@@ -1,4 +1,4 @@
-"""Binomial coefficients of lattice patches, against products of polynomials."""
+"""Binomial coefficients of lattice patches, against products of polynomials; layers of knots over an edge."""
 
 import random
 from collections import Counter
@@ -10,6 +10,7 @@ import pytest
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
+from gtb_cli.knots.layers import layers
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""
@@ -96,3 +97,9 @@ def test_largest_degree() -> None:
 def test_other_knots_are_refused(knots: list, message: str) -> None:
     with pytest.raises(DomainError, match=f"coefficients: binomial needs .*({message})"):
         binomial_coefficients(domain(knots))
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_knots_equally_far_to_rounding_are_one_layer(scale):
+    heights = np.array([1.0, 0.0, 0.3, 0.1 * 3, 1 + 1e-12, 2.0]) * scale
+    assert [layer.tolist() for layer in layers(heights)] == [[2, 3], [0, 4], [5]]
