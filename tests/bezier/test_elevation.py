@@ -55,14 +55,6 @@ def test_a_polynomial_curve_is_elevated_by_the_textbook():
     np.testing.assert_allclose(elevated.control_points[:, 0], [float(x) for x in expected], rtol=1e-15)
 
 
-def test_a_half_circle_of_degree_five():
-    """The weights of the half circle's classical elevations: 1, 1/3, 1/3, 1, then 1, 1/2, 1/3, 1/2, 1 times C(4, i)."""
-    elevated = elevate(spec("cubic-bezier"))
-    np.testing.assert_allclose(elevated.weights, [1, 4 / 2, 6 / 3, 4 / 2, 1], rtol=1e-15)
-    radius = np.linalg.norm(elevate(spec("cubic-bezier"), 2).evaluate(np.linspace(0, 5, 50)), axis=1)
-    np.testing.assert_allclose(radius, 1, atol=1e-15)
-
-
 def test_a_triangle_is_elevated_by_the_textbook():
     """b*_(ijk) = (i b_(i−1,j,k) + j b_(i,j−1,k) + k b_(i,j,k−1))/(n + 1)."""
     n = 2
@@ -111,21 +103,6 @@ def test_a_curve_keeps_its_points_at_the_same_fractions():
     f = np.linspace(0, 1, 40)
     length = elevated.knots[-1, 0]
     np.testing.assert_allclose(elevated.evaluate(f * length), patch.evaluate(f), atol=1e-13)
-
-
-def test_elevated_control_polygons_tend_to_the_curve():
-    """The distance falls like 1/degree, as the textbook says of Bézier curves."""
-    patch = spec("cubic-bezier")
-    f = np.linspace(0, 1, 400)
-    curve = patch.evaluate(3 * f)
-    distances = []
-    for by in (8, 16, 32, 64):
-        control = elevate(patch, by).control_points
-        gaps = np.linalg.norm(control[:, None] - curve, axis=2).min(axis=1)
-        distances.append(gaps.max())
-    rates = -np.diff(np.log2(distances))
-    assert (rates > 0.7).all()
-    assert (rates < 1.2).all()
 
 
 @given(st.integers(0, 10**6))
@@ -193,10 +170,6 @@ def test_settings_stay_where_they_can():
     more = product(spec("pentagon").replace(edge_scale=np.arange(1.0, 6)), np.array([[0, 0], [0.3, -0.1]]))
     assert len(more.domain.vertices) == 7
     assert more.edge_scale == 1
-
-
-def test_no_elevation_changes_nothing():
-    assert elevate(spec("pentagon"), 0).knots.tolist() == spec("pentagon").knots.tolist()
 
 
 def test_new_edges_are_one_point():

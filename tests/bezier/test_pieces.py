@@ -10,8 +10,6 @@ import pytest
 from gtb_cli.bezier.pieces import bezier_degree, bezier_pieces, split_curve
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.lattice import lattice_of
-from gtb_cli.meshes.hausdorff import mesh_distance
-from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.basis import torus_coordinates
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
@@ -93,14 +91,6 @@ def test_pieces_share_their_edges_and_the_middle() -> None:
     last = [piece.control_points[-1] for piece in pieces]
     assert np.abs(np.array(last) - last[0]).max() <= AGREEMENT * size(integer_pentagon())
     assert not any(pieces.joints.flipped)
-
-
-def test_the_meshes_agree_as_surfaces() -> None:
-    patch = integer_pentagon()
-    tolerance = 1e-3 * size(patch)
-    first, second = (tessellate(shape, tolerance=tolerance) for shape in (patch, bezier_pieces(patch)))
-    distance = mesh_distance(first, second, tolerance)
-    assert distance.bound <= 3 * tolerance
 
 
 def test_a_model_keeps_its_joints() -> None:

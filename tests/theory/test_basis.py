@@ -14,7 +14,6 @@ from gtb_cli.errors import DomainError
 from gtb_cli.knots.domain import domain
 from gtb_cli.moment.torus import BLOCK_NUMBERS
 from gtb_cli.theory.basis import gt_bernstein, partition_of_unity_coefficients
-from gtb_cli.theory.patch import Patch
 from tests.laws import inner_parameters
 from tests.patches import NAMES, bezier_triangle, bicubic, cubic_curve, named
 
@@ -212,13 +211,6 @@ def test_collocation_at_an_end_is_only_totally_positive():
     assert found.count(0.0) > 0
 
 
-def test_collocation_of_repeated_knots_is_singular():
-    matrix = gt_bernstein(domain([0, 1, 1, 2]), np.ones(4), [0.25, 0.75, 1.25, 1.75])
-    assert (matrix[:, 1] == matrix[:, 2]).all()
-    with pytest.raises(DomainError, match="partition of unity has no unique solution"):
-        partition_of_unity_coefficients(domain([0, 1, 1, 2]))
-
-
 # Partition of unity of β
 
 
@@ -269,6 +261,7 @@ def test_a_lattice_square_has_a_solution():
     ("shape", "t", "message"),
     [
         (domain([0, 1, 2]), [0.5, 1.5], "parameters: expected 3, one per knot, got 2"),
+        (domain([0, 1, 1, 2]), None, "no unique solution to rounding"),
         (domain([0, 1, 2]), [0.5, 0.5, 1.5], "no unique solution to rounding"),
         (domain(range(60)), None, "no unique solution to rounding"),
         (domain([0, 300, 900]), None, "so large that β is beyond the range of floats"),
@@ -278,12 +271,6 @@ def test_a_lattice_square_has_a_solution():
 def test_partition_of_unity_that_cannot_be_solved_is_refused(shape, t, message):
     with pytest.raises(DomainError, match=message):
         partition_of_unity_coefficients(shape, t)
-
-
-def test_coefficients_of_a_patch_need_not_be_a_partition_of_unity():
-    one = Patch(ROOTS, np.eye(5)[:, :3], coefficients=np.ones(5))
-    assert one.basis([0.3]).sum() == pytest.approx(1, abs=1e-15)
-    assert gt_bernstein(one.domain, one.coefficients, [0.3]).sum() > 1
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])

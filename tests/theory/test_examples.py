@@ -10,8 +10,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.theory.basis import Location, gt_bernstein
 from gtb_cli.theory.patch import Patch
 from tests import exact
-from tests.laws import linear_points
-from tests.patches import basis_curve, integer_pentagon, irrational_curve, numbers, pentagon
+from tests.patches import basis_curve, integer_pentagon, irrational_curve, pentagon
 
 FORMULA_ERROR = 1e-14  # relative error of a printed product of powers: a few roundings, times exponents up to 3
 
@@ -112,24 +111,6 @@ def test_endpoint_tangents_of_equation_302():
     assert ends[1] == pytest.approx(at_end, rel=1e-3, abs=0.02)
 
 
-@pytest.mark.parametrize("t", [0.01, 0.3, 0.5, 0.9])
-def test_examples_3_2_and_3_3_merged_curves(t):
-    curve = irrational_curve()
-    one = curve.replace(knots=[0, 0.5, 0.5, sqrt(2) / 2, 1])
-    merged = Patch([0, 0.5, sqrt(2) / 2, 1], numbers([[0, 0], ["44/30", "53/30"], [3.7, 1.5], [4, 0]]), [1, 30, 6, 5])
-    assert np.abs(one.evaluate([t]) - merged.evaluate([t])).max() < POINT_ERROR
-    both = curve.replace(knots=[0, 0.5, 0.5, 0.5, 1])
-    middle = [Fraction("66.2") / 36, Fraction(62, 36)]
-    merged = Patch([0, 0.5, 1], numbers([[0, 0], middle, [4, 0]]), [1, 36, 5])
-    assert np.abs(both.evaluate([t]) - merged.evaluate([t])).max() < POINT_ERROR
-
-
-def test_example_4_1_corners_and_normals():
-    for patch in (pentagon(), integer_pentagon()):
-        corners = [[0, 0, 0], [2, 0, 0], [2, 1, 2], [1, 2, 4], [0, 2, 0]]
-        assert patch.evaluate([[0, 0], [2, 0], [2, 1], [1, 2], [0, 2]]).tolist() == corners
-
-
 def linear_precision_error(patch):
     """Largest distance of (x, y) of a point from its parameters, on a grid of the pentagon."""
     u = np.array([[x, y] for x in np.linspace(0, 2, 201) for y in np.linspace(0, 2, 201) if x + y <= 3])
@@ -165,29 +146,3 @@ def test_example_4_1_integer_knots_have_linear_precision_after_a_rational_repara
     where = [Location(slice(0, len(grid)), patch.domain.faces[INTERIOR], patch.knots - patch.domain.center, s)]
     found = patch.points_at(where, len(grid))[:, :2]
     assert np.abs(found - np.array(grid, dtype=np.float64)).max() < POINT_ERROR
-
-
-def test_every_patch_has_linear_precision_in_the_linear_parametrization():
-    patch = pentagon().replace(control_points=pentagon().knots)
-    p = np.array([[x, y] for x in np.linspace(0, 2, 41) for y in np.linspace(0, 2, 41) if x + y <= 3])
-    assert np.abs(linear_points(patch, p)[:, :2] - p).max() < 1e-12
-
-
-def test_example_4_2_merged_surface():
-    patch = pentagon()
-    knots = patch.knots.copy()
-    knots[3] = knots[1]
-    points = numbers(
-        [[0, 2, 0], ["10/9", "12/9", "43/9"], [0, "6/5", 2], [2, 1, 2], [0, 0, 0], ["6/5", 0, 2], [2, 0, 0]]
-    )
-    merged = Patch(points[:, :2], points, [2, 9, 5, 2, 3, 5, 2])
-    merged = merged.replace(knots=[[0, 2], [1, 2], [0, 1.2], [2, 1], [0, 0], [1.2, 0], [2, 0]])
-    u = np.random.default_rng(1).dirichlet(np.ones(5), 50) @ patch.domain.vertices
-    u = np.concatenate([u, patch.domain.vertices, [[1.5, 1.5], [0.5, 2]]])
-    assert np.abs(patch.replace(knots=knots).evaluate(u) - merged.evaluate(u)).max() < POINT_ERROR
-
-
-def test_example_4_2_printed_steps_are_fractions_of_the_way():
-    start, end = (Fraction(8, 7), Fraction(8, 7)), (Fraction(1), Fraction(2))
-    for step, printed in ((Fraction(2, 5), ("38/35", "52/35")), (Fraction(4, 5), ("36/35", "64/35"))):
-        assert tuple(a + step * (b - a) for a, b in zip(start, end, strict=True)) == tuple(map(Fraction, printed))

@@ -48,32 +48,6 @@ def test_a_heavy_knot_inside_spoils_no_digits(weight):
         assert np.abs(heavy.normals([u])[0] - expected).max() < NORMAL_ERROR
 
 
-@pytest.mark.parametrize("scale", mostly_long([1000.0, 100.0, 10.0]))
-def test_large_exponents_give_normals_at_every_place(scale):
-    patch = bicubic()
-    large = patch.replace(knots=patch.knots * scale)
-    u = np.array([[0.3, 0.2], [1.51, 0.4], [2.9, 2.95], [1.2, 1.1]]) * scale
-    for parameter, normal in zip(u, large.normals(u), strict=True):
-        assert np.abs(normal - exact.normal(large, parameter.tolist())).max() < 1e-9
-
-
-def test_weights_beyond_floats_give_normals():
-    patch = bicubic()
-    steep = patch.replace(log_weights=np.random.default_rng(4).normal(size=16) * 300)
-    u = np.random.default_rng(5).random((8, 2)) * 3
-    for parameter, normal in zip(u, steep.normals(u), strict=True):
-        assert np.abs(normal - exact.normal(steep, parameter.tolist())).max() < 1e-9
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_normals_do_not_depend_on_the_size_of_the_model(scale):
-    patch = pentagon()
-    moved = patch.replace(knots=patch.knots * scale, control_points=patch.control_points * scale, edge_normals="unit")
-    unmoved = patch.replace(edge_normals="unit", edge_scale=scale)
-    u = np.concatenate([inner_parameters(patch), [[0, 1], [1.5, 1.5]], patch.domain.vertices])
-    assert np.abs(moved.normals(u * scale) - unmoved.normals(u)).max() < 1e-9
-
-
 def test_normals_follow_the_orientation_of_the_domain():
     # A graph over the domain: the third coordinate is positive, and negative once u and v change places.
     patch = pentagon()
@@ -82,15 +56,6 @@ def test_normals_follow_the_orientation_of_the_domain():
     assert flat.normals(u) == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(u), 1)), abs=1e-12)
     mirrored = replace(flat, control_points=flat.control_points[:, [1, 0, 2]])
     assert mirrored.normals(u) == pytest.approx(np.tile([0.0, 0.0, -1.0], (len(u), 1)), abs=1e-12)
-
-
-def test_normals_turn_with_the_surface():
-    patch = named("irrational_hexagon")
-    turn, _ = np.linalg.qr(np.random.default_rng(6).normal(size=(3, 3)))
-    turn *= np.sign(np.linalg.det(turn))
-    u = np.concatenate([inner_parameters(patch), patch.domain.vertices])
-    turned = patch.replace(control_points=patch.control_points @ turn.T + [1, 2, 3])
-    assert np.abs(turned.normals(u) - patch.normals(u) @ turn.T).max() < NORMAL_ERROR
 
 
 # Limits
@@ -146,20 +111,6 @@ def test_normals_on_an_edge_keep_their_digits_up_to_both_corners():
         assert np.abs(last - expected_last).max() < 10 * gap + 1e-15 / gap * 1e-3
 
 
-@pytest.mark.parametrize("name", FEW_KNOTS)
-def test_normals_on_edges_are_perpendicular_to_the_edges_curve(name):
-    patch = named(name)
-    for edge in range(len(patch.domain.vertices)):
-        v, w = patch.domain.vertices[edge], patch.domain.vertices[(edge + 1) % len(patch.domain.vertices)]
-        ends = [v * (1 - t) + w * t for t in (0.4, 0.4001)]
-        chord = np.diff(patch.evaluate(ends), axis=0)[0]
-        normal = patch.normals([v * 0.59995 + w * 0.40005])[0]
-        if np.isnan(normal).any():
-            assert name == "collapsed_edge"
-        elif np.linalg.norm(chord) > 1e-9 * np.ptp(patch.control_points):
-            assert abs(normal @ unit(chord)) < 1e-3
-
-
 # Where there is none
 
 
@@ -183,23 +134,6 @@ def test_an_edge_that_is_a_point_has_the_limits_of_its_surroundings():
     u = [[1, 1e-12], [2.5, 1e-6], [0.5, 0.1], [1e-9, 1e-9]]
     for parameter, normal in zip(u, patch.normals(u), strict=True):
         assert np.abs(normal - exact.normal(patch, parameter)).max() < NORMAL_ERROR
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_an_edge_that_is_a_point_has_limits_where_the_next_layer_is_in_line_with_it(seed):
-    rng = np.random.default_rng(seed)
-    knots = np.array([(i, j) for i in range(4) for j in range(3)], dtype=float)
-    points = rng.normal(size=(12, 3))
-    points[knots[:, 1] == 0] = points[0]
-    if seed % 2:
-        points[knots[:, 1] == 1] = points[0] + np.outer(rng.random(4) + 0.2, rng.normal(size=3))
-    patch = Patch(knots, points, np.exp(rng.normal(size=12)))
-    u = np.array([[0, 0], [0.4, 0], [1.7, 0], [3, 0.0]])
-    found = patch.normals(u, "linear")
-    above = np.array([[0, 1e-9], [0, 1e-9]])
-    assert np.abs(found[1:3] - patch.normals(u[1:3] + above, "linear")).max() < 1e-5
-    beside = np.array([[1e-9, 0], [0, 0], [0, 0], [-1e-9, 0]])
-    assert np.abs(found - patch.normals(u + beside, "linear")).max() < 1e-5
 
 
 def collapsed(kind, mode, seed):
