@@ -1,13 +1,11 @@
 """Tubes and tangents: closed, round, without twist, and of the right volume."""
 
 import math
-from io import BytesIO
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from stl import mesh as stl
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
@@ -21,7 +19,7 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.tangents import tangents
 from tests import exact
 from tests.marks import mostly_long
-from tests.shell import CURVE, PENTAGON, gtb
+from tests.shell import CURVE, PENTAGON
 from tests.specs import GOOD_SPECS, SPECS, is_curve, load
 from tests.surfaces import area, assert_closed, volume
 
@@ -101,16 +99,13 @@ def test_tangents_at_the_ends_are_those_of_the_control_polygon(path):
 
 
 def test_tangents_at_ends_with_repeated_knots_and_points():
+    """Also of knots that are equal within rounding: 0.1 + 0.2 is not 0.3."""
     points = [[0, 0, 0], [0, 0, 0], [0, 0, 2], [4, 0, 2], [1, 1, 1]]
     patch = Patch([0, 1, 2, 2, 3], points, [1, 1, 1, 3, 1])
     # From the knot at 0, and its copy at 1, to the mean (3, 0, 2) of both at 2; from there to the last.
     expected = np.array([[3, 0, 2], [1 - 3, 1, 1 - 2]])
     expected = expected / np.linalg.norm(expected, axis=1, keepdims=True)
     np.testing.assert_allclose(tangents(patch, [0, 3]), expected, atol=DIGITS)
-
-
-def test_knots_that_are_equal_within_rounding_are_copies():
-    """0.1 + 0.2 is not 0.3: near the end, where both have nearly all of T, the difference would be the tangent."""
     points = [[0, 0, 0], [0, 1, 0], [2, 1, 0], [3, 0, 1]]
     copies, nearly = (Patch([0.3, end, 1, 2], points) for end in (0.3, 0.1 + 0.2))
     t = 0.3 + 10.0 ** -np.arange(2, 15)
@@ -196,8 +191,7 @@ def test_the_volume_of_a_helix_converges(given):
         line, t, angle = helix(n)
         mesh = tube(line, 0.2, tangents=t[line.cells] if given else None)
         errors.append(abs(volume(mesh) - polygon_area(0.2) * math.hypot(1, 0.3) * angle[-1]))
-    rates = np.log2(np.divide(errors[:-1], errors[1:]))
-    assert (rates > 1.9).all()
+    assert (np.log2(np.divide(errors[:-1], errors[1:])) > 1.9).all()
     assert errors[-1] < 1e-3 * polygon_area(0.2) * angle[-1]
 
 
@@ -312,13 +306,9 @@ def test_sharp_turns_are_bounded(turn, sides):
     assert areas.min() > 1e-4 if turn < 175 else areas.min() > 0
 
 
-def test_ends_that_face_each_other_squarely():
-    """The way from the last point back to the first is across both directions, and no part of the tube."""
+def test_cusps_and_ends_that_face_each_other():
+    """A tangent turns by 180° between two vertices, or at one; the way from end to start is across both directions."""
     assert_closed(tube(polyline(np.array([[0, 0, 0], [0, 2, 0], [1, -2, 0], [1, 0, 0.0]])), 0.1))
-
-
-def test_a_curve_with_a_cusp():
-    """Its tangent turns by 180° between two vertices, or at one."""
     cusp = Patch(np.arange(4), [[0, 0, 0], [2, 1, 0], [0, 1, 0], [2, 0, 0]], coefficients=[1, 3, 3, 1])
     for n in (7, 8, 64):
         mesh = swept(cusp, n, 0.05, "toric")
@@ -343,16 +333,19 @@ def test_curves_that_follow_each_other_make_one_tube():
         assert volume(mesh) == pytest.approx(polygon_area(0.2) * length, rel=1e-3)
 
 
-def test_segments_may_run_backwards():
-    line, t, _ = helix(20)
+def test_segments_may_run_backwards_and_keep_name_and_attributes():
+    line, t, angle = helix(20)
     given = t[line.cells]
     cells, turned = line.cells.copy(), given.copy()
     cells[5:12] = cells[5:12, ::-1]
     turned[5:12] = -turned[5:12, ::-1]
     order = np.random.default_rng(0).permutation(20)
     order = order[np.argsort(order != 0, kind="stable")]  # the first one says where the tube begins
-    mesh = tube(Mesh(line.vertices, cells[order]), 0.1, tangents=turned[order])
-    np.testing.assert_array_equal(mesh.vertices, tube(line, 0.1, tangents=given).vertices)
+    named = Mesh(line.vertices, cells[order], name="spring", attributes={"u": angle})
+    mesh = tube(named, 0.1, sides=4, tangents=turned[order])
+    np.testing.assert_array_equal(mesh.vertices, tube(line, 0.1, sides=4, tangents=given).vertices)
+    assert mesh.name == "spring"
+    np.testing.assert_array_equal(mesh.attributes["u"], [*angle.repeat(4), angle[0], angle[-1]])
 
 
 def test_branches_and_separate_curves_make_a_tube_each():
@@ -363,15 +356,6 @@ def test_branches_and_separate_curves_make_a_tube_each():
     assert_closed(mesh)
     assert [name for name, _, _ in mesh.groups] == list("abcd")
     assert volume(mesh) == pytest.approx(polygon_area(0.1) * (3 + math.sqrt(3)), rel=1e-9)
-
-
-def test_attributes_and_names_are_the_curves():
-    line, _, angle = helix(10)
-    line = Mesh(line.vertices, line.cells, name="spring", attributes={"u": angle})
-    mesh = tube(line, 0.1, sides=4)
-    assert mesh.name == "spring"
-    np.testing.assert_array_equal(mesh.attributes["u"][:-2].reshape(11, 4), angle[:, None].repeat(4, axis=1))
-    np.testing.assert_array_equal(mesh.attributes["u"][-2:], angle[[0, -1]])
 
 
 # --- numbers
@@ -484,23 +468,3 @@ def test_what_makes_no_tube_is_refused():
             tube(mesh, radius)
     with pytest.raises(ToleranceError, match="would have 14000 faces, 1000 around and 7 along, more than 7999"):
         tube(line, 1.0, sides=1000, max_faces=7999)
-
-
-# --- the command
-
-
-def test_a_curve_becomes_stl(tmp_path):
-    spec, path = SPECS / "example-3.1.toml", tmp_path / "curve.stl"
-    result = gtb("mesh", spec, "--radius", 0.05, "-o", path)
-    assert result.status == 0
-    sizes = f"{33 * RING_SIDES + 2} vertices, {66 * RING_SIDES} faces, closed, 4.097 × 1.581 × 0.1, volume 0.04042"
-    assert result.err == f"gtb: {path}: {sizes}\n"
-    read = stl.Mesh.from_file(str(path))
-    assert read.is_closed(exact=True)
-    assert read.get_mass_properties()[0] == pytest.approx(volume(swept(load(spec), 32, 0.05)), rel=1e-4)
-
-
-def test_the_same_tube_has_the_same_bytes():
-    assert len({gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out for _ in range(3)}) == 1
-    binary = stl.Mesh.from_file("x.stl", fh=BytesIO(gtb("mesh", CURVE, "--radius", 0.1, "-f", "stl").out))
-    assert len(binary.vectors) == 66 * RING_SIDES
