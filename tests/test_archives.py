@@ -19,14 +19,8 @@ pytestmark = long
 
 def python(*arguments: object, folder: Path, path: Path = REPOSITORY) -> str:
     """What a process of Python prints that works in a folder and imports from another one."""
-    done = subprocess.run(
-        [sys.executable, *map(str, arguments)],
-        cwd=folder,
-        env=environment(PYTHONPATH=str(path)),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, *map(str, arguments)]
+    done = subprocess.run(command, cwd=folder, env=environment(PYTHONPATH=str(path)), capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -78,10 +72,9 @@ def test_the_source_archive_has_every_file(unpacked):
 
 
 def test_tests_run_in_the_source_archive(unpacked):
-    places = python(
-        "-c", "import gtb_cli, tests; print(gtb_cli.__file__, tests.__file__)", folder=unpacked, path=unpacked
-    )
-    assert places.split() == [str(unpacked / name / "__init__.py") for name in ("gtb_cli", "tests")]
+    places = "import gtb_cli, tests; print(gtb_cli.__file__, tests.__file__)"
+    found = python("-c", places, folder=unpacked, path=unpacked).split()
+    assert found == [str(unpacked / name / "__init__.py") for name in ("gtb_cli", "tests")]
     some = ("tests/test_golden.py", "tests/language/test_bad_specs.py", "tests/theory/test_examples.py")
     assert "[100%]" in python("-m", "pytest", "-m", "not long", *some, folder=unpacked, path=unpacked)
 

@@ -3,8 +3,6 @@
 These are the commands of the README's "In CI". `make golden` renews the meshes after a change that is meant.
 """
 
-import re
-
 import numpy as np
 
 from gtb_cli.language.writer import dump
@@ -27,31 +25,20 @@ def test_the_meshes_of_the_specs_stay_what_they_were(tmp_path):
 
 
 def test_they_are_renewed_with_the_same_options():
-    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    command = re.search(r"gtb_cli mesh \$\(SPECS\) (.*) -o tests/golden", makefile)
-    assert command
-    assert command[1].split() == [str(option) for option in OPTIONS]
+    command = f"gtb_cli mesh $(SPECS) {' '.join(map(str, OPTIONS))} -o tests/golden"
+    assert command in (REPOSITORY / "Makefile").read_text(encoding="utf-8")
 
 
 def nudged(spec: Patch | Model) -> Patch | Model:
     """The spec with that control point of its first patch moved which moves the surface least."""
     millionth = 1e-6  # fraction of the model's size: a control point that moves by this is not a rounding error
-    patches = list(spec.patches) if isinstance(spec, Model) else [spec]
-    patch = patches[0]
-    influence = patch.basis(tessellate(patch, 8).parameters).max(axis=0)
-    size = np.linalg.norm(np.ptp(np.vstack([part.control_points for part in patches]), axis=0))
-    points = patch.control_points.copy()
+    first, *others = spec.patches
+    influence = first.basis(tessellate(first, 8).parameters).max(axis=0)
+    size = np.linalg.norm(np.ptp(np.vstack([patch.control_points for patch in spec.patches]), axis=0))
+    points = first.control_points.copy()
     points[influence.argmin(), 1] += millionth * size
-    patches[0] = Patch(
-        patch.knots,
-        points,
-        patch.weights,
-        patch.coefficients,
-        edge_normals=patch.edge_normals,
-        edge_scale=patch.edge_scale,
-        name=patch.name,
-    )
-    return Model(tuple(patches), name=spec.name) if isinstance(spec, Model) else patches[0]
+    moved = first.replace(control_points=points)
+    return Model((moved, *others), name=spec.name) if isinstance(spec, Model) else moved
 
 
 @long

@@ -25,6 +25,7 @@ TWO_TRIANGLES = Mesh(
 def test_a_polyline_has_edges_and_no_faces():
     assert POLYLINE.is_curve
     assert POLYLINE.edges.tolist() == [[0, 1], [1, 2]]
+    assert POLYLINE.bounds.tolist() == [[0, 0, -1], [1, 3, 2]]
     with pytest.raises(DomainError, match="a curve has edges, not faces"):
         POLYLINE.faces  # noqa: B018
 
@@ -41,10 +42,6 @@ def test_indices_have_32_bits_and_given_ones_are_not_copied():
     same = Mesh(np.eye(3), cells.astype(np.uint64))
     assert same.cells.dtype == np.int32
     assert hash(same) == hash(Mesh(np.eye(3), cells))
-
-
-def test_bounds_are_the_extreme_coordinates():
-    assert POLYLINE.bounds.tolist() == [[0, 0, -1], [1, 3, 2]]
 
 
 @pytest.mark.parametrize(
@@ -66,37 +63,27 @@ def test_arrays_that_do_not_fit_are_refused(change, message):
 
 
 def test_trimesh_gets_the_same_vertices_faces_and_normals():
+    """Of vertices that coincide, too, as on a collapsed edge, which trimesh would merge if it were let."""
     mesh = meshes.surface()
     other = mesh.to_trimesh()
     assert (other.vertices == mesh.vertices).all()
     assert (other.faces == mesh.faces).all()
     assert np.abs(other.vertex_normals - mesh.normals).max() < 1e-15
-    assert (other.bounds == mesh.bounds).all()
-
-
-def test_trimesh_keeps_vertices_that_coincide():
-    # A collapsed edge: trimesh would merge them if it were let.
     vertices = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
     other = Mesh(vertices, np.array([[0, 2, 3], [0, 1, 2]])).to_trimesh()
-    assert other.vertices.shape == (4, 3)
-    assert other.faces.tolist() == [[0, 2, 3], [0, 1, 2]]
+    assert (other.vertices.shape, other.faces.tolist()) == ((4, 3), [[0, 2, 3], [0, 1, 2]])
 
 
-def test_trimesh_gets_a_polyline_as_a_path():
-    path = POLYLINE.to_trimesh()
-    assert path.vertices.tolist() == POLYLINE.vertices.tolist()
-    assert [entity.points.tolist() for entity in path.entities] == [[0, 1, 2]]
-
-
-def test_polylines_apart_are_entities_apart():
-    mesh = Mesh(np.arange(15.0).reshape(5, 3), np.array([[0, 1], [1, 2], [3, 4]]))
-    assert [entity.points.tolist() for entity in mesh.to_trimesh().entities] == [[0, 1, 2], [3, 4]]
-
-
-def test_a_closed_polyline_stays_closed():
-    mesh = Mesh(np.eye(3), np.array([[0, 1], [1, 2], [2, 0]]))
-    (entity,) = mesh.to_trimesh().entities
-    assert entity.points.tolist() == [0, 1, 2, 0]
+@pytest.mark.parametrize(
+    ("cells", "paths"),
+    [([[0, 1], [1, 2]], [[0, 1, 2]]), ([[0, 1], [1, 2], [3, 4]], [[0, 1, 2], [3, 4]]),
+     ([[0, 1], [1, 2], [2, 0]], [[0, 1, 2, 0]])],
+)  # fmt: skip
+def test_trimesh_gets_polylines_as_paths(cells, paths):
+    mesh = Mesh(np.arange(15.0).reshape(5, 3), np.array(cells))
+    path = mesh.to_trimesh()
+    assert path.vertices.tolist() == mesh.vertices.tolist()
+    assert [entity.points.tolist() for entity in path.entities] == paths
 
 
 def test_normals_are_computed_when_they_are_asked_for(monkeypatch):

@@ -28,25 +28,20 @@ def test_sides_of_segments_are_these():
     assert sides.edge.tolist() == [[1], [0]]
 
 
-def test_a_face_turned_over_leaves_its_sides_open():
-    sides = sides_of(np.array([[0, 1, 2], [0, 3, 2]]))
-    assert sides.alone.tolist() == [0, 1, 3, 4]
-    assert sides.open.tolist() == [0, 1, 2, 3, 4, 5]
-    assert sides.edges[~sides.is_manifold].tolist() == [[0, 2]]
-
-
-def test_an_edge_of_three_faces_is_open_and_not_manifold():
-    sides = sides_of(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
-    assert sides.edges[sides.uses > 2].tolist() == [[0, 1]]
-    assert sides.edges[~sides.is_manifold].tolist() == [[0, 1]]
-    assert {0, 3, 6} <= set(sides.open.tolist())
-
-
-def test_a_side_with_one_end_is_neither_open_nor_alone():
-    sides = sides_of(np.array([[0, 0, 1]]))
-    assert sides.edges[~sides.is_proper].tolist() == [[0, 0]]
-    assert not len(sides.open)
-    assert not len(sides.alone)
+@pytest.mark.parametrize(
+    ("cells", "alone", "unmet", "wrong"),
+    [
+        ([[0, 1, 2], [0, 3, 2]], [0, 1, 3, 4], [0, 1, 2, 3, 4, 5], [[0, 2]]),  # a face is turned over
+        ([[0, 1, 2], [1, 0, 3], [0, 1, 4]], [1, 2, 4, 5, 7, 8], [*range(9)], [[0, 1]]),  # an edge of three faces
+        ([[0, 0, 1]], [], [], [[0, 0]]),  # a side with one end is not proper
+        (np.empty((0, 3), dtype=np.int64), [], [], []),
+    ],
+)
+def test_sides_that_are_alone_open_or_not_of_a_manifold(cells, alone, unmet, wrong):
+    sides = sides_of(np.array(cells))
+    assert sides.alone.tolist() == alone
+    assert sides.open.tolist() == unmet
+    assert sides.edges[~(sides.is_manifold & sides.is_proper)].tolist() == wrong
 
 
 def test_indices_near_the_limit_of_32_bits_are_told_apart():
@@ -56,12 +51,6 @@ def test_indices_near_the_limit_of_32_bits_are_told_apart():
     for name in ("directed", "edges", "edge", "first", "uses"):
         assert getattr(found, name).tolist() == getattr(expected, name).tolist()
     assert found.edges.tolist() == (sides_of(SQUARE).edges + (2**31 - 5)).tolist()
-
-
-def test_no_cells_have_no_sides():
-    sides = sides_of(np.empty((0, 3), dtype=np.int64))
-    assert sides.edges.shape == sides.directed.shape == (0, 2)
-    assert sides.edge.shape == (0, 3)
 
 
 @pytest.mark.parametrize(
