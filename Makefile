@@ -66,7 +66,7 @@ fuzz: $(VENV)/.development ## 20,000 mutated specs, 2,000 files of each format i
 guided: $(BUILD)/atheris/.installed ## an hour of processor time (MINUTES=60) of inputs that reach new lines of the readers
 	@$(BUILD)/atheris/bin/python -m tests.tools.guided --minutes $(MINUTES) --folder $(BUILD)/guided
 
-readers: $(VENV)/.installed ## let some 25 programs and libraries read every kind of mesh file; installs 5 GB below build
+readers: $(VENV)/.installed ## let 15 programs and libraries read every kind of mesh file; installs 5 GB below build
 	@$(RUN) tests.tools.readers
 
 clean: ## remove what was built; .venv stays

@@ -86,8 +86,7 @@ class Recipe:
             raise DomainError("certify: needs a tolerance, and a surface or curve: tubes and solids are not certified")
         if self.radius is not None and self.thickness is not None:
             raise DomainError("radius: excludes thickness, as a curve becomes a tube and a surface a solid")
-        require = self.require
-        words = (require,) if isinstance(require, str) else () if require is None else tuple(require)
+        words = (self.require,) if isinstance(self.require, str) else tuple(self.require or ())
         object.__setattr__(self, "require", words)
         if words:
             from gtb_cli.assembly.requirements import requirements
@@ -113,11 +112,14 @@ class Recipe:
         self.check_size(spec)
         spec = welded(spec, self.weld)
         tolerance = self.tolerance_for(spec)
+        around = 1  # faces around each segment of a tube with a tolerance
         if tolerance is not None and self.radius is not None:
+            from gtb_cli.meshes.tube import ring_size
+
             # Of the middle line, and of the polygon of its rings: on the outside of a bend as sharp as the tube allows,
             # the middle line's error counts twice.
             tolerance *= 1 / 3
-        around = self._faces_around(tolerance)
+            around = 2 * ring_size(self.radius, tolerance)
         try:
             mesh = surface = tessellate(
                 spec,
@@ -178,14 +180,6 @@ class Recipe:
             remarks += coarse_sides(model, mesh, self.resolution) if model is not None else []
             remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
         return remarks
-
-    def _faces_around(self, tolerance: float | None) -> int:
-        """Faces around each segment of a tube with a tolerance; 1 for other meshes, whose cells are their faces."""
-        if self.radius is None or tolerance is None:
-            return 1
-        from gtb_cli.meshes.tube import ring_size
-
-        return 2 * ring_size(self.radius, tolerance)
 
     def _tube(self, spec: Patch | Model, mesh: Mesh, radius: float, tolerance: float | None) -> tuple[Mesh, list[str]]:
         """The tube around the mesh of a curve, and where it folds."""

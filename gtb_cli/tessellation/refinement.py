@@ -134,7 +134,7 @@ class _Refinement:
         mesh.mark_thin(marked)
         chosen, touched = np.flatnonzero(marked), np.flatnonzero(mesh.has_mark(marked))
         # Each split side adds one cell.
-        self.refuse_hopeless(chosen, len(mesh) + int(np.count_nonzero(marked.take(mesh.cells.sides[touched]))))
+        self.refuse_hopeless(chosen, len(mesh) + int(marked.take(mesh.cells.sides[touched]).sum()))
         return mesh.split(chosen, touched)
 
     def refuse_hopeless(self, chosen: IntArray, count: int) -> None:
