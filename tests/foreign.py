@@ -134,43 +134,8 @@ def iges() -> bytes:
     order = [i * 3 + j for j in range(3) for i in range(4)]
     surface = [128, 3, 2, *DEGREES, 0, 0, 0, 0, 0, *floats(KNOTS[0]), *floats(KNOTS[1]), *(WEIGHTS[k] for k in order)]
     surface += [x for k in order for x in POINTS[k]] + [0, 1, 0, 1]
-    curve = [
-        126,
-        3,
-        2,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0,
-        0.5,
-        1,
-        1,
-        1,
-        1,
-        1,
-        1,
-        1,
-        0,
-        0,
-        0,
-        1,
-        1,
-        0,
-        2,
-        0,
-        0,
-        3,
-        1,
-        0,
-        0,
-        1,
-        0,
-        0,
-        1,
-    ]
+    points = [0, 0, 0, 1, 1, 0, 2, 0, 0, 3, 1, 0]
+    curve = [126, 3, 2, *[0] * 7, 0.5, *[1] * 7, *points, 0, 1, 0, 0, 1]
     turn = [124, 0, -1, 0, 10, 1, 0, 0, 20, 0, 0, 1, 30]
     entities = [
         (128, surface, 7, "00000000", "SHEET"),

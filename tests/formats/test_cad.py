@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.bezier.pieces import bezier_pieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.cad import KERNEL_UNITS, _as, encode_cad
 from gtb_cli.formats.splines import exact_surfaces, spline_surfaces
@@ -126,19 +125,6 @@ def test_a_pentagon_is_five_exact_faces_that_share_edges(kind: str, tmp_path: Pa
     )
 
 
-def test_surfaces_are_the_pieces_in_exact_numbers(tmp_path: Path) -> None:
-    shape = read(encoded("example-4.1-integer", "step"), "step", tmp_path)
-    spec = load(INTEGERS)
-    pieces = bezier_pieces(spec)
-    for face, piece in zip(parts(shape, "FACE"), pieces, strict=True):
-        surface = kernel("BRep").BRep_Tool.Surface_s(_as(kernel("TopoDS"), "Face", face))
-        degrees = piece.knots.max(axis=0)
-        for s, t in ((0.25, 0.5), (0.9, 0.1), (1.0, 1.0)):
-            point = surface.Value(s, t)
-            expected = piece.evaluate([[s * degrees[0], t * degrees[1]]])[0]
-            assert np.abs(np.array([point.X(), point.Y(), point.Z()]) - expected).max() <= 1e-12
-
-
 def test_steep_weights_are_balanced_with_the_same_image(tmp_path: Path) -> None:
     """The kernel calls this trapezoid invalid with the weights of its Bézier pieces."""
     corners = np.array([[0, 1], [2, 1], [1, 1], [0, 2], [2, 2]], dtype=float)
@@ -206,16 +192,6 @@ def test_the_teapot_is_four_shells(tmp_path: Path) -> None:
 
 
 @long
-def test_a_closed_model_of_real_knots_is_a_fitted_solid(tmp_path: Path) -> None:
-    spec = load(SPECS / "hebesphenorotunda.toml")
-    shape = read(encoded("hebesphenorotunda", "step"), "step", tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, "SOLID")) == 1
-    expected = measure(tessellate(spec, 64)).volume
-    assert volume(shape) == pytest.approx(expected, rel=VOLUME)
-
-
-@long
 def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     patch = pentagon()
     found = spline_surfaces(patch, 2e-3)
@@ -231,17 +207,6 @@ def test_fitted_surfaces_are_within_the_tolerance(tmp_path: Path) -> None:
     assert distance(shape, points) <= 2e-3
     with pytest.raises(ToleranceError, match="fitted surfaces of 128 × 128 spans are still"):
         spline_surfaces(patch, 1e-12)
-
-
-@long
-@pytest.mark.parametrize(("name", "kind"), [("box-corner", "SHELL"), ("hebesphenorotunda", "SOLID")])
-def test_edges_with_other_parameters_are_sewn(name: str, kind: str, tmp_path: Path) -> None:
-    patches = tuple(elevate(patch, k % 3) for k, patch in enumerate(load(SPECS / f"{name}.toml")))
-    model = Model(patches, name)
-    assert any(joint.match for joint in model.joints.shared)
-    shape = read(encode_cad(spline_surfaces(model).surfaces, "brep").data, "brep", tmp_path)
-    assert is_valid(shape)
-    assert len(parts(shape, kind)) == 1
 
 
 def pillow(top: Patch, *, turned: bool = False) -> Model:
@@ -264,9 +229,8 @@ def rectangle(degree: int) -> Patch:
     """A polynomial rectangle with a bent boundary."""
     knots = np.argwhere(np.ones((degree + 1, degree + 1))).astype(float)
     x, y = knots.T
-    binomial = [math.comb(degree, int(i)) * math.comb(degree, int(j)) for i, j in knots]
     inner = (x % degree * (y % degree) > 0).astype(float)
-    return Patch(knots, np.column_stack([knots, 0.3 * np.sin(x) + inner]), coefficients=binomial)
+    return Patch(knots, np.column_stack([knots, 0.3 * np.sin(x) + inner]), coefficients="binomial")
 
 
 @pytest.mark.parametrize(

@@ -11,131 +11,14 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-import plyfile
 import pytest
-import stl
-import trimesh
 
 from gtb_cli.errors import ExportError
 from gtb_cli.formats.export import encode_mesh, warnings_for, write_mesh
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
 from tests.marks import mostly_long
-from tests.tiny_meshes import curve, encoded, lines, model, surface, two_curves
-
-# 32-bit numbers: half a unit in the last of 24 bits.
-SINGLE = 2.0**-24
-# OBJ: half a unit of the ninth significant digit of the model's size, at least.
-NINE_DIGITS = 0.5e-8
-# A unit vector written with 8 decimals or more, or in 32 bits.
-UNIT = 1e-7
-
-# meshio multiplies four bytes of any ASCII STL by 50, as 32-bit numbers, to see whether it is a binary one.
-pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered in scalar multiply:RuntimeWarning:meshio")
-
-
-# --- every file, read back by others ---------------------------------------------------------------------------------
-
-
-def read_by_trimesh(path: Path) -> tuple[int, np.ndarray]:
-    """Return the number of triangles, or of segments, and the points."""
-    loaded = trimesh.load(path, process=False)
-    geometries = list(loaded.geometry.values()) if isinstance(loaded, trimesh.Scene) else [loaded]
-    cells = sum(
-        len(g.faces) if hasattr(g, "faces") else sum(len(e.points) - 1 for e in getattr(g, "entities", ()))
-        for g in geometries
-    )
-    return cells, np.vstack([g.vertices for g in geometries])
-
-
-def read_by_meshio(path: Path) -> tuple[int, np.ndarray]:
-    loaded = meshio.read(path)
-    return sum(len(block.data) for block in loaded.cells), loaded.points
-
-
-def read_by_plyfile(path: Path) -> tuple[int, np.ndarray]:
-    loaded = plyfile.PlyData.read(path)
-    vertex = loaded["vertex"]
-    return loaded.elements[1].count, np.column_stack([vertex["x"], vertex["y"], vertex["z"]])
-
-
-def read_by_numpy_stl(path: Path) -> tuple[int, np.ndarray]:
-    loaded = stl.Mesh.from_file(str(path))
-    return len(loaded.vectors), loaded.vectors.reshape(-1, 3)
-
-
-SURFACE_READERS = {
-    "obj": (read_by_trimesh, read_by_meshio),
-    "ply": (read_by_trimesh, read_by_meshio, read_by_plyfile),
-    "stl": (read_by_trimesh, read_by_meshio, read_by_numpy_stl),
-    "glb": (read_by_trimesh,),
-}
-OPTIONS = [
-    {},
-    {"normals": True},
-    {"uv": True},
-    {"normals": True, "uv": True},
-    {"ascii": True},
-    {"ascii": True, "normals": True, "uv": True},
-]
-
-
-@pytest.mark.parametrize(
-    ("options", "scale"),
-    [*((options, 1.0) for options in OPTIONS), *(({}, scale) for scale in (1e-9, 1e-3, 1e3, 1e9))],
-    ids=str,
-)
-@pytest.mark.parametrize("format", FORMATS)
-@pytest.mark.parametrize("make", [surface, model])
-def test_surfaces_are_read_back_with_the_same_counts_and_bounds(make, format, options, scale, tmp_path):
-    if format == "glb" and "ascii" in options:
-        return  # refused, as `test_table` holds
-    mesh = replace(make(), vertices=make().vertices * scale)
-    path = tmp_path / f"mesh.{format}"
-    write_mesh(mesh, path, **options)
-    for read in SURFACE_READERS[format]:
-        cells, points = read(path)
-        assert cells == len(mesh.cells)
-        if format == "stl":  # three corners for each facet, but in meshio, which merges them
-            assert len(points) in (3 * len(mesh.cells), len(mesh.vertices))
-        else:
-            assert len(points) == len(mesh.vertices)
-        bounds = np.stack([points.min(axis=0), points.max(axis=0)])
-        expected = (mesh.with_y_up if format == "glb" else mesh).bounds
-        assert np.abs(bounds - expected).max() <= max(NINE_DIGITS, SINGLE) * np.abs(expected).max()
-
-
-@pytest.mark.parametrize("options", [{}, {"uv": True}, {"normals": True}], ids=lambda o: "-".join(o) or "plain")
-@pytest.mark.parametrize("make", [curve, two_curves])
-def test_curves_are_read_back(make, options, tmp_path):
-    mesh = make()
-    for name, read in (("c.ply", read_by_trimesh), ("c.ply", read_by_plyfile), ("c.glb", read_by_trimesh)):
-        write_mesh(mesh, tmp_path / name, **options)
-        cells, points = read(tmp_path / name)
-        assert cells == len(mesh.cells)
-        expected = mesh.with_y_up if name == "c.glb" else mesh
-        np.testing.assert_allclose(points, expected.vertices, rtol=SINGLE)
-    write_mesh(mesh, tmp_path / "c.obj", **options)
-    for read in (read_by_trimesh, read_by_meshio):  # they keep the points and pass over segments
-        np.testing.assert_allclose(read(tmp_path / "c.obj")[1], mesh.vertices, atol=NINE_DIGITS)
-    written = lines((tmp_path / "c.obj").read_bytes(), "l")
-    segments = [[int(end.split("/")[0]) - 1 for end in line.split()[1:]] for line in written]
-    assert segments == mesh.cells.tolist()
-
-
-def test_the_order_of_vertices_and_cells_is_kept(tmp_path):
-    mesh = surface()
-    for format in ("obj", "ply", "glb"):
-        write_mesh(mesh, tmp_path / f"mesh.{format}")
-        loaded = trimesh.load_mesh(tmp_path / f"mesh.{format}", process=False)
-        assert loaded.faces.tolist() == mesh.cells.tolist()
-        expected = mesh.with_y_up if format == "glb" else mesh
-        np.testing.assert_allclose(loaded.vertices, expected.vertices, atol=max(NINE_DIGITS, 2 * SINGLE))
-    write_mesh(mesh, tmp_path / "mesh.stl")
-    np.testing.assert_allclose(
-        stl.Mesh.from_file(str(tmp_path / "mesh.stl")).vectors, mesh.vertices[mesh.cells], atol=2 * SINGLE
-    )
-
+from tests.tiny_meshes import curve, encoded, model, surface
 
 # --- the same bytes --------------------------------------------------------------------------------------------------
 

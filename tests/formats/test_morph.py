@@ -8,7 +8,6 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-import trimesh
 from trimesh.exchange.gltf import get_schema
 
 import gtb_cli.shell.console as console_room
@@ -217,7 +216,7 @@ def test_meshes_that_cannot_be_morphed():
 )
 def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path):
     out = tmp_path / "all.glb"
-    result = gtb(*arguments, "--uv", "-o", out)
+    result = gtb(*arguments, "--uv", *["--normals"] * (mode == 4), "-o", out)
     assert (result.status, result.out) == (0, b"")
     assert gtb(*arguments, "-o", tmp_path / "folder").status == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.glb", "folder"]
@@ -225,6 +224,7 @@ def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path
     record = json.loads((tmp_path / "folder" / "sequence.json").read_text())
     files = [tmp_path / "folder" / entry.pop("file") for entry in record["meshes"]]
     assert read.primitive["mode"] == mode
+    assert set(read.targets[0]) == ({"POSITION", "NORMAL"} if mode == 4 else {"POSITION"})
     np.testing.assert_array_equal(read.cells() + 1, numbers(files[0], "f" if mode == 4 else "l"))
     times, weights = read.keys()
     assert (np.diff(times) > 0).all()
@@ -239,26 +239,6 @@ def test_the_file_has_the_meshes_of_the_folder(arguments, mode, labels, tmp_path
     assert said == record
     for label in labels:
         assert f"gtb: {out}: {label}: " in result.err
-
-
-def test_normals_in_a_file(tmp_path):
-    for output in (tmp_path / "all.glb", tmp_path / "folder"):
-        assert gtb(*DEGENERATE, "--normals", "-o", output).status == 0
-    read = Animation((tmp_path / "all.glb").read_bytes())
-    for number, label in enumerate(("x100", "x1e30", "limit")):
-        normals = numbers(tmp_path / "folder" / f"example-4.4-{label}.obj", "vn")
-        morphed = read.base("NORMAL") + read.target(number, "NORMAL")
-        np.testing.assert_allclose(morphed, in_gltf(normals), rtol=0, atol=1e-6)  # OBJ has eight digits of them
-        np.testing.assert_allclose(np.linalg.norm(morphed, axis=1), 1, rtol=0, atol=8 * STORED)
-
-
-def test_other_programs_see_the_first_mesh(tmp_path):
-    """trimesh knows no targets."""
-    out = tmp_path / "all.glb"
-    assert gtb(*DEGENERATE, "-o", out).status == 0
-    (seen,) = trimesh.load_scene(out).geometry.values()
-    assert (len(seen.faces), seen.metadata["targetNames"]) == (63, ["x=100", "x=1e30", "limit"])
-    assert gtb("diff", out, out).status == 0
 
 
 def test_the_same_bytes_to_a_file_and_to_standard_output(tmp_path):

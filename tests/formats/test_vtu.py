@@ -117,10 +117,7 @@ def test_a_bezier_patch_is_one_cell(patch: Patch) -> None:
 def test_triangles_of_other_degrees_have_vtks_order(degree: int) -> None:
     knots = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)], dtype=float)
     heights = np.random.default_rng(degree).random(len(knots))
-    patch = Patch(knots, np.column_stack([knots, heights]), weights=1 + heights)
-    binomial = np.array([math.factorial(degree) / math.prod(map(math.factorial, row)) for row in
-                         np.column_stack([knots, degree - knots.sum(axis=1)]).astype(int).tolist()])  # fmt: skip
-    patch = patch.replace(coefficients=binomial)
+    patch = Patch(knots, np.column_stack([knots, heights]), 1 + heights, "binomial")
     compare(cells(encode_vtu(patch)[0]), (patch,))
 
 
