@@ -131,30 +131,16 @@ def cell_lines(prefix: str, references: Sequence[tuple[Sequence[bytes], IntArray
 
     Several arrays of numbers, of one shape and each with its leads, alternate.
     """
-    tables = [_references(leads, cells) for leads, cells in references]
+    parts = [
+        (lead, cells, _groups(int(cells.max()) + 1, 4 - len(lead))) for leads, cells in references for lead in leads
+    ]
     rows, columns = references[0][1].shape
-    words, text = _lines(prefix, rows, columns, sum(table.shape[1] for table, _ in tables))
+    words, text = _lines(prefix, rows, columns, sum(groups + 1 for _, _, groups in parts))
     stop = 0
-    for table, places in tables:
-        start, stop = stop, stop + table.shape[1]
-        words[..., start:stop] = table.take(places, axis=0)
+    for lead, cells, groups in parts:
+        start, stop = stop, stop + groups + 1
+        _put_whole(words[..., start:stop], cells + 1, _head(lead, 4 - len(lead), alone=not groups), 0)
     return _compressed(text)
-
-
-def _references(leads: Sequence[bytes], cells: IntArray) -> tuple[Words, IntArray]:
-    """Return the words of distinct references, and the row of these of each number."""
-    first, top = int(cells.min()), int(cells.max()) + 1
-    if top - first <= cells.size:  # most numbers occur several times
-        numbers, places = np.arange(first + 1, top + 1), cells - first
-    else:
-        numbers, places = cells.ravel() + 1, np.arange(cells.size).reshape(cells.shape)
-    groups = [_groups(top, 4 - len(lead)) for lead in leads]
-    references = np.empty((len(numbers), sum(groups) + len(leads)), dtype=_WORD)
-    stop = 0
-    for lead, count in zip(leads, groups, strict=True):
-        start, stop = stop, stop + count + 1
-        _put_whole(references[:, start:stop], numbers, _head(lead, 4 - len(lead), alone=not count), 0)
-    return references, places
 
 
 def _groups(top: int, head_digits: int) -> int:
@@ -170,10 +156,9 @@ def _put_whole(words: Words, numbers: IntArray, head: Words, offset: IntArray | 
     for place in range(1, groups + 1):
         through = numbers // 10 ** (4 * (groups - place))
         digits = through - above * 10_000
-        word = _table(b"", 4, 4).take(digits)
-        if not above.all():  # leading zeros are left out, except for the last digit of the number
-            word = np.where(above > 0, word, _table(b"", 4, int(place == groups)).take(digits))
-        words[..., place] = word
+        # Leading zeros are left out, except for the last digit of the number.
+        short = _table(b"", 4, int(place == groups)).take(digits)
+        words[..., place] = np.where(above > 0, _table(b"", 4, 4).take(digits), short)
         above = through
 
 
