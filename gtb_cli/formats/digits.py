@@ -74,6 +74,14 @@ def obj_blocks(
             yield cell_lines(prefix, [(leads, numbers[rows]) for leads, numbers in references])
 
 
+def text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
+    """Yield the rows of numbers as text, each by the % format of a line, some thousands at a time."""
+    for start in range(0, len(values), BLOCK_ROWS):
+        block = values[start : start + BLOCK_ROWS]
+        lines: str = line * len(block) % tuple(block.ravel().tolist())
+        yield lines.encode("ascii")
+
+
 def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     """Return one line for each row of `values`: the prefix, then the numbers with `digits` (8 or more) decimals."""
     rows, columns = values.shape
@@ -83,9 +91,7 @@ def number_lines(prefix: str, values: FloatArray, digits: int) -> bytes:
     scale = 10.0 ** min(digits, _MAX_DECIMALS)  # exact: so is every power of ten up to the 22nd
     scaled = size * scale
     if digits > _MAX_DECIMALS or scaled.max() >= _HALF_EXACT or whole.max() >= _MAX_WHOLE:
-        line = prefix + f" %.{digits}f" * columns + "\n"
-        lines: str = line * rows % tuple(values.ravel().tolist())
-        return lines.encode("ascii")
+        return b"".join(text_rows(prefix + f" %.{digits}f" * columns + "\n", values))
 
     fraction = _round_exactly(size, scale, scaled)
     carry = fraction >= scale

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gtb_cli.arrays import FloatArray, IntArray
 from gtb_cli.errors import ExportError, GtbError
 from gtb_cli.formats.content import SINGLE_FLOAT, Content, single_half_steps, triangles
-from gtb_cli.formats.digits import BLOCK_ROWS
+from gtb_cli.formats.digits import text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, lines_of, number_rows, shown
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import plain_name
@@ -54,18 +54,11 @@ def _table(mesh: Mesh, normals: FloatArray | None, scalars: Mapping[str, FloatAr
         lines += [f"element face {len(mesh.cells)}", "property list uchar int vertex_indices"]
     yield "".join(f"{line}\n" for line in [*lines, "end_header"]).encode("ascii")
     if ascii:
-        yield from _text_rows(" ".join(["%r"] * len(columns)) + "\n", table)
-        yield from _text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
+        yield from text_rows(" ".join(["%r"] * len(columns)) + "\n", table)
+        yield from text_rows("%d %d\n" if mesh.is_curve else "3 %d %d %d\n", mesh.cells)
     else:
         yield table.astype(SINGLE_FLOAT).tobytes()
         yield mesh.cells.astype("<i4").tobytes()
-
-
-def _text_rows(line: str, values: FloatArray | IntArray) -> Iterator[bytes]:
-    for start in range(0, len(values), BLOCK_ROWS):
-        block = values[start : start + BLOCK_ROWS]
-        lines: str = line * len(block) % tuple(block.ravel().tolist())
-        yield lines.encode("ascii")
 
 
 def ply_attributes(attributes: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

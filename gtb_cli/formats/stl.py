@@ -9,9 +9,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, bounds_of
 from gtb_cli.errors import GtbError
 from gtb_cli.formats.content import STL_HEADER_BYTES, Content, faulty_point, single_half_steps
-from gtb_cli.formats.digits import BLOCK_ROWS
+from gtb_cli.formats.digits import BLOCK_ROWS, text_rows
 from gtb_cli.formats.text import SAMPLED_VERTICES, half_step, numbers, shown
-from gtb_cli.meshes.topology import compacted
 from gtb_cli.meshes.welding import weld
 
 
@@ -35,17 +34,12 @@ def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: b
 def _text(vertices: FloatArray, triangles: IntArray, normals: FloatArray, name: str) -> Iterator[bytes]:
     """Yield text without blank lines, at which meshio stops, and with all digits."""
     title = name.encode("ascii", "replace")[:80]  # some readers have no room for more
-    facet = "facet normal {!r} {!r} {!r}\nouter loop\n{}{}{}endloop\nendfacet\n"
+    facet = "facet normal %r %r %r\nouter loop\n" + 3 * "vertex %r %r %r\n" + "endloop\nendfacet\n"
     yield b"solid " + title + b"\n"
     for start in range(0, len(triangles), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
-        used, places = compacted(triangles[rows])
-        corners = ["vertex {!r} {!r} {!r}\n".format(*row) for row in vertices[used].tolist()]
-        facets = [
-            facet.format(*normal, corners[a], corners[b], corners[c])
-            for normal, (a, b, c) in zip(normals[rows].tolist(), places.tolist(), strict=True)
-        ]
-        yield "".join(facets).encode("ascii")
+        corners = vertices[triangles[rows]].reshape(-1, 9)
+        yield from text_rows(facet, np.column_stack([normals[rows], corners]))
     yield b"endsolid " + title + b"\n"
 
 
