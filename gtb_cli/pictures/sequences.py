@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -158,7 +157,7 @@ def read_frames(path: str) -> Frames:
     try:
         entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
         key = next(key for key in ("x", "step") if key in entries[0])
-        values = tuple(_number(entry[key]) for entry in entries)
+        values = tuple(float(entry[key]) for entry in entries)
         measured = [entry["distance_to_limit"] for entry in entries]
         distances = () if None in measured else tuple(float(value) for value in measured)
         filmed = [entry.get("distance_to_limit_with_film") for entry in entries]
@@ -174,12 +173,6 @@ def read_frames(path: str) -> Frames:
         raise SpecError(f"{record}: curves and surfaces are mixed")
     films = None if None in filmed else tuple(float(value) for value in filmed)
     return Frames(key, values, meshes, distances, films)
-
-
-def _number(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | str) or (value != "inf" and value == str(value)):
-        raise ValueError(value)
-    return math.inf if value == "inf" else float(value)
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, bounds_of
 from gtb_cli.knots.decomposition import RegularDecomposition
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import facet_normals, filled_normals
@@ -187,11 +187,10 @@ def _rim(patch: Patch) -> FloatArray:
 
 def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     """Draw the upper hull of the lifted knots above the cells, which are its projection."""
-    domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
-    low, high = found.knots.min(axis=0), found.knots.max(axis=0)
-    size = float((high - low).max())
-    flat = (found.knots - (low + high) / 2) / size
+    low, high = bounds_of(found.knots)
+    flat = (found.knots - (low + high) / 2) / float((high - low).max())
     rise = float(np.ptp(found.lifting)) or 1.0
+    domain_gap = 0.4  # distance of Δ below the lowest lifted knot, relative to the width of Δ
     heights = domain_gap + GRAPH_HEIGHT * (found.lifting - found.lifting.min()) / rise
     lifted, ground = np.column_stack([flat, heights]), np.column_stack([flat, np.zeros(len(flat))])
     fans = [[(p[0], p[k], p[k + 1]) for k in range(1, len(p) - 1)] for p in found.polygons]
@@ -201,20 +200,19 @@ def draw_lifted(ax: Axes, found: RegularDecomposition, look: Look) -> None:
     vertices = np.concatenate([lifted, ground])
     faces = np.concatenate([upper, upper + len(lifted)])
     (view,) = views([ax], look.camera, [Surface(vertices, faces, None, np.concatenate([colours, colours]))])
-    for level, strength in ((lifted, 1.2), (ground, 0.9)):
+    absent = np.isin(np.arange(len(flat)), found.absent)
+    heights_above = [f"λ={value:.4g}" for value in found.lifting]
+    names_below = [subscript("a", i) for i in range(len(flat))]
+    for level, strength, texts, side, colour in (
+        (lifted, 1.2, heights_above, "bottom", INK),
+        (ground, 0.9, names_below, "top", LINE_COLOURS[0]),
+    ):
         loops = [level[[*polygon, polygon[0]]] for polygon in found.polygons]
         view.lines(loops, width=strength, hidden=HIDDEN_STRENGTH)
-    posts = [np.stack([below, above]) for below, above in zip(ground, lifted, strict=True)]
-    view.lines(posts, colour=FAINT, width=0.8, hidden=0.7)
-    absent = np.isin(np.arange(len(flat)), found.absent)
-    for level in (lifted, ground):
         view.points(level[~absent], colour=INK, edge="white", size=5)
         view.points(level[absent], edge=INK, size=5.5)
-    if look.numbers(len(flat)):
-        heights_and_names = (
-            (lifted, [f"λ={value:.4g}" for value in found.lifting], {"va": "bottom", "color": INK}, 6),
-            (ground, [subscript("a", i) for i in range(len(flat))], {"va": "top", "color": LINE_COLOURS[0]}, -6),
-        )
-        for level, texts, style, up in heights_and_names:
-            for place, text in zip(view.seen(level)[:, :2], texts, strict=True):
-                note(ax, text, place, (0, up), bbox={**HALO, "alpha": 0.7}, **style)
+        for place, text in zip(view.seen(level)[:, :2], texts if look.numbers(len(flat)) else (), strict=False):
+            up = 6 if side == "bottom" else -6
+            note(ax, text, place, (0, up), bbox={**HALO, "alpha": 0.7}, va=side, color=colour)
+    posts = [np.stack([below, above]) for below, above in zip(ground, lifted, strict=True)]
+    view.lines(posts, colour=FAINT, width=0.8, hidden=0.7)
