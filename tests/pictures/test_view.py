@@ -23,9 +23,7 @@ def floats(text: str) -> np.ndarray:
 
 
 def page(*arguments: object) -> dict:
-    result = gtb("view", *arguments, "-o", "-")
-    assert result.status == 0, result.err
-    return data_of(result.text)
+    return data_of(gtb("view", *arguments, "-o", "-", status=0).text)
 
 
 def test_vertices_and_normals_are_the_surfaces():
