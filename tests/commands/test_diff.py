@@ -17,7 +17,7 @@ from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes.difference import difference
 from gtb_cli.meshes.mesh import Mesh, known_exactly
 from gtb_cli.tessellation.tessellate import tessellate
-from tests.shell import CURVE, PENTAGON, SPECS, gtb
+from tests.shell import CURVE, PENTAGON, gtb
 from tests.specs import load
 from tests.tiny_meshes import model, surface
 
@@ -48,15 +48,6 @@ def test_a_vertex_that_moved_is_found(tmp_path):
     assert gtb("diff", one, two).status == 1
     assert gtb("diff", one, two, "--tolerance", "4e-6").status == 0
     assert gtb("diff", one, two, "--tolerance", "1%").status == 0
-
-
-def test_other_faces_are_compared_as_surfaces(tmp_path):
-    coarse, fine = tmp_path / "coarse.obj", tmp_path / "fine.obj"
-    gtb("mesh", PENTAGON, "-n", 8, "-o", coarse)
-    gtb("mesh", PENTAGON, "-n", 13, "-o", fine)
-    found = json.loads(gtb("diff", coarse, fine, "--json", status=1).out)
-    assert (found["same"], found["method"]) == (False, "surface")
-    assert 1e-3 < found["distance"] < 0.5
 
 
 @pytest.mark.parametrize("text", [b"", b"v 1 2\nf 1 2 3\n", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"])
@@ -112,17 +103,6 @@ def test_a_mesh_without_end_is_not_read_to_it(tmp_path, monkeypatch):
     assert gtb("diff", large, large).status == 0
 
 
-@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb"])
-def test_a_pointer_of_git_lfs_is_named(suffix, tmp_path):
-    path = tmp_path / f"mesh.{suffix}"
-    path.write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
-    result = gtb("diff", path, PENTAGON)
-    assert result.status == 2
-    assert (
-        result.err == f"gtb: error: {path}: is a pointer of Git LFS in place of the file, which git lfs pull fetches\n"
-    )
-
-
 def plane(n: int) -> Mesh:
     mesh = surface(n)
     return Mesh(mesh.vertices * [1, 1, 0], mesh.cells)
@@ -176,27 +156,6 @@ def folders(tmp_path):
     return one, two
 
 
-def test_folders(folders):
-    one, two = folders
-    result = gtb("diff", one, two)
-    assert (result.status, result.text) == (0, "2 same, 0 different, 0 missing, 0 extra\n")
-    write_mesh(surface(5), two / "a.obj")
-    (two / "inner" / "b.ply").rename(two / "b.ply")
-    result = gtb("diff", one, two, "--json")
-    found = json.loads(result.out)
-    assert (result.status, found["same"]) == (1, False)
-    assert [(entry["name"], entry["same"]) for entry in found["files"]] == [("a.obj", False)]
-    assert (found["missing"], found["extra"], found["errors"]) == (["inner/b.ply"], ["b.ply"], {})
-
-
-def test_what_cannot_be_read_in_a_folder_does_not_hide_the_rest(folders):
-    one, two = folders
-    (two / "a.obj").write_text("v 1 2\n")
-    result = gtb("diff", one, two)
-    assert (result.status, result.text) == (2, "1 same, 0 different, 0 missing, 0 extra, 1 unreadable\n")
-    assert result.err.count(str(two / "a.obj")) == 1
-
-
 @pytest.mark.parametrize("name", ["a.obj", "z.obj", "inner", "z"])
 @pytest.mark.parametrize("target", ["nothing", "itself"])
 def test_a_link_that_leads_nowhere_does_not_hide_the_rest(folders, name, target):
@@ -214,28 +173,6 @@ def test_a_link_that_leads_nowhere_does_not_hide_the_rest(folders, name, target)
     assert json.loads(gtb("diff", one, two, "--json", status=2).out)["errors"].keys() == {name}
 
 
-def test_every_file_of_a_folder_is_compared(folders):
-    """Files that are no meshes by their bytes; those of one folder alone are missing or extra."""
-    one, two = folders
-    for folder in folders:
-        for suffix in ("step", "iges", "brep", "vtu", "3mf", "toml", "txt"):
-            (folder / f"x.{suffix}").write_text("the same")
-    assert gtb("diff", one, two, status=0).text == "9 same, 0 different, 0 missing, 0 extra\n"
-    (two / "x.step").write_text("another")
-    (two / "x.vtu").unlink()
-    (two / "X.iges").write_text("the same")
-    result = gtb("diff", one, two, status=1)
-    assert result.text.splitlines() == [
-        f"different: {one}/x.step and {two}/x.step: other bytes",
-        f"missing: {one}/x.vtu is not in {two}",
-        f"extra: {two}/X.iges is not in {one}",
-        "7 same, 1 different, 1 missing, 1 extra",
-    ]
-    found = json.loads(gtb("diff", one, two, "--json", status=1).out)
-    (entry,) = [entry for entry in found["files"] if not entry["same"]]
-    assert (entry["name"], entry["method"], entry["distance"]) == ("x.step", "bytes", None)
-
-
 def test_linked_folders_are_compared_too(folders):
     for folder, n in zip(folders, (3, 5), strict=True):
         (folder / "inner").rename(folder.parent / f"real-{folder.name}")
@@ -246,21 +183,6 @@ def test_linked_folders_are_compared_too(folders):
     (folders[1] / "again").symlink_to(folders[1] / "inner")
     result = gtb("diff", *folders)
     assert (result.status, result.text.splitlines()[-1]) == (1, "1 same, 2 different, 0 missing, 0 extra")
-
-
-def test_a_folder_with_a_file_and_with_specs(folders, tmp_path):
-    one, _ = folders
-    assert gtb("diff", one, one / "a.obj").status == 0
-    gtb("mesh", PENTAGON, CURVE, "-n", 4, "-o", tmp_path / "out")
-    (tmp_path / "specs").mkdir()
-    for path in map(Path, (PENTAGON, CURVE)):
-        (tmp_path / "specs" / path.name).write_bytes(path.read_bytes())
-    assert gtb("diff", tmp_path / "out", tmp_path / "specs", "-n", 4).status == 0
-    assert gtb("diff", tmp_path / "specs", tmp_path / "out", "-n", 5).status == 1
-    (tmp_path / "empty").mkdir()
-    result = gtb("diff", tmp_path / "empty", one)
-    assert result.status == 2
-    assert "has no files to compare with" in result.err
 
 
 def test_a_tolerance_of_zero_is_what_the_files_can_hold(tmp_path):
@@ -282,15 +204,6 @@ def test_numbers_with_a_star_look_different(tmp_path):
     rows = [line.split() for line in text.splitlines() if line.endswith("*")]
     assert rows
     assert all(row[-2] != row[-3] for row in rows)
-
-
-def test_the_resolution_that_made_a_mesh_is_suggested(tmp_path):
-    golden = tmp_path / "golden.obj"
-    gtb("mesh", PENTAGON, "-n", 2, "-o", golden)
-    for arguments in ((golden, PENTAGON), (PENTAGON, golden)):
-        result = gtb("diff", *arguments, "-n", 3, status=1)
-        assert f"{golden} has as many cells as {PENTAGON} has with -n 2" in result.err
-    assert "-n 2" not in gtb("diff", golden, PENTAGON, "-n", 2).err
 
 
 def test_what_is_in_the_same_place_and_yet_different_is_said(folders):
@@ -399,18 +312,3 @@ def test_a_deep_folder_and_names_that_forge_lines(folders):
     assert result.text.splitlines()[-1] == "2 same, 0 different, 2 missing, 0 extra"
     assert len(result.text.splitlines()) == 3
     subprocess.run(["rm", "-r", one / "d"], check=True)  # pytest's own way is too deep
-
-
-def test_specs_of_one_surface_are_the_same_as_surfaces():
-    """Raising the degree moves no point of the surface, and all of the mesh: auto says both."""
-    spec = SPECS / "hexagon.toml"
-    raised = gtb("elevate", spec, status=0).out
-    result = gtb("diff", spec, "-", "--as", "surface", stdin=raised, status=0)
-    assert result.text.endswith("surfaces 0 apart, themselves (by a search, not proved), tolerance 1.09e-08\n")
-    found = json.loads(gtb("diff", spec, "-", "--as", "surface", "--json", stdin=raised, status=0).out)
-    assert (found["same"], found["method"], found["proved"]) == (True, "patches", False)
-    result = gtb("diff", spec, "-", stdin=raised, status=1)
-    assert "the same faces, vertices up to 0.486 apart" in result.text
-    assert "compared vertex by vertex; the surfaces themselves (--as surface) are 0 apart" in result.err
-    result = gtb("diff", spec, SPECS / "pentagon.toml", "--as", "vertices", status=2)
-    assert "have different faces" in result.err
