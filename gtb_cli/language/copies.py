@@ -183,6 +183,7 @@ def carried_out(
             likely = likely_word(copy.original, others) if faults.count < faults.SHOWN else None
             hint = suggestion(likely) or "".join([", there are ", ", ".join(map(shown, others[:10]))] * bool(others))
             faults.add((*copy.path, "copy"), f"there is no patch {shown(copy.original)}{hint}")
+    source = {name: number for name, number in source.items() if name not in named}
     needs = {n: [source[copy.original]] if copy.original in source else [] for n, copy in copies.items()}
     try:
         order = list(TopologicalSorter(needs).static_order())

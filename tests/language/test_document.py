@@ -16,118 +16,91 @@ from tests.marks import mostly_long
 from tests.specs import SECONDS
 
 
-class Writer:
-    """Writes data as TOML or JSON with random blanks, line ends and comments, and keeps the line of each value."""
+def written(data: dict[str, object], seed: int, toml: bool) -> tuple[str, dict[Path, int]]:
+    """Write data as TOML or JSON with random blanks, line ends and comments; also return the line of each value."""
+    rng = random.Random(seed)
+    text, lines = "", dict[Path, int]()
 
-    def __init__(self, seed: int, toml: bool) -> None:
-        self.random = random.Random(seed)
-        self.toml = toml
-        self.text = ""
-        self.lines: dict[Path, int] = {}
+    def write(*choices: str) -> None:
+        nonlocal text
+        text += rng.choice(choices)
 
-    def mark(self, path: Path) -> None:
-        self.lines.setdefault(path, self.text.count("\n") + 1)
+    def gap(breaks: bool = True) -> None:
+        write("", " ", "\t", *(("\n", "\r\n", "\n\n  ") if breaks else ()))
+        write("", *(('# ], } = """ \' [[x]]\n', " #\n# a = 1\n") if breaks and toml else ()))
 
-    def gap(self, breaks: bool = True) -> None:
-        choices = ["", " ", "\t"]
-        if breaks:
-            choices += ["\n", "\r\n", "\n\n  "]
-            if self.toml:
-                choices += ['# ], } = """ \' [[x]]\n', " #\n# a = 1\n"]
-        self.text += self.random.choice(choices)
+    def mark(path: Path) -> None:
+        lines.setdefault(path, text.count("\n") + 1)
 
-    def string(self, text: str) -> None:
-        quoted = json.dumps(text, ensure_ascii=not self.toml)
-        forms = [quoted]
-        if self.toml:
-            if not set(text) & set("'\n\r\t\x7f\\") and text.isprintable():
-                forms += [f"'{text}'", f"'''\n{text}'''"]
-            forms.append(f'"""\n{quoted[1:-1]}"""')
-        self.text += self.random.choice(forms)
+    def key(name: str) -> None:
+        is_plain = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
+        write(json.dumps(name), name if toml and is_plain else json.dumps(name))
 
-    def key(self, text: str) -> None:
-        plain = text.isascii() and text.replace("_", "").replace("-", "").isalnum()
-        self.text += text if self.toml and plain and self.random.random() < 0.7 else json.dumps(text)
+    def entry(path: Path, content: object, breaks: bool) -> None:
+        mark(path)
+        key(str(path[-1]))
+        gap(breaks)
+        write("=" if toml else ":")
+        gap(breaks)
+        value(path, content)
+        gap(breaks)
 
-    def value(self, value: object, path: Path, breaks: bool = True) -> None:
-        match value:
+    def value(path: Path, content: object) -> None:
+        match content:
             case list():
-                self.text += "["
-                for i, entry in enumerate(value):
-                    self.gap()
-                    self.mark((*path, i))
-                    self.value(entry, (*path, i))
-                    self.gap()
-                    self.text += "," if i + 1 < len(value) else self.random.choice(["", ","] if self.toml else [""])
-                self.gap()
-                self.text += "]"
+                write("[")
+                for i, inner in enumerate(content):
+                    gap()
+                    mark((*path, i))
+                    value((*path, i), inner)
+                    gap()
+                    write("," if i + 1 < len(content) else "", "," if toml or i + 1 < len(content) else "")
+                gap()
+                write("]")
             case dict():
-                breaks = not self.toml
-                self.text += "{"
-                for i, (key, entry) in enumerate(value.items()):
-                    self.text += "," if i else ""
-                    self.gap(breaks)
-                    self.mark((*path, key))
-                    self.key(key)
-                    self.gap(breaks)
-                    self.text += "=" if self.toml else ":"
-                    self.gap(breaks)
-                    self.value(entry, (*path, key))
-                    self.gap(breaks)
-                self.text += "}"
+                write("{")
+                for i, (name, inner) in enumerate(content.items()):
+                    write("," if i else "")
+                    gap(not toml)
+                    entry((*path, name), inner, not toml)
+                write("}")
             case str():
-                self.string(value)
+                quoted = json.dumps(content, ensure_ascii=not toml)
+                is_plain = content.isprintable() and not set(content) & set("'\\")
+                plain = (f"'{content}'", f"'''\n{content}'''") if toml and is_plain else ()
+                write(quoted, f'"""\n{quoted[1:-1]}"""' if toml else quoted, *plain)
             case _:
-                self.text += json.dumps(value)
+                write(json.dumps(content))
 
-    def document(self, data: dict[str, object]) -> None:
-        if not self.toml:
-            self.gap()
-            self.value(data, ())
-            self.gap()
-            return
-        headed = {key for key, value in data.items() if isinstance(value, dict) and self.random.random() < 0.8}
-        headed |= {key for key, value in data.items() if isinstance(value, list) and value and self.of_tables(value)}
-        for key in sorted(data, key=lambda key: key in headed):  # what follows a header belongs to it
-            value = data[key]
-            self.gap()
-            if key not in headed:
-                self.statement(key, value, ())
-            elif isinstance(value, dict):
-                self.mark((key,))
-                self.header("[", key, "]", value, (key,))
-            elif isinstance(value, list):
-                for i, entry in enumerate(value):
-                    self.gap()
-                    self.mark((key,))
-                    self.mark((key, i))
-                    self.header("[[", key, "]]", entry, (key, i))
+    def table(path: Path, content: dict[str, object], header: str = "") -> None:
+        if header:
+            write(header)
+            key(str(next(part for part in path if isinstance(part, str))))
+            write("]" * len(header) + "\n")
+        for name, inner in content.items():
+            gap()
+            entry((*path, name), inner, breaks=False)
+            write("\n")
 
-    @staticmethod
-    def of_tables(value: list[object]) -> bool:
-        return all(isinstance(entry, dict) for entry in value)
-
-    def header(self, start: str, key: str, end: str, table: dict[str, object], path: Path) -> None:
-        self.text += start
-        self.key(key)
-        self.text += end
-        self.table(table, path)
-
-    def table(self, table: dict[str, object], path: Path) -> None:
-        self.text += "\n"
-        for key, value in table.items():
-            self.gap()
-            self.statement(key, value, path)
-
-    def statement(self, key: str, value: object, path: Path) -> None:
-        self.mark((*path, key))
-        self.key(key)
-        self.gap(breaks=False)
-        self.text += "="
-        self.gap(breaks=False)
-        self.value(value, (*path, key))
-        self.gap(breaks=False)
-        self.text += "\n"
+    if not toml:
+        gap()
+        value((), data)
+        gap()
+        return text, lines
+    headed = {}
+    for name, content in data.items():
+        is_list = isinstance(content, list) and content and all(isinstance(inner, dict) for inner in content)
+        if is_list or (isinstance(content, dict) and rng.random() < 0.8):
+            headed[name] = content
+    table((), {name: content for name, content in data.items() if name not in headed})
+    for name, content in headed.items():
+        for i, inner in enumerate(content) if isinstance(content, list) else ((None, content),):
+            gap()
+            mark((name,))
+            path = (name,) if i is None else (name, i)
+            mark(path)
+            table(path, inner, "[" if i is None else "[[")
+    return text, lines
 
 
 KEYS = st.sampled_from(["a", "knots", "x-1", "a.b", "a b", "", 'q"', "[c]", "#", "ß", "=", "back\\slash", "\t"])
@@ -144,14 +117,13 @@ VALUES = st.recursive(
 
 @given(st.dictionaries(KEYS, VALUES, max_size=4), st.integers(0, 2**32), st.booleans())
 def test_lines_of_all_values(data: dict[str, object], seed: int, toml: bool) -> None:
-    writer = Writer(seed, toml)
-    writer.document(data)
-    if not writer.text.strip():
+    text, lines = written(data, seed, toml)
+    if not text.strip():
         return
-    document = read(writer.text, "x", "toml" if toml else "json")
+    document = read(text, "x", "toml" if toml else "json")
     assert document.data == data  # the text says what it should
     assert document.repeated == ()
-    assert document.lines(set(writer.lines)) == writer.lines
+    assert document.lines(set(lines)) == lines
 
 
 def test_lines_in_patches_and_dotted_keys() -> None:
