@@ -6,68 +6,42 @@ The names below are the public API. They are imported when first used, so that `
 from typing import TYPE_CHECKING
 
 from gtb_cli.display import register
-from gtb_cli.version import __version__
+from gtb_cli.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from gtb_cli.assembly.seams import joints
-    from gtb_cli.bezier.elevation import elevate
-    from gtb_cli.checks.check import check
-    from gtb_cli.design.filling import fill
-    from gtb_cli.design.fit import fit
-    from gtb_cli.distances.comparison import diff, distance
-    from gtb_cli.errors import DomainError, ExportError, GtbError, RequirementError, SpecError, ToleranceError
-    from gtb_cli.fairing.fair import fair
-    from gtb_cli.formats.export import write_mesh
-    from gtb_cli.formats.meshfiles import read_mesh
-    from gtb_cli.knots.decomposition import regular_decomposition
-    from gtb_cli.language.loading import from_dict, load
-    from gtb_cli.language.writer import save, to_dict
-    from gtb_cli.meshes.mesh import Mesh
-    from gtb_cli.pictures.figures import plot
+    from gtb_cli.assembly.seams import joints as joints
+    from gtb_cli.bezier.elevation import elevate as elevate
+    from gtb_cli.checks.check import check as check
+    from gtb_cli.design.filling import fill as fill
+    from gtb_cli.design.fit import fit as fit
+    from gtb_cli.distances.comparison import diff as diff
+    from gtb_cli.distances.comparison import distance as distance
+    from gtb_cli.errors import DomainError as DomainError
+    from gtb_cli.errors import ExportError as ExportError
+    from gtb_cli.errors import GtbError as GtbError
+    from gtb_cli.errors import RequirementError as RequirementError
+    from gtb_cli.errors import SpecError as SpecError
+    from gtb_cli.errors import ToleranceError as ToleranceError
+    from gtb_cli.fairing.fair import fair as fair
+    from gtb_cli.formats.export import write_mesh as write_mesh
+    from gtb_cli.formats.meshfiles import read_mesh as read_mesh
+    from gtb_cli.knots.decomposition import regular_decomposition as regular_decomposition
+    from gtb_cli.language.loading import from_dict as from_dict
+    from gtb_cli.language.loading import load as load
+    from gtb_cli.language.writer import save as save
+    from gtb_cli.language.writer import to_dict as to_dict
+    from gtb_cli.meshes.mesh import Mesh as Mesh
+    from gtb_cli.pictures.figures import plot as plot
     from gtb_cli.pictures.page import frame as frame
-    from gtb_cli.pictures.page import page
-    from gtb_cli.tessellation.recipe import Recipe
-    from gtb_cli.tessellation.tessellate import tessellate
-    from gtb_cli.theory.degeneration import degenerate, regular_control_surface
-    from gtb_cli.theory.knot_limit import merge_knots, move_knots
-    from gtb_cli.theory.model import Model
-    from gtb_cli.theory.patch import Patch
-
-__all__ = [
-    "DomainError",
-    "ExportError",
-    "GtbError",
-    "Mesh",
-    "Model",
-    "Patch",
-    "Recipe",
-    "RequirementError",
-    "SpecError",
-    "ToleranceError",
-    "__version__",
-    "check",
-    "degenerate",
-    "diff",
-    "distance",
-    "elevate",
-    "fair",
-    "fill",
-    "fit",
-    "from_dict",
-    "joints",
-    "load",
-    "merge_knots",
-    "move_knots",
-    "page",
-    "plot",
-    "read_mesh",
-    "regular_control_surface",
-    "regular_decomposition",
-    "save",
-    "tessellate",
-    "to_dict",
-    "write_mesh",
-]
+    from gtb_cli.pictures.page import page as page
+    from gtb_cli.tessellation.recipe import Recipe as Recipe
+    from gtb_cli.tessellation.tessellate import tessellate as tessellate
+    from gtb_cli.theory.degeneration import degenerate as degenerate
+    from gtb_cli.theory.degeneration import regular_control_surface as regular_control_surface
+    from gtb_cli.theory.knot_limit import merge_knots as merge_knots
+    from gtb_cli.theory.knot_limit import move_knots as move_knots
+    from gtb_cli.theory.model import Model as Model
+    from gtb_cli.theory.patch import Patch as Patch
 
 _ROOMS = {
     "DomainError": "errors",
@@ -104,6 +78,8 @@ _ROOMS = {
     "to_dict": "language.writer",
     "write_mesh": "formats.export",
 }
+
+__all__ = ["__version__", *(name for name in _ROOMS if name != "frame")]
 
 
 def __getattr__(name: str) -> object:

@@ -38,21 +38,15 @@ def _lagrange(first: int, places: ArrayLike) -> FloatArray:
     return np.asarray(ratio.prod(axis=1))
 
 
+# Nodes by which a line is extended before its first node and beyond its last
 NODES_BEFORE, NODES_AFTER = ORDER // 2 - 1, ORDER // 2 + 1
-"""Numbers of nodes by which a line is extended before its first node and beyond its last."""
 
 
 @frozen
 class VertexLattices:
     """Lattices over equal parts of Δ: ``origin + x along + y across + x y twist`` with whole x and y from 0.
 
-    Attributes
-    ----------
-    origin, along, across, twist : (c, 2) float
-    last : int
-        Largest x and y.
-    triangular : bool
-        Whether a lattice has only the places with x + y ≤ `last`.
+    These are (c, 2). Places go up to `last`; a triangular lattice has only those with x + y ≤ `last`.
     """
 
     origin: FloatArray

@@ -10,7 +10,7 @@ from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import DomainError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.tessellation.sampler import Sampler, torically_inside
-from gtb_cli.theory.curvature import Curvature, curvature, curvature_at
+from gtb_cli.theory.curvature import Curvature, curvature, curvatures_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.parametrization import Parametrization
 from gtb_cli.theory.patch import Patch
@@ -77,7 +77,8 @@ def _curvature_of(shape: Patch | Model, mesh: Mesh, u: FloatArray, parametrizati
     face = sampler.faces_at(mesh.origin.patch, u)
     for index in np.unique(mesh.origin.patch).tolist():
         rows = np.flatnonzero(mesh.origin.patch == index)
-        gaussian, mean = curvature_at(shape.patches[index], sampler.locations(index, u[rows], face[rows]), len(rows))
+        where = sampler.locations(index, u[rows], face[rows])
+        (gaussian,), (mean,) = curvatures_at([shape.patches[index]], where, len(rows))
         found.gaussian[rows], found.mean[rows] = gaussian, -mean if mesh.origin.turned[index] else mean
     return found
 

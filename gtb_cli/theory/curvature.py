@@ -47,12 +47,7 @@ def curvature(patch: Patch, u: ArrayLike, parametrization: Parametrization = "to
     the boundary is. `DomainError` is raised for a curve, and for a parameter outside Δ.
     """
     columns = patch.domain.columns(u)
-    return curvature_at(patch, patch.rational_basis.locations(columns, parametrization), len(columns))
-
-
-def curvature_at(patch: Patch, where: Iterable[Location], count: int) -> Curvature:
-    """Curvatures, like `curvature`, at locations found by any parametrisation."""
-    found = curvatures_at([patch], where, count)
+    found = curvatures_at([patch], patch.rational_basis.locations(columns, parametrization), len(columns))
     return Curvature(found.gaussian[0], found.mean[0])
 
 
@@ -192,27 +187,17 @@ class _CurvatureField:
         return np.asarray(d)
 
 
-class _Triangle(NamedTuple):
-    """(n, m) coordinates ξ, η of the knots for each column, both 0 at the knot with the largest T.
+def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> tuple[FloatArray, ...]:
+    """(n, m) ξ and η, (m,) logarithms of T at two more knots, and 1 if these are counter-clockwise, else −1.
 
-    ξ is 1 at the second knot and 0 at the third, and η vice versa; (m,) `e_one` and `e_other` are the logarithms of T
-    there. `turn` is 1 if the three knots are counter-clockwise, otherwise −1.
+    Both coordinates are 0 at the knot with the largest T; ξ is 1 at the first of the other knots and 0 at the second,
+    and η vice versa. They are chosen like pivots, so that the triangle has neither little weight nor a small angle.
     """
-
-    xi: FloatArray
-    eta: FloatArray
-    e_one: FloatArray
-    e_other: FloatArray
-    turn: FloatArray
-
-
-def _triangle(axes: Frame, e: FloatArray, layers: _Layers) -> _Triangle:
-    """Choose the other two knots like pivots, so that the triangle has neither little weight nor a small angle."""
     columns = np.arange(e.shape[1])
     candidates = layers.xi[:, None] & np.isin(np.arange(len(e)), axes.away)[:, None]
     one = np.where(candidates, e + 2 * np.log(axes.lengths[:, None]), -np.inf).argmax(axis=0)
     other = np.where(layers.eta[:, None], e + 2 * np.log(np.abs(axes.across[:, one])), -np.inf).argmax(axis=0)
-    return _Triangle(
+    return (
         axes.across[:, other] / axes.across[one, other],
         axes.across[:, one] / axes.across[other, one],
         e[one, columns],

@@ -16,7 +16,7 @@ from gtb_cli.errors import DomainError, SpecError
 from gtb_cli.fairing.energy import energy, energy_samples
 from gtb_cli.language.loading import parse
 from gtb_cli.language.writer import dump
-from gtb_cli.theory.curvature import curvature_at
+from gtb_cli.theory.curvature import curvatures_at
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.design.loops import ARC, homogeneous, random_sides
@@ -411,7 +411,7 @@ def test_ribbons_are_for_fill_alone(command):
 def mean_curvature(patch, p):
     """(m,) by the linear parametrisation."""
     where = list(patch.rational_basis.locations(p, "linear"))
-    return curvature_at(patch, where, len(p)).mean
+    return curvatures_at([patch], where, len(p)).mean[0]
 
 
 @pytest.fixture(scope="module")
