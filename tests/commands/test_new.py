@@ -1,4 +1,4 @@
-"""Starter specs, completion, and the commands that print specs: boundary, elevate, coefficients."""
+"""Starter specs, completion, and coefficients."""
 
 import os
 import re
@@ -20,7 +20,7 @@ from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
 from gtb_cli.theory.model import Model
 from gtb_cli.vocabulary import SHELLS, TEMPLATES
-from tests.shell import BICUBIC, CURVE, PENTAGON, SPECS, gtb, process, shell
+from tests.shell import BICUBIC, CURVE, gtb, process, shell
 from tests.specs import load
 
 ALL = [(name, None) for name in TEMPLATES if name != "n-gon"] + [("n-gon", n) for n in (3, 4, 5, 6, 7, 12, 100)]
@@ -133,52 +133,6 @@ def test_bash_completes_in_the_shell(tmp_path):
 
 
 # --- specs out
-
-
-def test_boundary_of_an_edge():
-    result = gtb("boundary", PENTAGON, 4)
-    curve = parse(result.text)
-    assert curve.name == "pentagon-edge4"
-    np.testing.assert_allclose(curve.knots[:, 0], [0, 0.8, 2], rtol=1e-15)
-    assert curve.weights.tolist() == [2, 5, 3]
-    assert curve.control_points.tolist() == [[0, 2, 0], [0, 1.2, 2], [0, 0, 0]]
-    assert curve.lifting.tolist() == [1, 3, 1]
-
-
-def test_boundary_of_all_edges_is_a_model():
-    model = parse(gtb("boundary", PENTAGON).text)
-    assert isinstance(model, Model)
-    assert len(model.patches) == 5
-    ends = [curve.evaluate(curve.domain.vertices) for curve in model.patches]
-    for end, start in zip(ends, ends[1:] + ends[:1], strict=True):
-        assert end[1].tolist() == start[0].tolist()
-    assert gtb("mesh", "-", "-n", 4, stdin=gtb("boundary", PENTAGON).out).text.count("\nl ") >= 5
-
-
-def test_elevate_makes_more_knots():
-    once = parse(gtb("elevate", PENTAGON).text)
-    assert len(once.knots) == 30
-    assert once.name == "pentagon"
-    assert gtb("elevate", PENTAGON, "--by", 0).text.count("lifting") == 1  # nothing is changed
-
-
-def test_expand_prints_what_a_spec_comes_to():
-    vase = SPECS / "vase.toml"
-    flat = gtb("expand", vase)
-    assert flat.status == 0
-    assert parse(flat.text) == load(vase)
-    assert gtb("expand", "-", stdin=flat.out).text == flat.text
-    assert "copy" not in flat.text
-
-
-def test_elevate_keeps_a_model_joined():
-    model = parse(template("model"))
-    elevated = parse(gtb("elevate", "-", stdin=template("model").encode()).text)
-    assert isinstance(elevated, Model)
-    assert find_joints(elevated.patches).closed
-    assert {len(patch.knots) for patch in elevated.patches} == {10}
-    volumes = [tessellate(shape, 8).to_trimesh().volume for shape in (model, elevated)]
-    assert volumes[0] == pytest.approx(volumes[1], rel=1e-12)
 
 
 def test_coefficients_of_a_bernstein_basis():
