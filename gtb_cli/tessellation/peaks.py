@@ -57,12 +57,11 @@ def _held(
     rows: IntArray, corners: FloatArray, peaks: FloatArray, holds: Callable[[FloatArray, FloatArray], BoolArray]
 ) -> tuple[IntArray, FloatArray]:
     """Find (q,) cells that hold peaks, among given rows of (k, c, 2) corners, and (q, 2) these peaks."""
-    first = corners[rows, :, 0]
-    low, high, found = first.min(axis=1, initial=np.inf), first.max(axis=1, initial=-np.inf), [rows[:0]]
-    for peak in peaks:
-        near = rows[(low <= peak[0]) & (peak[0] <= high)]
-        found.append(near[holds(corners[near], peak)])
-    return np.concatenate(found), np.repeat(peaks, [len(each) for each in found[1:]], axis=0)
+    x = corners[rows, :, 0]
+    low, high = x.min(axis=1)[:, None], x.max(axis=1)[:, None]
+    cell, peak = np.nonzero((low <= peaks[:, 0]) & (peaks[:, 0] <= high))
+    found = holds(corners[rows[cell]], peaks[peak])
+    return rows[cell[found]], peaks[peak[found]]
 
 
 def _together(found: Iterable[tuple[IntArray, FloatArray]]) -> tuple[IntArray, FloatArray]:
