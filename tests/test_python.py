@@ -236,12 +236,6 @@ def test_what_is_saved_loads_again_bit_for_bit(pentagon, box, tmp_path, suffix):
         assert gtb_cli.from_dict(json.loads(json.dumps(gtb_cli.to_dict(spec)))) == spec
 
 
-def test_a_nameless_patch_is_named_after_its_file(tmp_path):
-    patch = Patch([0, 1], [[0, 0], [1, 1]])
-    gtb_cli.save(patch, tmp_path / "line.toml")
-    assert gtb_cli.load(tmp_path / "line.toml") == patch.replace(name="line")
-
-
 def test_what_a_spec_cannot_hold_is_refused_and_leaves_what_was_there(pentagon, tmp_path):
     path = tmp_path / "x.toml"
     gtb_cli.save(pentagon, path)

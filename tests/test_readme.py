@@ -8,7 +8,7 @@ import pytest
 
 from gtb_cli.commands.cli import COMMANDS
 from tests.marks import long
-from tests.shell import REPOSITORY, SPECS, gtb, script, shell
+from tests.shell import REPOSITORY, SPECS, script, shell
 
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 COMMANDS_PAGE = (REPOSITORY / "specs" / "COMMANDS.md").read_text(encoding="utf-8")
@@ -123,7 +123,3 @@ def test_its_targets_of_make_are_there():
     assert {"mesh", "test"} <= set(targets)
     for target in targets:
         assert re.search(rf"^{target}:.*## ", makefile, re.MULTILINE), target
-
-
-def test_its_first_spec_has_five_sides(workplace):
-    assert '"hull_vertices": [[0.0, 0.0], [2.0, 0.0]' in gtb("info", workplace / "dome.toml", "--json").text
