@@ -89,30 +89,28 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.assembly.seams import joints as seams_of
     from gtb_cli.theory.edges import edge_name
 
-    joints, seams = model.joints, seams_of(model)
+    joints, seams, name = model.joints, seams_of(model), partial(edge_name, model.patches)
     if not in_full:
-        seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0)))
-        seams = seams[:6]
+        seams = tuple(sorted(seams, key=lambda seam: -(seam.angle if math.isfinite(seam.angle) else 0.0))[:6])
     return {
         "closed": joints.closed,
         "shared_edges": len(joints.shared),
-        "open_edges": [edge_name(model.patches, ref) for ref in joints.open],
-        "collapsed_edges": [edge_name(model.patches, ref) for ref in joints.collapsed],
+        "open_edges": [*map(name, joints.open)],
+        "collapsed_edges": [*map(name, joints.collapsed)],
         "almost_shared_edges": [
-            {"edges": [edge_name(model.patches, first), edge_name(model.patches, second)], "distance": distance}
-            for first, second, distance in joints.almost
+            {"edges": [name(first), name(second)], "distance": distance} for first, second, distance in joints.almost
         ],
         "not_joined": [
-            f"{edge_name(model.patches, first)}: {reason.format(edge_name(model.patches, second))}"
+            f"{name(first)}: {reason.format(name(second))}"
             for first, second, reason in near_misses(joints, model.patches)
         ],
         "welded_edges": sum(joint.distance > 0 for joint in joints.shared),
         "welded_distance": max((joint.distance for joint in joints.shared), default=0.0),
-        "crowded_edges": [[edge_name(model.patches, ref) for ref in refs] for refs in joints.crowded],
+        "crowded_edges": [[*map(name, refs)] for refs in joints.crowded],
         "one_sided": bool(joints.one_sided),
         "joints": [
             {
-                "edges": [edge_name(model.patches, ref) for ref in (seam.first, seam.second)],
+                "edges": [name(seam.first), name(seam.second)],
                 "angle": seam.angle if math.isfinite(seam.angle) else None,
                 "place": seam.place.tolist(),
                 "curvature_difference": bend if math.isfinite(bend) else None,

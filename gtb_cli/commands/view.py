@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -13,6 +14,7 @@ from gtb_cli.shell.limits import LimitRequest, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, spec_format_option
 from gtb_cli.shell.streams import about, spec_of, write_text
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.vocabulary import FORMATS, SEQUENCE_RECORD, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.pictures.content import Content
@@ -74,17 +76,16 @@ def view(
     With --watch the page follows the files: it shows an edit within a second, or an error with its line, and then keeps
     the last good picture. A page's address may say how it looks: page.html#mode=zebra&azimuth=30&net=true.
     """
+    see = partial(content_of_paths, paths, resolution, spec_format, limit)
     if watch:
         if output is not None or STANDARD in paths:
             raise click.UsageError("--watch serves a page made from files: it takes neither -o nor standard input")
         from gtb_cli.shell.watching import serve
 
-        serve(paths, lambda: content_of_paths(paths, resolution, spec_format, limit), port, console, opens=not no_open)
-        return
-    content = content_of_paths(paths, resolution, spec_format, limit)
+        return serve(paths, see, port, console, opens=not no_open)
     from gtb_cli.pictures.page import page_of
 
-    page = page_of(content)
+    page = page_of(see())
     if output is not None:
         write_text(output, page)
         if output != STANDARD:
@@ -94,23 +95,21 @@ def view(
 
 
 def content_of_paths(
-    paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest | None = None
+    paths: tuple[str, ...], resolution: int | None, spec_format: str | None, limit: LimitRequest
 ) -> Content:
     """Return what a page shows of files and folders, or of the way to a limit."""
     from gtb_cli.pictures.content import joined
 
-    limit = limit if limit is not None and limit.given() else None
     return joined([_content(path, resolution, spec_format, limit) for path in paths])
 
 
-def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest | None) -> Content:
-    mesh_suffixes = (".obj", ".ply", ".stl", ".glb")
+def _content(path: str, resolution: int | None, spec_format: str | None, limit: LimitRequest) -> Content:
     sequence_resolution = 20  # segments of each edge of each cell in a sequence
     from gtb_cli.pictures.content import content_of, content_of_frames, content_of_mesh
 
-    stem, suffix = os.path.splitext(os.path.basename(os.path.abspath(path)))
-    is_sequence = os.path.isdir(path) or os.path.basename(path) == "sequence.json"
-    if limit is not None and (is_sequence or suffix.lower() in mesh_suffixes):
+    stem = os.path.splitext(os.path.basename(os.path.abspath(path)))[0]
+    is_sequence, is_mesh = os.path.isdir(path) or os.path.basename(path) == SEQUENCE_RECORD, suffix_of(path) in FORMATS
+    if is_sequence or is_mesh:
         refuse_limit(limit, path)
     if is_sequence:
         from gtb_cli.pictures.sequences import read_frames
@@ -118,7 +117,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
         frames = read_frames(path)
         with about(path):
             return content_of_frames(frames, stem if os.path.isdir(path) else "sequence")
-    if suffix.lower() in mesh_suffixes:
+    if is_mesh:
         from gtb_cli.formats.meshfiles import read_mesh
 
         mesh = read_mesh(path)
@@ -129,7 +128,7 @@ def _content(path: str, resolution: int | None, spec_format: str | None, limit: 
         if resolution is not None:
             _refuse_too_many(Recipe(resolution).faces(spec))
         name = (spec.name or "patch") if path == STANDARD else stem
-        if limit is not None:
+        if limit.given():
             fine = resolution or sequence_resolution
             frames = limit.frames(spec, fine, xs=PAGE_X, steps=PAGE_STEPS, distances=False)
             _refuse_too_many(len(frames.meshes[0].cells))

@@ -11,6 +11,7 @@ import pytest
 
 from gtb_cli.commands.view import content_of_paths
 from gtb_cli.pictures.content import Content
+from gtb_cli.shell.limits import LimitRequest
 from gtb_cli.shell.watching import HOST, Watch, handler
 
 GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
@@ -25,7 +26,7 @@ def spec(tmp_path):
 
 def watch_of(path) -> Watch:
     def see() -> Content:
-        return content_of_paths((str(path),), 3, None)
+        return content_of_paths((str(path),), 3, None, LimitRequest((), None, {}, None))
 
     return Watch([str(path)], see)
 
