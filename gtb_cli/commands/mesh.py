@@ -281,6 +281,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
         warnings = [*remarks, *options.warnings(mesh, kind)]
+        assurance = options.recipe.assurance(spec)
         facts: dict[str, object] = {}
         if task.sums is not None:
             from gtb_cli.formats.export import standing
@@ -288,9 +289,9 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             from gtb_cli.shell.versions import versions
 
             measures = measure(standing(mesh, kind, options.up)).record()
-            facts = {**options.settings_for(spec), **measures, "inputs": task.sums, "warnings": warnings}
+            asked = {"tolerance": options.recipe.tolerance_for(spec), "assurance": assurance} if assurance else {}
+            facts = {**asked, **measures, "inputs": task.sums, "warnings": warnings}
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
-        assurance = options.recipe.assurance(spec)
         is_open = options.recipe.leaves_open(spec)
         size = summary(mesh, may_be_closed=not is_open) + (f", tolerance {assurance}" if assurance else "")
         if kind == "stl" and is_open:

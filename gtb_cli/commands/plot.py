@@ -14,7 +14,7 @@ from gtb_cli.shell.console import STANDARD, Console
 from gtb_cli.shell.limits import LimitRequest, heights_of, limit_options, refuse_limit
 from gtb_cli.shell.options import INPUT, OUTPUT, WholeNumber, console_option, numbers_of, spec_format_option
 from gtb_cli.shell.streams import about, format_of, refuse_terminal, single, spec_of, write_blocks
-from gtb_cli.vocabulary import COLOUR_MAPS
+from gtb_cli.vocabulary import COLOUR_MAPS, SEQUENCE_RECORD
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,9 +176,15 @@ def plot(
     if kind != "svg":
         refuse_terminal(output, kind, "-o FIG")
     look = _look(**looks)
-    if os.path.isdir(spec) or os.path.basename(spec) == "sequence.json":
+    if os.path.isdir(spec) or os.path.basename(spec) == SEQUENCE_RECORD:
+        from gtb_cli.pictures.sequences import figure_of_frames, read_frames
+
         refuse_limit(limit, spec)
-        figure = _of_folder(spec, what or "sequence", look)
+        if what not in (None, "sequence", "distance"):
+            raise click.UsageError(f"{spec} is a sequence, and --what {what} is for a spec")
+        frames = read_frames(spec)
+        with about(spec):
+            figure = figure_of_frames(frames, what or "sequence", look)
     else:
         with spec_of(spec, spec_format) as loaded:
             figure = _of_spec(loaded, what, look, limit, vary)
@@ -253,14 +259,3 @@ def _variants(patch: Patch, vary: Variation) -> tuple[list[Patch], list[str]]:
     symbol = subscript({"knots": "a", "weights": "ω", "coefficients": "c"}[vary.key], vary.knot)
     pretty = [re.sub(r"sqrt\((\d+)\)", r"√\1", text) for text in vary.texts]
     return variants, [f"{symbol} = {text}" for text in pretty]
-
-
-def _of_folder(path: str, what: str, look: Look) -> Figure:
-    """Draw what `gtb degenerate` or `gtb knot-limit` wrote into a folder."""
-    from gtb_cli.pictures.sequences import figure_of_frames, read_frames
-
-    if what not in ("sequence", "distance"):
-        raise click.UsageError(f"{path} is a sequence, and --what {what} is for a spec")
-    frames = read_frames(path)
-    with about(path):
-        return figure_of_frames(frames, what, look)

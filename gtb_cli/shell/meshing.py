@@ -49,12 +49,6 @@ class MeshOptions:
             "up": self.up or FORMATS[self.format or "obj"].up,
         }
 
-    def settings_for(self, spec: Spec) -> dict[str, object]:
-        """Return the settings that differ from spec to spec."""
-        if self.recipe.tolerance is None:
-            return {}
-        return {"tolerance": self.recipe.tolerance_for(spec), "assurance": self.recipe.assurance(spec)}
-
     def made(self, spec: Spec, kind: str) -> tuple[Mesh, list[str]]:
         """Make a mesh for a format, and remarks: what is certified, is so of the numbers in the file.
 
