@@ -80,7 +80,7 @@ def _creases(spec: Patch | Model, angle: float) -> list[str]:
 def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
     """Say, edge by edge, where a mesh is not closed."""
     if mesh.is_curve:
-        return ["a curve has no inside (--radius R makes a tube)"]
+        return ["a curve has no inside (`radius` makes a tube)"]
     count = len(mesh.open_sides)
     if not count:
         return []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import GtbError
-from gtb_cli.shell.console import Console
+from gtb_cli.shell.console import Console, in_options
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import spec_of
 
@@ -101,7 +101,7 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
             {"edges": [name(first), name(second)], "distance": distance} for first, second, distance in joints.almost
         ],
         "not_joined": [
-            f"{name(first)}: {reason.format(name(second))}"
+            f"{name(first)}: {in_options(reason).format(name(second))}"
             for first, second, reason in near_misses(joints, model.patches)
         ],
         "welded_edges": sum(joint.distance > 0 for joint in joints.shared),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
-from gtb_cli.shell.console import STANDARD, Console
+from gtb_cli.shell.console import STANDARD, Console, in_options
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.options import (
     OUTPUT,
@@ -280,7 +280,7 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
         with about(shown_input(task.path)):
             mesh, remarks = options.made(spec, kind)
             blocks = options.encoded(mesh, kind)
-        warnings = [*remarks, *options.warnings(mesh, kind)]
+        warnings = [in_options(text) for text in (*remarks, *options.warnings(mesh, kind))]
         assurance = options.recipe.assurance(spec)
         facts: dict[str, object] = {}
         if task.sums is not None:

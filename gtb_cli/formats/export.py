@@ -261,7 +261,7 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     if not np.isfinite(columns).all():
         return []  # an error, not a warning
     loss = f"{kind.upper()}: 32-bit numbers"
-    way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "--ascii or OBJ keeps their digits"
+    way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "`ascii` or OBJ keeps their digits"
     messages = []
     moved = max(float(np.abs(column - x).max()) for column, x in zip(columns, mesh.vertices.T, strict=True))
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))

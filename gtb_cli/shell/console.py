@@ -47,7 +47,7 @@ def lines_about(error: Exception) -> list[str]:
 
 
 def in_options(message: str) -> str:
-    """Return the message of a library error with options in place of the arguments that it names in backticks."""
+    """Return a message of the library with options in place of the arguments that it names in backticks."""
     options = {
         "ascii": "--ascii",
         "certify": "--certify",
@@ -58,10 +58,12 @@ def in_options(message: str) -> str:
         "lifting": "--lifting",
         "max_degree": "--max-degree",
         "max_faces": "--max-faces",
+        'parametrization="toric"': "--parametrization toric",
         "patch": "--patch",
         "radius": "--radius R",
         "resolution": "-n",
         "tolerance": "--tolerance",
+        "weld": "--weld",
         "what": "--what",
     }
     return re.sub("`([^`\n]+)`", lambda found: options.get(found[1], found[0]), message)
@@ -121,7 +123,7 @@ class Console:
 
     def warn(self, message: str) -> None:
         """Print what the user might not expect."""
-        self._say(f"gtb: warning: {printable(message)}")
+        self._say(f"gtb: warning: {printable(in_options(message))}")
 
     def _say(self, line: str) -> None:
         if not self.quiet:

@@ -41,20 +41,20 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
         found.append(f"{lost} of {count} {cells} have corners at one point")
     if widest > max_side and resolution >= min_resolution:
         found.append(f"one {side} spans {widest:.0%} of the patch")
-    return [f"toric parameters crowd: {' and '.join(found)}; leave out --parametrization toric"] if found else []
+    return [f'toric parameters crowd: {" and ".join(found)}; leave out `parametrization="toric"`'] if found else []
 
 
 def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
     """Say how many sides of a uniform mesh have more than two faces because it is so coarse."""
     if resolution > 2 or mesh.is_curve:
         return []
-    # Where more than two patches truly share an edge, each of its segments has as many faces with any -n.
+    # Where more than two patches truly share an edge, each of its segments has as many faces with any resolution.
     crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
     if crowded <= 0:
         return []
     return [
-        f"with -n {resolution} edges of patches that have the same ends are one: {crowded} sides have more than two "
-        "faces; -n 3 keeps them apart"
+        f"with `resolution` {resolution} edges of patches that have the same ends are one: {crowded} sides have more "
+        "than two faces; `resolution` 3 keeps them apart"
     ]
 
 

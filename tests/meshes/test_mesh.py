@@ -2,7 +2,7 @@
 
 import io
 import pickle
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.formats.export import write_mesh
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.shading import Normals
+from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.patch import Patch
 from tests import tiny_meshes as meshes
@@ -101,6 +102,14 @@ def test_normals_are_computed_when_they_are_asked_for(monkeypatch):
     assert pickle.loads(pickle.dumps(tessellate(pentagon(), 4))) == mesh
     with pytest.raises(AttributeError, match="'Mesh' object has no attribute 'normal'"):
         _ = mesh.normal
+
+
+def test_a_mesh_cannot_be_changed():
+    for change in (setattr, lambda mesh, name, _: delattr(mesh, name)):
+        for name in ("vertices", "normals", "other"):
+            with pytest.raises(FrozenInstanceError, match=f"cannot change '{name}' of a Mesh"):
+                change(TWO_TRIANGLES, name, None)
+    assert repr(Recipe(resolution=3)).startswith("Recipe(resolution=3, tolerance=None, ")
 
 
 def test_normals_of_another_number_than_the_vertices_are_refused_when_they_come():

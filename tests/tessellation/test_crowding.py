@@ -61,7 +61,7 @@ def test_no_spec_crowds_by_default():
 def test_a_curve_and_a_model_crowd_too():
     for name in ("example-3.1", "hebesphenorotunda"):
         (remark,) = crowding(load(SPECS / f"{name}.toml"), 16)
-        assert "of the patch; leave out --parametrization toric" in remark
+        assert 'of the patch; leave out `parametrization="toric"`' in remark
     assert crowding(load(SPECS / "repeated-knot.toml"), 16) == []
 
 

@@ -281,7 +281,7 @@ def test_other_parameters_are_welded_like_equal_ones():
     model = Model(tuple(patches))
     assert not model.joints.shared
     assert len(seam_remarks(model)) == 4
-    assert all("--weld 3e-06" in line or "--weld 2e-06" in line for line in seam_remarks(model))
+    assert all("`weld` 3e-06" in line or "`weld` 2e-06" in line for line in seam_remarks(model))
     welded = model.replace(weld=1e-5)
     assert welded.joints.closed
     assert max(joint.distance for joint in welded.joints.shared) < 4e-6
