@@ -12,8 +12,6 @@ from gtb_cli.theory.patch import Patch
 def bounds(patches: Sequence[Patch]) -> FloatArray:
     """(2, 3) lowest and highest coordinates of patches together.
 
-    Notes
-    -----
     Found from samples, about the best of which smaller and smaller copies of Δ are sampled: exact to eight digits of
     the size, unless an extremum is narrower than the distance of the first samples, a 48th of an edge.
     """

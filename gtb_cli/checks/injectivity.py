@@ -26,20 +26,19 @@ def for_all_weights(probe: Probe) -> Finding:
         return not_applicable(SPATIAL_NOTE)
     knots, n = probe.patch.knots, len(probe.patch.knots)
     total = math.comb(n, 3)
-    alike: list[tuple[int, int, int]] = []
-    turned: list[tuple[int, int, int]] = []
+    found: dict[float, list[int]] = {}  # the first triple that turns its control points this way
     for i, j, k in _triples(n):
         signs = _signs(knots, i, j, k) * _signs(points, i, j, k)
-        for found, which in ((alike, signs > 0), (turned, signs < 0)):
-            if not found and which.any():
-                first = int(np.argmax(which))
-                found.append((int(i[first]), int(j[first]), int(k[first])))
-        if alike and turned:
-            one, other = sorted((alike[0], turned[0]))
+        for sign in (1.0, -1.0):
+            if sign not in found and (signs == sign).any():
+                first = int(np.argmax(signs == sign))
+                found[sign] = [int(i[first]), int(j[first]), int(k[first])]
+        if len(found) == 2:
+            one, other = map(tuple, sorted(found.values()))
             return number(0.0, f"no: knots {one} and {other} turn their control points opposite ways")
     if total > MAX_TRIPLES:
         return number(None, f"not decided: {MAX_TRIPLES} of {total} triples of knots speak for it, none against")
-    if not (alike or turned):
+    if not found:
         return number(0.0, "no: the control points are on a line")
     return number(1.0, f"yes: all {total} triples of knots turn their control points the same way")
 
@@ -67,14 +66,13 @@ def jacobian_sign(probe: Probe) -> Finding:
 
 def planar(points: FloatArray) -> FloatArray | None:
     """Return (n, 2) coordinates of points in their common plane, seen from above, or None if they have none."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    centred = points - middle
-    tolerance = knot_tolerance(points)
-    if np.abs(centred[:, 2]).max() <= tolerance:
+    centred = points - (points.min(axis=0) + points.max(axis=0)) / 2
+    if np.abs(centred[:, 2]).max() <= knot_tolerance(points):
         return np.asarray(centred[:, :2])
-    axes = np.linalg.svd(centred - centred.mean(axis=0), full_matrices=False)[2]
+    centred -= centred.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
     normal = np.cross(axes[0], axes[1])
-    if np.abs((centred - centred.mean(axis=0)) @ normal).max() > tolerance:
+    if np.abs(centred @ normal).max() > knot_tolerance(points):
         return None
     return np.asarray(centred @ np.stack([axes[0], axes[1] if normal[2] >= 0 else -axes[1]], axis=1))
 

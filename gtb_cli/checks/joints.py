@@ -16,48 +16,36 @@ from gtb_cli.theory.patch import Patch
 
 def joint_findings(model: Model) -> tuple[Finding, ...]:
     """Check that joined edges are one curve, and count what a closed body would not have."""
-    shared = model.joints
+    shared, size = model.joints, _size(model)
     what = "edges" if model.dimension == 2 else "ends"
-    gap = max((distance for _, _, distance in shared.almost), default=0.0) / _size(model)
-    measured = {
-        "joined edges": _joined(model),
-        **_welded(model),
+    gap = max((distance for _, _, distance in shared.almost), default=0.0)
+    found = {"joined edges": _joined(model)}
+    welded = [joint.distance for joint in shared.shared if joint.distance]
+    if welded:
+        reason = f"largest distance of the {len(welded)} edges that were welded, of the model's size"
+        found["welded edges"] = number(max(welded) / size, reason)
+    found |= {
         "open edges": number(len(shared.open), f"number of {what} with no neighbour"),
         "crowded edges": number(len(shared.crowded), f"number of curves that more than two {what} share"),
         "orientation": number(len(shared.one_sided), "number of joints at which orientations cannot agree"),
         "almost joined edges": number(
-            gap, f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size"
+            gap / size,
+            f"largest gap of the {len(shared.almost)} pairs of edges that nearly coincide, of the model's size",
         ),
     }
-    # By this theorem an edge is the curve of its own knots.
-    found = {**measured, **_smoothness(model)}
-    return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
-
-
-def _smoothness(model: Model) -> dict[str, Finding]:
-    """Return the largest angle and difference of curvatures at the seams of surfaces, if there are seams."""
     seams = [seam for seam in joints(model) if math.isfinite(seam.angle)]
-    if not seams:
-        return {}
-    worst = max(seams, key=lambda seam: seam.angle)
-    place = ", ".join(f"{x:.4g}" for x in worst.place)
-    where = f"degrees, the largest angle between normals, where {worst.name(model)} meet, near ({place})"
-    found = {"angle of joints": number(worst.angle, where)}
+    if seams:
+        worst = max(seams, key=lambda seam: seam.angle)
+        place = ", ".join(f"{x:.4g}" for x in worst.place)
+        reason = f"degrees, the largest angle between normals, where {worst.name(model)} meet, near ({place})"
+        found["angle of joints"] = number(worst.angle, reason)
     bent = [(bend, seam) for seam, bend in zip(seams, bends(seams), strict=True) if math.isfinite(bend)]
     if bent:
         bend, most = max(bent, key=lambda pair: pair[0])
         reason = f"1/length, the largest difference of normal curvatures across, where {most.name(model)} meet"
         found["curvature across joints"] = number(bend, reason)
-    return found
-
-
-def _welded(model: Model) -> dict[str, Finding]:
-    """Return how far apart welded edges were, if any were welded."""
-    distances = [joint.distance for joint in model.joints.shared if joint.distance]
-    if not distances:
-        return {}
-    reason = f"largest distance of the {len(distances)} edges that were welded, of the model's size"
-    return {"welded edges": number(max(distances) / _size(model), reason)}
+    # By this theorem an edge is the curve of its own knots.
+    return tuple(replace(finding, name=name, reference="Thm 4.0") for name, finding in found.items())
 
 
 def _joined(model: Model) -> Finding:
@@ -65,16 +53,14 @@ def _joined(model: Model) -> Finding:
     shared = [joint for joint in model.joints.shared if not joint.distance]
     if not shared:
         return not_applicable("no two edges carry the same curve")
-    worst = 0.0
-    even = np.linspace(0.0, 1.0, 33)
+    worst, even = 0.0, np.linspace(0.0, 1.0, 33)
     for joint in shared:
         first = _points(model.patches[joint.first[0]], joint.first[1], even)
         second = _points(model.patches[joint.second[0]], joint.second[1], joint.across(model.patches, even))
         worst = max(worst, float(np.sqrt(((first - second) ** 2).sum(axis=1)).max()))
     reason = f"largest distance at {len(shared)} joints, of the model's size"
-    size = _size(model)
     farthest = max(float(np.abs(patch.control_points).max()) for patch in model)
-    return at_most(worst / size, tolerance + FAR_ROUNDING * farthest / size, reason)
+    return at_most(worst / _size(model), tolerance + FAR_ROUNDING * farthest / _size(model), reason)
 
 
 def _points(patch: Patch, edge: int, fractions: FloatArray) -> FloatArray:

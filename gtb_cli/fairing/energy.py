@@ -23,17 +23,10 @@ Energy: TypeAlias = Literal["thin-plate", "dirichlet"]
 
 
 def energy(patch: Patch, kind: Energy = "thin-plate", resolution: int = 64) -> float:
-    """Return the energy of a surface in the linear parametrisation.
+    """Return the energy of a surface in the linear parametrisation, in units of length².
 
-    Parameters
-    ----------
-    patch : Patch
-        A surface.
-    kind : {"thin-plate", "dirichlet"}
-        ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²``, in units of length², over Δ scaled to area 1,
-        shrunk towards its middle by a thousandth.
-    resolution : int
-        See `energy_samples`.
+    It is ``∫ |P_xx|² + 2 |P_xy|² + |P_yy|²`` or ``∫ |P_x|² + |P_y|²`` over Δ scaled to area 1, shrunk towards its
+    middle by a thousandth; for `resolution` see `energy_samples`.
     """
     points = patch.control_points - patch.control_points.mean(axis=0)
     matrix = energy_matrix(patch.domain, patch.log_products, kind, resolution)
@@ -43,10 +36,7 @@ def energy(patch: Patch, kind: Energy = "thin-plate", resolution: int = 64) -> f
 def energy_matrix(domain: Domain, log_weights: FloatArray, kind: Energy, resolution: int = 64) -> FloatArray:
     """Return the (n, n) matrix of the quadratic form `energy`, the same for each coordinate of the control points.
 
-    Raises
-    ------
-    DomainError
-        The domain is that of a curve, or the energy has another name.
+    Raises `DomainError` if the domain is that of a curve, or the energy has another name.
     """
     if domain.dimension == 1:
         raise DomainError("energy: expected a surface, this is a curve")

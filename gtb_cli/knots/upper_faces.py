@@ -8,7 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import EPS, BoolArray, FloatArray, finite, one_for_each, planar_cross, read_only
+from gtb_cli.arrays import EPS, FloatArray, finite, one_for_each, planar_cross, read_only
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.hull import border_of, convex_hull, depth_in, knot_tolerance
 
@@ -261,9 +261,15 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
                         found.append(other)
         return found
 
-    proper = dict(zip(hull, _proper(lifted, list(hull)).tolist(), strict=True))
+    def is_sliver(simplex: Simplex) -> bool:
+        """Whether a triangle, of which n_λ is twice the area, is due to rounding of knots meant to be collinear."""
+        extents = np.ptp(lifted.points[list(simplex)], axis=0)
+        return lifted.dimension == 2 and hull[simplex][-2] / 4**lifted.bits <= 2.0 * lifted.tolerance * np.hypot(
+            *extents
+        )
+
     for seed in sorted(hull, key=lambda simplex: (-hull[simplex][-2], simplex)):
-        if seed in taken or not proper[seed]:
+        if seed in taken or is_sliver(seed):
             continue
         face = UpperFace(lifted, seed, hull[seed])
         joined = region(seed, face.holds)
@@ -278,18 +284,6 @@ def _joined(lifted: Lifted, hull: dict[Simplex, Plane]) -> list[UpperFace]:
     if not faces:
         raise DomainError(f"knots: all {len(lifted.points)} lie on one line to rounding, their hull is flat")
     return faces
-
-
-def _proper(lifted: Lifted, simplices: list[Simplex]) -> BoolArray:
-    """(m,) whether each simplex is thicker than rounding."""
-    # Width, in units of `knot_tolerance`, below which a triangle is due to rounding of knots meant to be collinear
-    sliver_width = 2.0
-    if lifted.dimension == 1:
-        return np.ones(len(simplices), dtype=bool)
-    corners = (lifted.points - lifted.points[0])[np.array(simplices)]
-    sides = np.roll(corners, -1, axis=1) - corners
-    longest = np.hypot(sides[..., 0], sides[..., 1]).max(axis=1)
-    return np.asarray(np.abs(planar_cross(sides[:, 0], sides[:, 1])) > sliver_width * lifted.tolerance * longest)
 
 
 def _outline(lifted: Lifted, simplices: list[Simplex]) -> list[int] | None:

@@ -8,6 +8,7 @@ import pytest
 from gtb_cli.assembly.openings import near_misses, obstacles, seam_remarks
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import ToleranceError
+from gtb_cli.language.writer import save
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.joints import find_joints
@@ -118,38 +119,22 @@ def test_what_is_welded_is_said_and_far_ones_are_warned_of():
     assert any("edges were welded into points, up to 1 long" in remark for remark in remarks), remarks
 
 
-def test_the_command_welds(tmp_path):
-    from gtb_cli.language.writer import save
-
+def test_commands_weld_and_say_why_edges_are_not_joined(tmp_path):
     save(pair(shift=1.5e-4), tmp_path / "x.toml")
     assert "--weld 0.0002 joins them" in gtb("mesh", tmp_path / "x.toml", "-o", tmp_path / "x.obj").err
-    result = gtb("mesh", tmp_path / "x.toml", "--weld", "2e-4", "-o", tmp_path / "x.obj")
+    result = gtb("mesh", tmp_path / "x.toml", "--weld", "2e-4", "-o", tmp_path / "x.obj", status=0)
     assert "1 seams were welded" in result.err
-    assert result.status == 0
-
-
-def test_info_says_why_edges_are_not_joined_and_what_is_welded(tmp_path):
-    from gtb_cli.language.writer import save
-
-    save(pair(2.0), tmp_path / "x.toml")
-    text = gtb("info", tmp_path / "x.toml").text
-    assert "not joined        one edge 1: same ends and control points as two edge 3, but weights" in text
-    save(pair(shift=1e-4).replace(weld=2e-4), tmp_path / "y.toml")
-    assert "welded edges      1, up to 0.0001 apart" in gtb("info", tmp_path / "y.toml").text
-
-
-def test_info_and_check_weld(tmp_path):
-    from gtb_cli.language.writer import save
-
-    save(pair(shift=1.5e-4), tmp_path / "x.toml")
     found = json.loads(gtb("info", tmp_path / "x.toml", "--weld", "2e-4", "--json").out)
     assert found["welded_edges"] == 1
     assert found["welded_distance"] == pytest.approx(1.5e-4, rel=1e-3)
-    checked = gtb("check", tmp_path / "x.toml", "--weld", "2e-4")
-    assert checked.status == 0
+    assert "welded edges      1, up to 0.00015 apart" in gtb("info", tmp_path / "x.toml", "--weld", "2e-4").text
+    assert gtb("info", tmp_path / "x.toml", "--weld", "0").status == 2
+    checked = gtb("check", tmp_path / "x.toml", "--weld", "2e-4", status=0)
     assert "distance of the 1 edges that were welded" in checked.text
     assert "welded" not in gtb("check", tmp_path / "x.toml").text
-    assert gtb("info", tmp_path / "x.toml", "--weld", "0").status == 2
+    save(pair(2.0), tmp_path / "y.toml")
+    text = gtb("info", tmp_path / "y.toml").text
+    assert "not joined        one edge 1: same ends and control points as two edge 3, but weights" in text
 
 
 def quarter(name: str, height: float, weights: tuple[float, float, float]) -> Patch:

@@ -22,32 +22,20 @@ def rows() -> Iterator[Row]:
 
 
 def beside_evaluation() -> Iterator[Row]:
-    """Without normals, as `gtb mesh` does it, and with them, which are made when they are first read."""
+    """Without normals, as `gtb mesh` does it."""
     fixed = 0.15  # seconds that a mesh may take besides its evaluation
     patch = spec("bicubic")
     n = segments(1000)
     mosaic = joined_complex((patch,), None, n)
     for parametrization in ("toric", "linear"):
         points = evaluation(patch, parametrization, mosaic, n)
-        made = tessellate(patch, n, parametrization=parametrization, normals=False)
-        assert (made.vertices == points()).all()
-        for normals, budget in ((False, 2.0), (True, None)):
-            yield paired(
-                f"{parametrization} mesh -n 1000 of the bicubic {'with its normals' if normals else 'less 150 ms'}, "
-                "beside its points alone",
-                lambda kind=parametrization, normals=normals: read_normals(  # type: ignore[misc]
-                    tessellate(patch, n, parametrization=kind, normals=normals)
-                ),
-                points,
-                budget=budget,
-                allowance=0.0 if normals else fixed,
-                runs=3 if normals else 7,
-            )
 
+        def made(kind: Parametrization = parametrization) -> Mesh:
+            return tessellate(patch, n, parametrization=kind, normals=False)
 
-def read_normals(mesh: Mesh) -> np.ndarray | None:
-    """The normals of a mesh that has some, which are made here."""
-    return mesh.normals
+        assert (made().vertices == points()).all()
+        what = f"{parametrization} mesh -n 1000 of the bicubic less 150 ms, beside its points alone"
+        yield paired(what, made, points, budget=2.0, allowance=fixed)
 
 
 def evaluation(patch: Patch, kind: Parametrization, mosaic: Complex, resolution: int) -> Callable[[], np.ndarray]:

@@ -1,6 +1,5 @@
-"""Meshes to a tolerance, beside uniform ones in the same parametrisation: time of a triangle, and how many it takes."""
+"""Meshes to a tolerance, beside uniform ones in the same parametrisation, and beside Open CASCADE's."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,28 +8,20 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from gtb_cli.language.loading import load
-from gtb_cli.meshes.mesh import Mesh
-from gtb_cli.meshes.nearest import cell_distances
 from gtb_cli.tessellation.tessellate import tessellate
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 from tests.benchmarks import Row, coarser, missing, paired
-from tests.benchmarks.bench_evaluate import SPECS, spec
+from tests.benchmarks.bench_evaluate import SPECS
 from tests.benchmarks.peers import by_open_cascade
-
-PLACES = np.array([[1, 1, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=float)
-PLACES /= PLACES.sum(axis=1, keepdims=True)
-"""Where in a triangle, in barycentric coordinates, its distance from the surface is measured."""
 
 
 def rows() -> Iterator[Row]:
-    """Tolerances small enough for some ten thousand triangles, and for a thousand where they are counted."""
+    """Tolerances small enough for some ten thousand triangles, or as coarse as a peer's."""
     for name, part in (("pentagon", 2e-5), ("example-4.4", 1e-4), ("bicubic", 2e-5), ("teapot", 1e-4)):
         yield cost_of_a_triangle(name, coarser(part))
     for name, part, ratio in (("teapot", 2e-3, 4.0), ("teapot", 5e-4, 2.5), ("hebesphenorotunda", 2e-3, 3.4)):
         yield beside_open_cascade(name, coarser(part), ratio)
-    for name in ("pentagon", "example-4.4", "bicubic", "hexagon"):
-        yield triangles_at_equal_error(name, coarser(1e-3))
 
 
 def tolerance_of(shape: Patch | Model, part: float) -> float:
@@ -76,33 +67,3 @@ def beside_open_cascade(name: str, part: float, budget: float) -> Row:
         run,
         budget=budget,
     )
-
-
-def triangles_at_equal_error(name: str, part: float) -> Row:
-    """Compare the number of triangles with that of the coarsest uniform mesh which is as near to the surface."""
-    step = 1.1  # by how much more than expected a uniform mesh that is not near enough is made finer
-    patch = spec(name)
-    mesh = tessellate(patch, tolerance=tolerance_of(patch, part))
-    error, n = largest_error(patch, mesh), max(1, round((len(mesh.faces) / len(patch.domain.vertices)) ** 0.5))
-    errors = {0: math.inf}
-    while errors[max(errors)] > error:
-        errors[n] = largest_error(patch, tessellate(patch, n))
-        # Errors go down with the square of n, or more slowly.
-        n = math.ceil(step * n * (errors[n] / error) ** 0.5)
-    fine = max(errors)
-    coarse = max(n for n, found in errors.items() if found > error)
-    while fine > coarse + 1:
-        n = (coarse + fine) // 2
-        coarse, fine = (coarse, n) if largest_error(patch, tessellate(patch, n)) <= error else (n, fine)
-    count, beside = len(mesh.faces), len(tessellate(patch, fine).faces)
-    what = f"{name} to {part:g} of its diagonal, triangles beside a uniform mesh's with the same error"
-    return Row(what, count, beside, count / beside, unit="triangles")
-
-
-def largest_error(patch: Patch, mesh: Mesh) -> float:
-    """Largest distance of points of the surface from the triangles over which they are."""
-    assert mesh.parameters is not None
-    u = np.einsum("pk,tkd->ptd", PLACES, mesh.parameters[mesh.faces]).reshape(-1, 2)
-    corners = np.tile(mesh.vertices[mesh.faces], (len(PLACES), 1, 1))
-    a, b, c = corners.transpose(1, 0, 2)
-    return float(cell_distances(patch.evaluate(u, "linear"), a, b, c).max())

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import NdBSpline
 
-from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.theory.model import Model
 from gtb_cli.theory.patch import Patch
 
@@ -58,25 +57,6 @@ def by_splipy(patch: Patch, line: np.ndarray) -> Evaluation:
     basis = BSplineBasis(DEGREE + 1, ENDS)
     surface = Surface(basis, basis, homogeneous(patch), rational=True)
     return lambda: np.asarray(surface(line, line))
-
-
-def by_vtk(mesh: Mesh, path: Path) -> Callable[[], object]:
-    """VTK's writer of OBJ, in C++, on arrays that it has already."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkIOGeometry import vtkOBJWriter
-
-    points, cells, data, writer = vtkPoints(), vtkCellArray(), vtkPolyData(), vtkOBJWriter()
-    points.SetData(numpy_to_vtk(mesh.vertices, deep=True))
-    rows = np.column_stack([np.full(len(mesh.cells), 3), mesh.cells]).astype(np.int64)
-    cells.SetCells(len(rows), numpy_to_vtkIdTypeArray(rows.ravel(), deep=True))
-    data.SetPoints(points)
-    data.SetPolys(cells)
-    writer.SetInputData(data)
-    writer.SetFileName(str(path))
-    # Write does nothing where neither its input nor its options have changed.
-    return lambda: (writer.Modified(), writer.Write())
 
 
 def by_open_cascade(model: Model, tolerance: float, folder: Path) -> Callable[[], int]:

@@ -102,22 +102,6 @@ def test_the_same_patch_gives_the_same_report():
     assert check_patch(load(SPECS / "pentagon.toml")) == check_patch(load(SPECS / "pentagon.toml"))
 
 
-@pytest.mark.parametrize(
-    ("name", "applicable"),
-    [
-        ("cubic-bezier", {"classical Bézier", "convexity", "strict total positivity"}),
-        ("bezier-triangle", {"classical Bézier"}),
-        ("bicubic", {"classical Bézier", "isoparametric curves"}),
-        ("repeated-knot", {"multiple knots", "isoparametric curves"}),
-        ("pentagon", {"toric degeneration"}),
-        ("example-3.4", {"toric degeneration", "convexity", "end tangent lengths"}),
-    ],
-)
-def test_conditions_are_seen_to_be_fulfilled(name, applicable):
-    found = statuses(name)
-    assert {found[prop] for prop in applicable} == {"holds"}
-
-
 def test_conditions_are_named_where_they_are_not_fulfilled():
     space = Patch([0, 1, 2.5, 3], [[0, 0, 0], [1, 2, 0], [2, 2, 1], [3, 0, 4]])
     assert "not in a plane" in finding(space, "convexity").reason

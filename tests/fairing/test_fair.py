@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import DomainError
-from gtb_cli.fairing.energy import energy
+from gtb_cli.fairing.energy import energy, energy_samples, moments_energy
 from gtb_cli.fairing.fair import fair, kept_knots
 from gtb_cli.language.loading import parse
 from gtb_cli.theory.curvature import curvature
@@ -21,11 +21,7 @@ DIFFERENCES = 1e-5
 def square(f) -> Patch:
     """A bicubic Bézier patch over the unit square that is the graph of a quadratic function."""
     i, j = (index.ravel() / 3 for index in np.mgrid[:4, :4])
-    knots = np.column_stack([i, j])
-    from gtb_cli.knots.domain import domain
-    from gtb_cli.knots.lattice import binomial_coefficients
-
-    return Patch(knots, np.column_stack([i, j, f(i, j)]), coefficients=binomial_coefficients(domain(knots)))
+    return Patch(np.column_stack([i, j]), np.column_stack([i, j, f(i, j)]), coefficients="binomial")
 
 
 def test_energy_of_a_quadratic_graph():
@@ -45,8 +41,6 @@ def test_energy_of_a_quadratic_graph():
 def test_energy_agrees_with_differences(name, kind):
     found = load(SPECS / f"{name}.toml")
     patch = found.patches[0] if isinstance(found, Model) else found
-    from gtb_cli.fairing.energy import energy_samples
-
     p, areas = energy_samples(patch.domain, 14)
     inside = patch.domain.heights_of_columns(p).min(axis=0) / patch.domain.normal_lengths.min() > 0.05
     size = np.sqrt(areas.sum())
@@ -55,8 +49,6 @@ def test_energy_agrees_with_differences(name, kind):
 
     def at(q: np.ndarray) -> np.ndarray:
         return patch.evaluate(q, "linear")
-
-    from gtb_cli.fairing.energy import moments_energy
 
     q = p[inside][::7]
     form = np.zeros((len(patch.knots),) * 2)
