@@ -37,12 +37,18 @@ def requirements(words: Sequence[str]) -> dict[str, float]:
 
 
 def require(
-    words: Sequence[str], spec: Patch | Model, mesh: Mesh, surface: Mesh | None = None, folds: Sequence[str] = ()
+    words: Sequence[str],
+    spec: Patch | Model,
+    mesh: Mesh,
+    surface: Mesh | None = None,
+    folds: Sequence[str] = (),
+    held: tuple[Mesh, str] | None = None,
 ) -> None:
     """Raise `RequirementError`, with a line for each edge or place, unless the required properties are there.
 
     `mesh` must be watertight or solid, `surface`, from which a tube or solid was made, unfolded (default: `mesh`), and
-    `folds` are known folds and crossings of the tube or solid, one line each.
+    `folds` are known folds and crossings of the tube or solid, one line each. `held` is the mesh as a file's numbers
+    hold it, which must be watertight or solid as well, and a remark for where they are too coarse.
     """
     asked = requirements(words)
     lines = []
@@ -51,6 +57,9 @@ def require(
             open_edges = _open_edges(spec, mesh)
             if not open_edges and word == "solid":
                 open_edges = _inward_faces(mesh)
+            if not open_edges and held and held[0] is not mesh:
+                open_edges = _merged_faces(word, mesh, held[0]) or (_inward_faces(held[0]) if word == "solid" else [])
+                open_edges = [f"{line}: {held[1]}" for line in open_edges]
             lines += [f"not {word}: {line}" for line in (*open_edges, *faults)]
     if "unfolded" in asked:
         from gtb_cli.meshes.solidity import folded_places
@@ -108,3 +117,19 @@ def _inward_faces(mesh: Mesh) -> list[str]:
 
     inward = inward_faces(mesh)
     return [f"faces look into the solid, {where(mesh, inward)}"] if len(inward) else []
+
+
+def _merged_faces(word: str, mesh: Mesh, stored: Mesh) -> list[str]:
+    """Say which faces meet at an edge, or of a solid collapse, only as a file's numbers put vertices together."""
+    import numpy as np
+
+    from gtb_cli.meshes.solidity import where
+    from gtb_cli.meshes.topology import are_proper, sides_of
+    from gtb_cli.meshes.welding import weld
+
+    before, after = (weld(one.vertices)[1][one.faces] for one in (mesh, stored))
+    collapsed = np.flatnonzero(are_proper(before) & ~are_proper(after))
+    if word == "solid" and len(collapsed):
+        return [f"faces collapse, {where(mesh, collapsed)}"]
+    was, now = (np.count_nonzero(sides_of(cells[are_proper(cells)]).open) for cells in (before, after))
+    return [f"{now - was} sides of faces fall upon others"] if now > was else []

@@ -11,8 +11,8 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import ExportError
 from gtb_cli.files import replace_file
-from gtb_cli.formats.content import single_half_steps
-from gtb_cli.formats.digits import decimals, obj_blocks
+from gtb_cli.formats.content import SINGLE_FLOAT, single_half_steps
+from gtb_cli.formats.digits import BLOCK_ROWS, decimals, number_lines, obj_blocks
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS, UP, Up, plain_name, suffix_of
 
@@ -254,20 +254,48 @@ def rounding_in(kind: str, hull: Sequence[FloatArray], ascii: bool = False) -> f
     return 0.0 if FORMATS[kind].text == "on request" else 3**0.5 / 2 * 10.0 ** -decimals(points)
 
 
+def held_vertices(mesh: Mesh, kind: str, ascii: bool = False) -> FloatArray:
+    """Return the (m, 3) vertices as the numbers of a format hold them; those too large for it are infinite."""
+    vertices = mesh.vertices
+    if FORMATS[kind].is_single(ascii):
+        with np.errstate(over="ignore", under="ignore"):
+            return vertices.astype(SINGLE_FLOAT).astype(np.float64)
+    if FORMATS[kind].text == "on request" or not np.isfinite(vertices).all():
+        return vertices
+    digits = decimals(vertices)
+    starts = range(0, len(vertices), BLOCK_ROWS)
+    texts = (number_lines("", vertices[start : start + BLOCK_ROWS], digits) for start in starts)
+    return np.concatenate([np.array(text.split(), dtype=np.float64) for text in texts]).reshape(-1, 3)
+
+
+def held(mesh: Mesh, kind: str, ascii: bool = False) -> tuple[Mesh, str]:
+    """Return a mesh as the numbers of a format hold it, without normals, and the way out where they are too coarse."""
+    vertices = held_vertices(mesh, kind, ascii)
+    coarse = f"the numbers of {kind.upper()} are too coarse here, {_way_out(kind)}"
+    if kind != "obj":
+        coarse += "; nearer to the origin they are finer"
+    if not np.isfinite(vertices).all():
+        return mesh, coarse  # an error of the file
+    return replace(mesh, vertices=vertices, normals=None, normal_of=None, exact_normals=False), coarse  # type: ignore[arg-type]
+
+
+def _way_out(kind: str) -> str:
+    """Say which file holds more digits than one of a format."""
+    return {"obj": "PLY with `ascii` keeps", "glb": "OBJ keeps"}.get(kind, "`ascii` or OBJ keeps") + " their digits"
+
+
 def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     visible_shift = 1e-5  # fraction of the model's diagonal; shading shows facets if vertices are shifted by more
-    with np.errstate(over="ignore", under="ignore"):
-        columns = np.ascontiguousarray(mesh.vertices.T, dtype=np.float32)
+    columns = held_vertices(mesh, kind).T
     if not np.isfinite(columns).all():
         return []  # an error, not a warning
     loss = f"{kind.upper()}: 32-bit numbers"
-    way_out = "OBJ keeps their digits" if FORMATS[kind].text == "never" else "`ascii` or OBJ keeps their digits"
     messages = []
     moved = max(float(np.abs(column - x).max()) for column, x in zip(columns, mesh.vertices.T, strict=True))
     diagonal = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     if moved > visible_shift * diagonal > 0.0:
         share = f"{moved / diagonal:.2g} of the model's diagonal"
-        messages.append(f"{loss} move vertices by up to {moved:.2g}, {share}; {way_out}")
+        messages.append(f"{loss} move vertices by up to {moved:.2g}, {share}; {_way_out(kind)}")
     merged = np.zeros(len(mesh.cells), dtype=bool)
     for one, other in combinations(mesh.cells.T, 2):
         near = np.flatnonzero(np.all([column[one] == column[other] for column in columns], axis=0))
@@ -275,5 +303,5 @@ def _single_precision_warnings(mesh: Mesh, kind: str) -> list[str]:
     if merged.any():
         what = "segments" if mesh.is_curve else "triangles"
         share = f"{np.count_nonzero(merged)} of {len(merged)} {what}"
-        messages.append(f"{loss} merge the corners of {share}; {way_out}")
+        messages.append(f"{loss} merge the corners of {share}; {_way_out(kind)}")
     return messages

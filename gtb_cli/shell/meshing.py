@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import fields
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -54,10 +55,10 @@ class MeshOptions:
 
         A `ToleranceError` says that these move vertices farther than a tolerance that is to be certified.
         """
+        from gtb_cli.formats.export import held, rounding_in
+
         tolerance, rounding = self.recipe.tolerance_for(spec), 0.0
         if tolerance is not None and self.recipe.assurance(spec) == "certified":
-            from gtb_cli.formats.export import rounding_in
-
             rounding = rounding_in(kind, [patch.control_points for patch in spec.patches], self.ascii)
             if rounding >= tolerance:
                 way_out = "--ascii keeps" if FORMATS[kind].text == "on request" else "PLY with --ascii keeps"
@@ -65,7 +66,7 @@ class MeshOptions:
                     f"tolerance: {tolerance:g} cannot be certified in {kind.upper()}, whose numbers move vertices by "
                     f"up to {rounding:.2g}: {way_out} all digits"
                 )
-        return self.recipe.mesh(spec, rounding)
+        return self.recipe.mesh(spec, rounding, partial(held, kind=kind, ascii=self.ascii))
 
     def encoded(self, mesh: Mesh, kind: str) -> Iterable[bytes]:
         """Return the bytes of a mesh in a format, block by block."""

@@ -13,6 +13,8 @@ from gtb_cli.values import by_value, frozen
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, percentage
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gtb_cli.meshes.mesh import Mesh
     from gtb_cli.theory.model import Model
     from gtb_cli.theory.parametrization import Parametrization
@@ -93,10 +95,13 @@ class Recipe:
 
             requirements(words)
 
-    def mesh(self, spec: Patch | Model, rounding: float = 0.0) -> tuple[Mesh, list[str]]:
+    def mesh(
+        self, spec: Patch | Model, rounding: float = 0.0, held: Callable[[Mesh], tuple[Mesh, str]] | None = None
+    ) -> tuple[Mesh, list[str]]:
         """Make the mesh of a patch or model, and say what is unusual about its shape.
 
         Vertices may move by `rounding` afterwards, as in a file: a tolerance then holds for the moved ones.
+        `held` gives a mesh as its file's numbers hold it, which is judged, and a remark for where they are too coarse.
 
         Raises
         ------
@@ -156,14 +161,20 @@ class Recipe:
             folds = offset_folds(spec, mesh, self.thickness)
             mesh = thicken(mesh, self.thickness)
             thin = thin_wall(mesh, self.thickness)
+        stored, coarse = mesh, ""
+        if held and not mesh.is_curve and (self.thickness is not None or {"watertight", "solid"} & {*self.require}):
+            stored, coarse = held(mesh)
         if self.thickness is not None or ("solid" in self.require and not mesh.is_curve):
             from gtb_cli.meshes.solidity import crossing_remarks
 
-            folds += crossing_remarks(mesh)
+            crossings = crossing_remarks(stored)
+            if crossings and stored is not mesh and not crossing_remarks(mesh):
+                crossings = [f"{line}: {coarse}" for line in crossings]
+            folds += crossings
         if self.require:
             from gtb_cli.assembly.requirements import require
 
-            require(self.require, spec, mesh, surface, folds)
+            require(self.require, spec, mesh, surface, folds, (stored, coarse))
         return mesh, remarks + folds + thin
 
     def _remarks_on_surface(self, spec: Patch | Model, mesh: Mesh) -> list[str]:

@@ -156,6 +156,29 @@ def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
         Recipe(10, require="solid").mesh(Model((*load(CUBE), *inner)))
 
 
+def test_what_is_required_holds_for_the_numbers_of_the_file(tmp_path):
+    """32-bit numbers put the sides of a slab 0.2 thick together at 1e7, and OBJ those of one 1e-10 thick."""
+    knots = [[0, 0], [4, 0], [4, 4], [0, 4]]
+    spec, middle = tmp_path / "far.toml", tmp_path / "near.toml"
+    near = Patch(knots, np.array([[0, 0, 0], [4, 0, 1], [4, 4, 0], [0, 4, 1]], dtype=float))
+    spec.write_text(dump(near.replace(control_points=near.control_points + 1e7)), encoding="utf-8")
+    middle.write_text(dump(near), encoding="utf-8")
+    for word in ("watertight", "solid"):
+        for suffix in ("stl", "ply", "glb"):
+            out, made = tmp_path / f"x.{suffix}", ("--thickness", 0.2, "-n", 4, "--require", word)
+            error = gtb("mesh", spec, *made, "-o", out, status=1).err
+            assert f"not {word}: " in error
+            assert ("faces collapse, " if word == "solid" else "sides of faces fall upon others") in error
+            assert f"the numbers of {suffix.upper()} are too coarse here" in error
+            assert not out.exists()
+            assert gtb("mesh", middle, *made, "-o", out).status == 0
+            out.unlink()
+        for written in (("x.obj",), ("y.stl", "--ascii"), ("y.ply", "--ascii")):
+            assert gtb("mesh", spec, *made, "-o", tmp_path / written[0], *written[1:]).status == 0
+        thin = gtb("mesh", middle, "--thickness", 1e-10, "-n", 4, "--require", word, status=1).err
+        assert "the numbers of OBJ are too coarse here, PLY with --ascii keeps their digits" in thin
+
+
 @pytest.mark.parametrize("word", ["smooth", "smooth:", "smooth:x", "smooth:-1", "smooth:nan", "smooth:1_0", "tight"])
 def test_requirements_that_are_none(word):
     with pytest.raises(DomainError, match="require: expected"):

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from gtb_cli.errors import ExportError
-from gtb_cli.formats.export import encode_mesh, warnings_for, write_mesh
+from gtb_cli.formats.export import encode_mesh, held_vertices, warnings_for, write_mesh
+from gtb_cli.formats.meshfiles import read_mesh
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.vocabulary import FORMATS
 from tests.marks import mostly_long
@@ -149,6 +150,20 @@ def test_warned_where_32_bits_move_or_merge_vertices():
     ]
     pole = replace(surface(), vertices=surface().vertices * [1.0, 0.0, 0.0])  # collapsed as it is: no loss
     assert warnings_for(pole, "ply") == []
+
+
+@pytest.mark.parametrize("ascii", [False, True])
+@pytest.mark.parametrize("format", FORMATS)
+def test_the_vertices_that_a_format_holds_are_those_read_from_its_file(format, ascii, tmp_path):
+    shown = ascii and FORMATS[format].text == "on request"
+    for size in (1.0, 1e7, 1e-30):
+        vertices = np.random.default_rng(1).uniform(-1, 1, (3 * 9000, 3)) * [1, 2, 3] * size + 5 * size
+        mesh = Mesh(vertices, np.arange(len(vertices)).reshape(-1, 3))
+        path = tmp_path / f"x.{format}"
+        write_mesh(mesh, path, ascii=shown, up="z")
+        held = held_vertices(mesh, format, shown)
+        assert np.array_equal(read_mesh(path).vertices, held)
+        assert np.array_equal(held, vertices) == shown
 
 
 def test_warned_of_readers_that_refuse(tmp_path, capsys):
