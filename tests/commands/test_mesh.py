@@ -83,7 +83,7 @@ def several(tmp_path, monkeypatch):
 def test_an_internal_error_of_one_spec_leaves_the_others(jobs, several, monkeypatch):
     mesh = Recipe.mesh
 
-    def broken(self, spec, rounding):
+    def broken(self, spec, rounding, *rest):
         if spec.name == "bad":
             raise IndexError("row 3")
         return mesh(self, spec, rounding)

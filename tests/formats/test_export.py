@@ -140,7 +140,7 @@ def test_warned_where_32_bits_move_or_merge_vertices():
         moved, merged = warnings_for(far, format)
         assert "32-bit numbers move vertices by up to 0.4" in moved
         assert "32-bit numbers merge the corners of 32 of 32 triangles" in merged
-        assert ("--ascii" in moved) == (format != "glb")
+        assert ("`ascii`" in moved) == (format != "glb")
     for format in ("ply", "stl"):
         assert warnings_for(far, format, ascii=True) == []
     assert warnings_for(far, "obj") == []
