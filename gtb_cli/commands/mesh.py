@@ -293,7 +293,9 @@ def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | Gt
             facts = {**asked, **measures, "inputs": task.sums, "warnings": warnings}
             facts["versions"] = versions()  # here, which may be another machine than that of the manifest
         is_open = options.recipe.leaves_open(spec)
-        size = summary(mesh, may_be_closed=not is_open) + (f", tolerance {assurance}" if assurance else "")
+        size = summary(mesh, may_be_closed=not is_open, remarks=remarks) + (
+            f", tolerance {assurance}" if assurance else ""
+        )
         if kind == "stl" and is_open:
             size += ", open: --thickness D makes a solid"
         lines = len(mesh.vertices) + len(mesh.cells) if kind == "obj" or options.ascii else 0

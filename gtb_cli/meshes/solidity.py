@@ -8,6 +8,8 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import adjacent, are_proper
 from gtb_cli.meshes.welding import merged, weld
 
+CROSSES = "the solid passes through itself"
+
 
 def folded_pairs(vertices: FloatArray, cells: IntArray) -> IntArray:
     """(k, 2) triangles, consistently oriented, between which the surface turns by more than a right angle.
@@ -50,7 +52,7 @@ def crossing_remarks(mesh: Mesh) -> list[str]:
     crossing, is_complete = crossing_pairs(mesh.vertices, mesh.faces)
     remarks = []
     if len(crossing):
-        remarks.append(f"the solid passes through itself: {where(mesh, distinct(crossing.ravel()))}")
+        remarks.append(f"{CROSSES}: {where(mesh, distinct(crossing.ravel()))}")
     if not is_complete:
         remarks.append("not checked: whether more distant parts of the solid meet, too many faces are near each other")
     return remarks

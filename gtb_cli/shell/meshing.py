@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING
@@ -107,19 +107,24 @@ def format_of_lines(output: str, option: str) -> str:
     return kind
 
 
-def summary(mesh: Mesh, may_be_closed: bool = False) -> str:
-    """Describe the size of a mesh, for messages; with its extents and volume if it is found to be closed."""
+def summary(mesh: Mesh, may_be_closed: bool = False, remarks: Sequence[str] = ()) -> str:
+    """Describe the size of a mesh, for messages; with its extents and volume if it is found to be closed.
+
+    Where remarks say that faces cross, what they bound several times is counted so, and the volume is marked.
+    """
     text = f"{len(mesh.vertices)} vertices, {len(mesh.cells)} {'segments' if mesh.is_curve else 'faces'}"
     if not may_be_closed or mesh.is_curve:
         return text
     from gtb_cli.meshes.measures import measure
+    from gtb_cli.meshes.solidity import CROSSES
 
     measures = measure(mesh)
     if measures.volume is None:
         return text
     low, high = measures.bounds
     extents = " × ".join(_amount(end - start) for start, end in zip(low, high, strict=True))
-    return f"{text}, closed, {extents}, volume {_amount(measures.volume)}"
+    counted = " counted with crossings" if any(line.startswith(CROSSES) for line in remarks) else ""
+    return f"{text}, closed, {extents}, volume {_amount(measures.volume)}{counted}"
 
 
 def _amount(value: float) -> str:

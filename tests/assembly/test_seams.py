@@ -145,6 +145,8 @@ def test_what_warnings_say_of_a_solid_fails_it(tmp_path):
         for word in words:
             assert word in result.err
         assert result.err.count("not solid: ") == max(1, len(words) - 1) * bool(words)
+    assert " counted with crossings" in gtb("mesh", PENTAGON, "--thickness", 3, "-o", out).err
+    assert "crossings" not in gtb("mesh", PENTAGON, "--thickness", 0.01, "-o", out).err
     assert gtb("mesh", CUBE, "--require", "solid", "-o", out).status == 0
     assert gtb("mesh", SPECS / "example-3.1.toml", "--radius", 0.1, "--require", "solid", "-o", out).status == 0
     result = gtb("mesh", SPECS / "example-3.1.toml", "--radius", 1.5, "--require", "solid", "-o", out)
