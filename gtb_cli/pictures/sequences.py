@@ -153,6 +153,7 @@ def read_frames(path: str) -> Frames:
 
     max_record_bytes = 10_000_000  # a record in bytes
     record = os.path.join(path, SEQUENCE_RECORD) if os.path.isdir(path) else path
+    _refuse_pipe(record)
     data = read_file(record, max_record_bytes + 1)
     try:
         entries = json.loads(data if len(data) <= max_record_bytes else b"")["meshes"]
@@ -167,12 +168,19 @@ def read_frames(path: str) -> Frames:
     for name in names:
         if os.path.basename(name) != name:
             raise SpecError(f"{record}: {name!r} is not the name of a file in its folder")
+        _refuse_pipe(os.path.join(os.path.dirname(record), name))
     folder = os.path.dirname(record)
     meshes = tuple(read_mesh(os.path.join(folder, name)) for name in names)
     if len({mesh.is_curve for mesh in meshes}) > 1:
         raise SpecError(f"{record}: curves and surfaces are mixed")
     films = None if None in filmed else tuple(float(value) for value in filmed)
     return Frames(key, values, meshes, distances, films)
+
+
+def _refuse_pipe(path: str) -> None:
+    """Refuse what is neither file nor folder: reading a pipe would wait for its writer."""
+    if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+        raise SpecError(f"{path}: is not a file")
 
 
 def default_values(what: str) -> tuple[list[float], list[float]]:

@@ -5,6 +5,7 @@ import os
 import threading
 import urllib.error
 import urllib.request
+from functools import partial
 from http.server import ThreadingHTTPServer
 
 import pytest
@@ -13,6 +14,7 @@ from gtb_cli.commands.view import content_of_paths
 from gtb_cli.pictures.content import Content
 from gtb_cli.shell.limits import LimitRequest
 from gtb_cli.shell.watching import HOST, Watch, handler
+from tests.shell import SPECS, gtb
 
 GOOD = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
 
@@ -74,6 +76,22 @@ def test_a_pipe_in_the_place_of_a_spec_is_not_waited_for(spec):
     assert seen.state(0)["error"] == f"{spec}: is not a file"
     spec.unlink()
     spec.write_text(GOOD.format(1), encoding="utf-8")
+    assert seen.state(0)["error"] == ""
+
+
+@pytest.mark.parametrize("name", ["sequence.json", "pentagon-limit.obj"])
+def test_a_pipe_in_a_sequence_is_not_waited_for(name, tmp_path):
+    assert gtb("degenerate", SPECS / "pentagon.toml", "--x", "1", "-n", "2", "-o", tmp_path / "made").status == 0
+    file = tmp_path / "made" / name
+    see = partial(content_of_paths, (str(file.parent),), None, None, LimitRequest((), None, {}, None))
+    seen = Watch([str(file.parent)], see)
+    assert seen.error == ""
+    text = file.read_bytes()
+    file.unlink()
+    os.mkfifo(file)
+    assert seen.state(0)["error"] == f"{file}: is not a file"
+    file.unlink()
+    file.write_bytes(text)
     assert seen.state(0)["error"] == ""
 
 
