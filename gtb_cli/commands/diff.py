@@ -71,8 +71,8 @@ def _aspects(_ctx: click.Context, _param: click.Parameter, value: str | None) ->
     "--ignore",
     callback=_aspects,
     metavar="WHAT",
-    help="What is no difference between faces in the same place: orientation (turned over), connectivity (other holes "
-    "or parts, vertices shared in another way, faces missing, there twice or without area), or both, with a comma.",
+    help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
+    "holes or parts, vertices shared in another way, faces missing, there twice or without area), or both.",
 )
 @resolution_option
 @click.option(
@@ -114,7 +114,7 @@ def diff(
     The distance of surfaces is found to a tenth of the tolerance; if that takes too long for large meshes, a warning,
     the report and "proved" in JSON say so.
 
-    In two folders, all files of the same name are compared: those that are no meshes, and no specs of folders without
+    In two folders, all files of the same name are compared: those that are not meshes, nor specs of folders without
     meshes, by their bytes. A missing or an extra file is a difference. Hidden files and manifests do not count.
 
     Exit status 0 if everything agrees within the tolerance, 1 if not, 2 if something cannot be read.

@@ -77,7 +77,7 @@ class Filling:
 
     @property
     def fault(self) -> str | None:
-        """The sentence that says why the patch is no filling, and what to try; None if it is one."""
+        """The sentence that says why the patch does not fill the hole, and what to try; None if it is one."""
         if self.angle > 90:
             return (
                 "the patch is turned over along an edge: let the ribbons point into the hole, or cut the hole at its "

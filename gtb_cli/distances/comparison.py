@@ -81,7 +81,7 @@ def diff(
         Whether vertices are compared if the faces are the same; nothing but vertices; or surfaces. Two patches or
         models are then compared themselves, and not as meshes.
     ignore : collection of {"orientation", "connectivity"}
-        What is no difference between meshes in the same place: faces that are turned over; and other holes or parts,
+        What is not a difference between meshes in the same place: faces that are turned over; and other holes or parts,
         vertices shared in another way, and faces that are missing, there twice or without area.
 
     Returns

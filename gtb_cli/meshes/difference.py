@@ -52,7 +52,7 @@ class Difference:
     same_kind: bool = True  # a curve and a surface are never the same
     turned: int = 0  # faces that look to the other side, where everything is in the same place
     remarks: tuple[str, ...] = ()  # how else cells in the same place differ
-    ignored: tuple[Aspect, ...] = ()  # which of these are no differences
+    ignored: tuple[Aspect, ...] = ()  # which of these are not differences
     stray: float | None = None  # the diagonal without few far vertices that make it more than a hundred times as long
 
     def __repr__(self) -> str:
@@ -100,7 +100,7 @@ def difference(
     No tolerance is less than the resolution, the largest distance between equal points after rounding to the numbers in
     the files: for each coordinate, half a unit in the last place in either file, at the size of the largest coordinate.
     `matching` says when two meshes have the same cells. Surfaces with other cells may be the same: an edge that is cut
-    on both its sides, or the other diagonal of a flat quadrilateral, is no difference, but all that `unlike` finds is.
+    on both its sides, or the other diagonal of a flat quadrilateral, is not a difference; all that `unlike` finds is.
     """
     for mesh in (a.mesh, b.mesh):
         if not len(mesh.cells):

@@ -32,19 +32,6 @@ class Location(NamedTuple):
     knots: FloatArray
     s: FloatArray
 
-    def part(self, begin: int, end: int) -> Location | None:
-        """Return the location of ascending rows from `begin` to `end`, counted from `begin`; None if there are none."""
-        if isinstance(self.rows, slice):
-            first = self.rows.start or 0
-            low, high = max(begin - first, 0), min(end - first, self.s.shape[1])
-            rows: slice | IntArray = slice(first + low - begin, first + high - begin)
-        else:
-            low, high = np.searchsorted(self.rows, [begin, end]).tolist()
-            rows = self.rows[low:high] - begin
-        if low >= high:
-            return None
-        return self._replace(rows=rows, s=self.s[:, low:high])
-
 
 def torus_coordinates(domain: Domain, heights: FloatArray) -> FloatArray:
     """(d, m) torus coordinates s of (r, m) positive edge functions."""
