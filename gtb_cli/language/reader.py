@@ -48,7 +48,8 @@ class Reader:
         points = _points(table, "control_points", n)
         ribbon = _points(table, RIBBON, n) if self._second_row else None
         if ribbon is not None:
-            if points is not None and np.array_equal(ribbon, points):
+            rows = [np.pad(row, [(0, 0), (0, 3 - row.shape[1])]) for row in (ribbon, points) if row is not None]
+            if points is not None and np.array_equal(*rows):
                 table.fault(RIBBON, "is the curve itself, and leads nowhere")
             points = ribbon
         weights = _row(table, "weights", n, POSITIVE)

@@ -360,6 +360,10 @@ def test_a_spec_of_curves_is_filled(tmp_path):
             TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0, 0], [1, 0, 0]]"),
             "<stdin>:5: patches[0].ribbon: is the curve",
         ),
+        (
+            TRIANGLE.replace("[0, 1, 0.5], [1, 1, 0]]", "[0, 0], [1, 0]]"),
+            "<stdin>:5: patches[0].ribbon: is the curve",
+        ),
         (TRIANGLE.replace("[0, 1, 0], [0, 0, 0]", "[0, 1, 0], [0, 0, 1]"), "<stdin>: loop: is not closed"),
         ("knots = [0, 1]\ncontrol_points = [[0, 0], [1, 1]]", "<stdin>: one curve is not a loop"),
         ("knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0], [1, 0], [0, 1]]", "a single patch has no hole"),
