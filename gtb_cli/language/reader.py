@@ -48,8 +48,7 @@ class Reader:
         points = _points(table, "control_points", n)
         ribbon = _points(table, RIBBON, n) if self._second_row else None
         if ribbon is not None:
-            rows = [np.pad(row, [(0, 0), (0, 3 - row.shape[1])]) for row in (ribbon, points) if row is not None]
-            if points is not None and np.array_equal(*rows):
+            if points is not None and not np.any(_in_space(ribbon) - _in_space(points)):
                 table.fault(RIBBON, "is the curve itself, and leads nowhere")
             points = ribbon
         weights = _row(table, "weights", n, POSITIVE)
@@ -179,3 +178,8 @@ def _coefficients(domain: Domain, name: str) -> FloatArray:
         return COEFFICIENTS[name](domain)
     except DomainError as error:
         raise DomainError(f"{error}; without coefficients they are 1, or give a list") from None
+
+
+def _in_space(points: FloatArray) -> FloatArray:
+    """(n, 3) of (n, 2) or (n, 3) points."""
+    return np.pad(points, [(0, 0), (0, 3 - points.shape[1])])
